@@ -1,0 +1,73 @@
+"""Backward error and verdict of an engine's accelerations against the reference.
+
+Source: DESIGN's numerics; Oettli, Prager, Compatibility of approximate solution of linear equations
+with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, chapter 7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from harness.kernels import Array
+from harness.reference import UNIT_ROUNDOFF, Reference, energy_norm
+
+AGREEMENT = 64.0
+
+
+class Verdict(StrEnum):
+    """What a comparison says; in ascending order of gravity."""
+
+    AGREES = "agrees"
+    UNDECIDED = "undecided"
+    UNSUPPORTED = "unsupported"
+    UNSTABLE = "unstable"
+    DISAGREES = "disagrees"
+    ERROR = "error"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Judgement of n answers.
+
+    Attributes:
+        backward_error: (n,) error in units of data roundoff; NaN where the answer is not finite or the
+            reference is not certified.
+        relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing.
+        verdicts: (n,) ``Verdict`` values as strings.
+    """
+
+    backward_error: Array
+    relative_error: Array
+    verdicts: np.ndarray[Any, np.dtype[np.str_]]
+
+    @property
+    def worst(self) -> int:
+        """Index of the answer that decides: the gravest verdict, then the largest backward error."""
+        order = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
+        gravity = np.array([order[verdict] for verdict in self.verdicts.tolist()])
+        error = np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf)
+        return int(np.lexsort((error, gravity))[-1])
+
+
+def compare(reference: Reference, accelerations: Array) -> Comparison:
+    """Judge ``accelerations``, (n, nv) [SI per s^2], against the reference of the same states."""
+    if accelerations.shape != reference.high.shape:
+        raise ValueError(f"accelerations have shape {accelerations.shape}; the reference has {reference.high.shape}")
+    with np.errstate(all="ignore"):
+        difference = (accelerations - reference.high) - reference.low
+        error = energy_norm(reference.norm_factor, difference)
+        size = energy_norm(reference.norm_factor, reference.high)
+        backward = error / reference.sensitivity / UNIT_ROUNDOFF
+        relative = np.where(error > 0, error / size, 0.0)
+    finite = np.isfinite(accelerations).all(axis=1)
+    verdicts = np.select(
+        [~finite, ~reference.certified, backward <= AGREEMENT, error <= UNIT_ROUNDOFF * reference.instability],
+        [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value, Verdict.UNSTABLE.value],
+        Verdict.DISAGREES.value,
+    )
+    judged = finite & reference.certified
+    return Comparison(np.where(judged, backward, np.nan), np.where(judged, relative, np.nan), verdicts)

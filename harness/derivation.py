@@ -1,0 +1,194 @@
+"""From a system file to its ``Mechanism``, through a disk cache.
+
+An entry is JSON under a name that hashes the system's source, the sources that derive it and the
+library versions. It carries its own digest; whatever does not match is derived again and replaced.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.errors import InvalidSystem
+from harness.library import Library
+from harness.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from harness.system import System
+
+_VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
+_DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py")
+
+
+def cache_directory() -> Path:
+    """``$HARNESS_CACHE``, else ``harness`` below ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+    override = os.environ.get("HARNESS_CACHE")
+    if override:
+        return Path(override)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "harness"
+
+
+def load_mechanism(library: Library, name: str) -> Mechanism:
+    """The mechanism of system ``name``, from the cache where that is sound, else derived and cached.
+
+    Raises:
+        InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
+    """
+    path = library.system_path(name)
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise InvalidSystem(path, None, f"cannot be read: {error.strerror}") from error
+    helpers = b"".join(helper.read_bytes() for helper in sorted(path.parent.glob("_*.py")))
+    digest = hashlib.sha256(_toolchain_digest() + source + b"\0" + helpers).hexdigest()
+    entry = cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
+    cached = _read_entry(entry, name)
+    if cached is not None:
+        return cached
+    mechanism = derive_mechanism(path, name)
+    _write_entry(entry, mechanism)
+    return mechanism
+
+
+def derive_mechanism(path: Path, name: str) -> Mechanism:
+    """Derive the system in ``path`` without looking at the cache.
+
+    Raises:
+        InvalidSystem: as ``load_mechanism``.
+    """
+    from harness.kernels import program_of
+    from harness.lagrange import derive
+    from harness.notation import as_mathml, as_text
+    from harness.states import DEFAULT_RATES
+    from harness.system import TIME
+
+    system, docstring = load_system(path)
+    line = _line_of_declaration(path)
+    started = time.perf_counter()
+    try:
+        equations = derive(system)
+        program = program_of(system, equations)
+        total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
+    except (ValueError, TypeError) as error:
+        raise InvalidSystem(path, line, f"cannot be derived: {error}") from error
+    seconds = time.perf_counter() - started
+    description, _, reference = docstring.partition("Source:")
+    return Mechanism(
+        name=name,
+        description=description.strip(),
+        source=" ".join(reference.split()),
+        coordinates=tuple(symbol.name for symbol in equations.coordinates),
+        joints=tuple(system.coordinates.values()),
+        parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
+        gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
+        total_mass=total_mass,
+        position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
+        rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
+        program=program,
+        equations_text=as_text(equations),
+        equations_mathml=as_mathml(equations),
+        derivation_seconds=seconds,
+    )
+
+
+def load_system(path: Path) -> tuple[System, str]:
+    """``SYSTEM`` and the module docstring of a system file.
+
+    Raises:
+        InvalidSystem: with the line at fault.
+    """
+    from harness.system import System
+
+    specification = importlib.util.spec_from_file_location(f"_harness_system_{path.stem}", path)
+    assert specification is not None and specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    wrote_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    sys.path.insert(0, str(path.parent))
+    try:
+        specification.loader.exec_module(module)
+    except SyntaxError as error:
+        raise InvalidSystem(path, error.lineno, f"is not Python: {error.msg}") from error
+    except (Exception, SystemExit) as error:
+        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+        message = str(error) or "no message"
+        raise InvalidSystem(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {message}") from error
+    finally:
+        sys.path.remove(str(path.parent))
+        sys.dont_write_bytecode = wrote_bytecode
+    found = getattr(module, "SYSTEM", None)
+    if found is None:
+        raise InvalidSystem(path, None, "defines no SYSTEM; expected SYSTEM = System(...)")
+    if not isinstance(found, System):
+        raise InvalidSystem(path, _line_of_declaration(path), f"SYSTEM is a {type(found).__name__}; expected a harness.system.System")
+    if not (module.__doc__ and "Source:" in module.__doc__):
+        raise InvalidSystem(path, 1, "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from")
+    return found, module.__doc__
+
+
+def _line_of_declaration(path: Path) -> int | None:
+    for node in ast.parse(path.read_bytes()).body:
+        if isinstance(node, ast.Assign) and any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in node.targets):
+            return node.lineno
+    return None
+
+
+def _floats(bounds: tuple[float, float] | None) -> tuple[float, float] | None:
+    return None if bounds is None else (float(bounds[0]), float(bounds[1]))
+
+
+def _exact(value: float) -> Any:
+    import sympy as sp
+
+    return sp.Rational(*float(value).as_integer_ratio())
+
+
+@functools.cache
+def _toolchain_digest() -> bytes:
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256(sys.version.encode())
+    for distribution in _VERSIONED:
+        digest.update(f"{distribution}={importlib.metadata.version(distribution)}".encode())
+    for source in _DERIVING_SOURCES:
+        digest.update((package / source).read_bytes())
+    return digest.digest()
+
+
+def _digest(payload: str) -> str:
+    return hashlib.sha256(payload.encode()).hexdigest()
+
+
+def _read_entry(entry: Path, name: str) -> Mechanism | None:
+    """The cached mechanism, or None for whatever is missing, damaged or somebody else's."""
+    try:
+        head, _, payload = entry.read_text(encoding="utf-8").partition("\n")
+        if head != _digest(payload):
+            return None
+        mechanism = Mechanism.from_json(json.loads(payload))
+    except (OSError, ValueError):
+        return None
+    return mechanism if mechanism.name == name else None
+
+
+def _write_entry(entry: Path, mechanism: Mechanism) -> None:
+    """Write atomically; a cache that cannot be written costs time, not the run."""
+    payload = json.dumps(mechanism.to_json())
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, temporary = tempfile.mkstemp(dir=entry.parent, suffix=".tmp")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+            stream.write(_digest(payload) + "\n" + payload)
+        os.replace(temporary, entry)
+    except OSError:
+        return

@@ -1,0 +1,35 @@
+"""Errors addressed to the person who wrote the file they name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InvalidInput(Exception):
+    """A system, model or settings file that cannot be used: exit status 2.
+
+    ``path`` and ``line`` (1-based, None where no line applies) say where, ``problem`` says what was
+    found, what was expected and what to do.
+    """
+
+    def __init__(self, path: Path | str, line: int | None, problem: str) -> None:
+        super().__init__(path, line, problem)
+        self.path = Path(path)
+        self.line = line
+        self.problem = problem
+
+    def __str__(self) -> str:
+        place = f"{self.path}:{self.line}" if self.line is not None else str(self.path)
+        return f"{place}: {self.problem}"
+
+
+class InvalidSystem(InvalidInput):
+    """A system file that raises, lacks ``SYSTEM``, or contradicts itself."""
+
+
+class InvalidModel(InvalidInput):
+    """A model file that is malformed, non-physical, or not the mechanism its system describes."""
+
+
+class UnknownName(Exception):
+    """A name given on the command line that nothing answers to: exit status 2."""

@@ -1,0 +1,93 @@
+"""A system after its derivation, as plain data: what every later stage needs, without SymPy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.kernels import Array
+from harness.program import StraightLineProgram
+from harness.states import States
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """One derived system.
+
+    Attributes:
+        name: file stem of the system, and of its models.
+        description, source: from the system file's docstring.
+        coordinates, joints: names of the nv coordinates and of the joints that carry them.
+        parameters: (name, value, unit) in the program's input order.
+        gravity: acceleration of gravity [m/s^2] along -z; 0 where the mechanism feels none.
+        total_mass: sum of all moving masses [kg].
+        position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
+        program: the equations of motion; see ``harness.kernels`` for its inputs and outputs.
+        equations_text, equations_mathml: the equations for people.
+        derivation_seconds: what deriving and assembling them cost.
+    """
+
+    name: str
+    description: str
+    source: str
+    coordinates: tuple[str, ...]
+    joints: tuple[str, ...]
+    parameters: tuple[tuple[str, float, str], ...]
+    gravity: float
+    total_mass: float
+    position_ranges: tuple[tuple[float, float] | None, ...]
+    rate_ranges: tuple[tuple[float, float], ...]
+    program: StraightLineProgram
+    equations_text: str
+    equations_mathml: str
+    derivation_seconds: float
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return len(self.coordinates)
+
+    @property
+    def parameter_values(self) -> tuple[float, ...]:
+        return tuple(value for _, value, _ in self.parameters)
+
+    def inputs(self, states: States) -> Array:
+        """The program's inputs at ``states``, (number of inputs, n), one column a state."""
+        values = np.array(self.parameter_values)[:, None]
+        return np.ascontiguousarray(
+            np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], np.broadcast_to(values, (len(values), len(states)))])
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object that ``from_json`` turns back into an equal mechanism."""
+        return {**vars(self), "program": self.program.to_json()}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Mechanism:
+        """Read a mechanism back, trusting nothing in it.
+
+        Raises:
+            ValueError: a part is missing, of another type or contradicts the others.
+        """
+        try:
+            mechanism = cls(**{
+                **data,
+                "coordinates": tuple(data["coordinates"]),
+                "joints": tuple(data["joints"]),
+                "parameters": tuple((str(name), float(value), str(unit)) for name, value, unit in data["parameters"]),
+                "position_ranges": tuple(bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]),
+                "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
+                "program": StraightLineProgram.from_json(data["program"]),
+            })
+        except (TypeError, KeyError, IndexError) as error:
+            raise ValueError(f"not a mechanism: {error!r}") from error
+        nv = mechanism.nv
+        sizes = {name: len(mechanism.program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
+        if set(sizes.values()) != {nv} or len(mechanism.program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
+            raise ValueError("the program's outputs do not fit the coordinates")
+        if len(mechanism.program.inputs) != 3 * nv + 1 + len(mechanism.parameters):
+            raise ValueError("the program's inputs do not fit coordinates and parameters")
+        return mechanism

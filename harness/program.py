@@ -1,0 +1,217 @@
+"""Straight-line programs: the one form of a system's equations from which every kernel is compiled.
+
+A program is a list of instructions, each an operation on earlier results, in which every common
+subexpression is computed once. It is plain data, so that it can be cached as JSON and checked when it
+is read back; it keeps coordinates, rates and parameters alike as run-time inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+UNARY = frozenset({"neg", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"})
+BINARY = frozenset({"add", "sub", "mul", "div", "pow", "atan2"})
+# Literals: "input" holds an index, "rational" numerator and denominator as decimal strings, "pi" nothing.
+# "integer_power" holds a result and a literal exponent.
+_OPERANDS = {"input": 1, "rational": 2, "pi": 0, "integer_power": 2} | dict.fromkeys(UNARY, 1) | dict.fromkeys(BINARY, 2)
+
+type_instruction = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class StraightLineProgram:
+    """Instructions over inputs, with named outputs.
+
+    Attributes:
+        inputs: names of the run-time inputs, in order.
+        instructions: (operation, operand, ...); an operand is the index of an earlier instruction.
+        outputs: output name to instruction indices.
+    """
+
+    inputs: tuple[str, ...]
+    instructions: tuple[type_instruction, ...]
+    outputs: Mapping[str, tuple[int, ...]]
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object that ``from_json`` turns back into an equal program."""
+        return {
+            "inputs": list(self.inputs),
+            "instructions": [list(instruction) for instruction in self.instructions],
+            "outputs": {name: list(indices) for name, indices in self.outputs.items()},
+        }
+
+    @classmethod
+    def from_json(cls, data: Any) -> StraightLineProgram:
+        """Read a program back, trusting nothing in it.
+
+        Raises:
+            ValueError: an unknown operation, an operand out of range, or any other malformed part.
+        """
+        try:
+            inputs = tuple(data["inputs"])
+            instructions = tuple(tuple(instruction) for instruction in data["instructions"])
+            outputs = {str(name): tuple(indices) for name, indices in data["outputs"].items()}
+        except (TypeError, KeyError, AttributeError) as error:
+            raise ValueError(f"not a straight-line program: {error!r}") from error
+        if not all(isinstance(name, str) for name in inputs):
+            raise ValueError("input names are not strings")
+        for position, instruction in enumerate(instructions):
+            _check_instruction(position, instruction, len(inputs))
+        for name, indices in outputs.items():
+            if not all(_is_index(index, len(instructions)) for index in indices):
+                raise ValueError(f"output {name!r} points outside the program")
+        return cls(inputs, instructions, outputs)
+
+
+def _is_index(value: Any, length: int) -> bool:
+    return type(value) is int and 0 <= value < length
+
+
+def _check_instruction(position: int, instruction: type_instruction, inputs: int) -> None:
+    operation, *operands = instruction or ("",)
+    if not isinstance(operation, str) or _OPERANDS.get(operation) != len(operands):
+        raise ValueError(f"instruction {position} is {instruction!r}, which is no known operation")
+    if operation == "input":
+        valid = _is_index(operands[0], inputs)
+    elif operation == "rational":
+        valid = all(isinstance(text, str) and text.lstrip("-").isdecimal() for text in operands) and int(operands[1]) > 0
+    elif operation == "integer_power":
+        valid = _is_index(operands[0], position) and type(operands[1]) is int
+    else:
+        valid = all(_is_index(operand, position) for operand in operands)
+    if not valid:
+        raise ValueError(f"instruction {position} is {instruction!r}; its operands are out of range")
+
+
+def assemble(inputs: Sequence[sp.Symbol], outputs: Mapping[str, Sequence[sp.Expr]]) -> StraightLineProgram:
+    """Write SymPy expressions over ``inputs`` as one program with shared subexpressions.
+
+    Raises:
+        ValueError: an expression holds a function or symbol that no kernel can evaluate.
+    """
+    import sympy as sp
+
+    flat = [expression for expressions in outputs.values() for expression in expressions]
+    replacements, reduced = sp.cse(flat, order="none")
+    assembler = _Assembler(inputs)
+    for symbol, expression in replacements:
+        assembler.known[symbol] = assembler.emit(expression)
+    results = iter([assembler.emit(expression) for expression in reduced])
+    named = {name: tuple(next(results) for _ in expressions) for name, expressions in outputs.items()}
+    return StraightLineProgram(tuple(symbol.name for symbol in inputs), tuple(assembler.instructions), named)
+
+
+class _Assembler:
+    """Emits each distinct instruction once (value numbering)."""
+
+    def __init__(self, inputs: Sequence[sp.Symbol]) -> None:
+        self.instructions: list[type_instruction] = []
+        self.numbering: dict[type_instruction, int] = {}
+        self.known: dict[sp.Expr, int] = {}
+        for index, symbol in enumerate(inputs):
+            self.known[symbol] = self.add("input", index)
+
+    def add(self, *instruction: Any) -> int:
+        if instruction not in self.numbering:
+            self.numbering[instruction] = len(self.instructions)
+            self.instructions.append(instruction)
+        return self.numbering[instruction]
+
+    def rational(self, value: sp.Rational) -> int:
+        return self.add("rational", str(value.p), str(value.q))
+
+    def emit(self, expression: sp.Expr) -> int:
+        if expression not in self.known:
+            self.known[expression] = self._emit(expression)
+        return self.known[expression]
+
+    def _emit(self, expression: sp.Expr) -> int:
+        import sympy as sp
+
+        if expression.is_Rational:
+            return self.rational(expression)
+        if expression.is_Float:
+            # A float in a system file means exactly the float64 it is.
+            return self.rational(sp.Rational(*float(expression).as_integer_ratio()))
+        if expression is sp.pi:
+            return self.add("pi")
+        if expression.is_Add:
+            return self._sum(expression)
+        if expression.is_Mul:
+            return self._product(expression)
+        if expression.is_Pow:
+            return self._power(*expression.args)
+        if isinstance(expression, sp.exp):
+            return self.add("exp", self.emit(expression.args[0]))
+        name = type(expression).__name__
+        if name in UNARY and expression.is_Function:
+            return self.add(name, self.emit(expression.args[0]))
+        if name == "atan2":
+            return self.add("atan2", *(self.emit(argument) for argument in expression.args))
+        raise ValueError(f"no kernel can evaluate {expression} ({name}); write it with + - * / powers, sqrt, trigonometric or exponential functions")
+
+    def _sum(self, expression: sp.Expr) -> int:
+        total: int | None = None
+        positive = [term for term in expression.args if not term.could_extract_minus_sign()]
+        negative = [-term for term in expression.args if term.could_extract_minus_sign()]
+        for term in positive:
+            value = self.emit(term)
+            total = value if total is None else self.add("add", total, value)
+        for term in negative:
+            value = self.emit(term)
+            total = self.add("neg", value) if total is None else self.add("sub", total, value)
+        assert total is not None
+        return total
+
+    def _product(self, expression: sp.Expr) -> int:
+        coefficient, factors = expression.as_coeff_mul()
+        upper, lower = [], []
+        for factor in factors:
+            base, exponent = factor.as_base_exp()
+            if exponent.is_Rational and exponent.is_negative:
+                lower.append(base**-exponent)
+            else:
+                upper.append(factor)
+        if not coefficient.is_Rational:
+            upper.append(coefficient)
+            coefficient = type(expression)()
+        numerator, denominator = abs(coefficient.p), coefficient.q
+        value = self._chain(upper) if upper else None
+        if numerator != 1 or value is None:
+            literal = self.add("rational", str(numerator), "1")
+            value = literal if value is None else self.add("mul", literal, value)
+        divisor = self._chain(lower) if lower else None
+        if denominator != 1:
+            literal = self.add("rational", str(denominator), "1")
+            divisor = literal if divisor is None else self.add("mul", literal, divisor)
+        if divisor is not None:
+            value = self.add("div", value, divisor)
+        return self.add("neg", value) if coefficient.is_negative else value
+
+    def _chain(self, factors: Sequence[sp.Expr]) -> int:
+        value = self.emit(factors[0])
+        for factor in factors[1:]:
+            value = self.add("mul", value, self.emit(factor))
+        return value
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
+        import sympy as sp
+
+        if exponent.is_Integer and exponent.is_negative or exponent.is_Rational and exponent.is_negative:
+            return self.add("div", self.rational(sp.S.One), self.emit(base**-exponent))
+        if base is sp.E:
+            return self.add("exp", self.emit(exponent))
+        value = self.emit(base)
+        if exponent == 2:
+            return self.add("mul", value, value)
+        if exponent.is_Integer:
+            return self.add("integer_power", value, int(exponent))
+        if exponent.is_Rational and exponent.q == 2:
+            root = self.add("sqrt", value)
+            return root if exponent.p == 1 else self.add("integer_power", root, int(exponent.p))
+        return self.add("pow", value, self.emit(exponent))

@@ -1,0 +1,105 @@
+"""States at which engines are compared: bulk samples, and hypothesis strategies that shrink.
+
+Source: Owen, Scrambling Sobol' and Niederreiter-Xing points, J. Complexity 14 (1998), through
+``scipy.stats.qmc``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harness.kernels import Array
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from harness.mechanism import Mechanism
+
+DEFAULT_RATES = (-10.0, 10.0)
+FORCE_RANGE = (-10.0, 10.0)
+# Sampled angles of an unbounded coordinate; the special values go much further.
+ANGLES = (-math.pi, math.pi)
+HUGE_ANGLES = (1e3, 1e8, 1e15)
+HUGE_RATES_AND_FORCES = (1e3, 1e6)
+TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
+
+
+@dataclass(frozen=True)
+class States:
+    """n states of a mechanism: q, v, tau of shape (n, nv) and time of shape (n,) [s]."""
+
+    q: Array
+    v: Array
+    tau: Array
+    time: Array
+
+    @classmethod
+    def at(cls, q: Any, v: Any, tau: Any, time: Any = None) -> States:
+        """States from anything array-like; one state may be given by flat sequences."""
+        q, v, tau = (np.ascontiguousarray(np.atleast_2d(np.asarray(part, dtype=np.float64))) for part in (q, v, tau))
+        return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, selection: Any) -> States:
+        """The states a slice or an index array selects."""
+        return States(self.q[selection], self.v[selection], self.tau[selection], self.time[selection])
+
+    def as_json(self, index: int) -> dict[str, list[float]]:
+        """One state as ``{"q", "v", "tau"}`` lists, which print exactly."""
+        return {"q": self.q[index].tolist(), "v": self.v[index].tolist(), "tau": self.tau[index].tolist()}
+
+
+def sample(mechanism: Mechanism, count: int, seed: int) -> States:
+    """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
+    from scipy.stats import qmc
+
+    bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
+    bounds += [*mechanism.rate_ranges, *[FORCE_RANGE] * mechanism.nv]
+    low, high = np.array(bounds).T
+    points = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed)).random_base2(max(0, math.ceil(math.log2(max(count, 1)))))[:count]
+    q, v, tau = np.split(low + points * (high - low), 3, axis=1)
+    return States.at(q, v, tau) if count else States(q, v, tau, np.zeros(0))
+
+
+def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
+    """Hypothesis strategy of single states of ``mechanism``, with the special values that matter.
+
+    Zero, both ends of each range, multiples of pi/2, tiny and huge values are drawn often, and
+    everything shrinks to zero.
+    """
+    from hypothesis import strategies as st
+
+    positions = [_position(bounds) for bounds in mechanism.position_ranges]
+    rates = [_bounded(bounds, huge=HUGE_RATES_AND_FORCES) for bounds in mechanism.rate_ranges]
+    forces = [_bounded(FORCE_RANGE, huge=HUGE_RATES_AND_FORCES)] * mechanism.nv
+    return st.tuples(st.tuples(*positions), st.tuples(*rates), st.tuples(*forces)).map(lambda state: States.at(*state))
+
+
+def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:
+    from hypothesis import strategies as st
+
+    if bounds is not None:
+        return _bounded(bounds, huge=())
+    quarter_turns = st.integers(-8, 8).map(lambda k: k * (math.pi / 2))
+    return st.one_of(st.sampled_from([0.0]), quarter_turns, _special(HUGE_ANGLES), st.floats(*ANGLES))
+
+
+def _bounded(bounds: tuple[float, float], huge: Sequence[float]) -> SearchStrategy[float]:
+    from hypothesis import strategies as st
+
+    inside = [value for value in (0.0, *bounds) if bounds[0] <= value <= bounds[1]]
+    special = _special(huge).filter(lambda value: huge or bounds[0] <= value <= bounds[1])
+    return st.one_of(st.sampled_from(inside), special, st.floats(*bounds))
+
+
+def _special(huge: Sequence[float]) -> SearchStrategy[float]:
+    from hypothesis import strategies as st
+
+    return st.builds(lambda magnitude, sign: sign * magnitude, st.sampled_from((*TINY, *huge)), st.sampled_from((1.0, -1.0)))

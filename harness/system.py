@@ -1,0 +1,123 @@
+"""What a mechanism is: energies, parameters, and the joints that carry its coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+TIME: sp.Symbol = dynamicsymbols._t
+FULL_TURN = (-math.pi, math.pi)
+_EMPTY: Mapping[Any, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """A textbook mechanism, as its book writes it.
+
+    Attributes:
+        coordinates: generalised coordinate (a ``dynamicsymbols`` function of time) to the name of the
+            joint that carries it in both models. The order fixes the order of q, v, tau and qdd.
+        kinetic: kinetic energy T [J]; any polynomial of degree at most 2 in the rates, possibly
+            depending on time explicitly.
+        potential: potential energy V [J] of gravity and springs; no rates.
+        generalised_forces: non-conservative generalised force Q per coordinate [N or N m]; the applied
+            forces tau are added to every coordinate by the harness and do not appear here.
+        parameters: symbol to (value, unit). Values are the float64 numbers the model files hold.
+        total_mass: sum of all moving masses [kg], an expression of the parameters.
+        gravity: the parameter that is the acceleration of gravity, pointing to -z in the models; None
+            where the mechanism feels none.
+        ranges: coordinate, or its ``diff(t)``, to (lowest, highest) value of sampled states. A
+            coordinate without one is an angle and takes every value; rates default to +-10 per second.
+
+    Raises:
+        ValueError: the declaration contradicts itself; the message says where.
+
+    Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.4 to 1.6.
+    """
+
+    coordinates: Mapping[sp.Expr, str]
+    kinetic: sp.Expr
+    potential: sp.Expr
+    parameters: Mapping[sp.Symbol, tuple[float, str]]
+    total_mass: sp.Expr
+    gravity: sp.Symbol | None = None
+    generalised_forces: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
+    ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
+
+    def __post_init__(self) -> None:
+        for name in ("kinetic", "potential", "total_mass"):
+            object.__setattr__(self, name, sp.sympify(getattr(self, name)))
+        forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
+        object.__setattr__(self, "generalised_forces", forces)
+        self._check_coordinates()
+        self._check_parameters()
+        self._check_expressions()
+        self._check_ranges()
+
+    @property
+    def rates(self) -> tuple[sp.Expr, ...]:
+        """First time derivatives of the coordinates, in their order."""
+        return tuple(q.diff(TIME) for q in self.coordinates)
+
+    def _check_coordinates(self) -> None:
+        if not self.coordinates:
+            raise ValueError("coordinates is empty; expected at least one {coordinate: joint name}")
+        for q, joint in self.coordinates.items():
+            if not (isinstance(q, sp.core.function.AppliedUndef) and q.args == (TIME,)):
+                raise ValueError(f"coordinate {q} is not a dynamicsymbols() function of time")
+            if not (isinstance(joint, str) and joint):
+                raise ValueError(f"coordinate {q} has joint {joint!r}; expected a joint name")
+        joints = list(self.coordinates.values())
+        for joint in joints:
+            if joints.count(joint) > 1:
+                raise ValueError(f"joint {joint!r} carries two coordinates; each needs its own")
+        for q in self.generalised_forces:
+            if q not in self.coordinates:
+                raise ValueError(f"generalised force on {q}, which is no coordinate; expected one of {list(self.coordinates)}")
+
+    def _check_parameters(self) -> None:
+        for symbol, entry in self.parameters.items():
+            if not (isinstance(entry, tuple) and len(entry) == 2 and isinstance(entry[1], str)):
+                raise ValueError(f"parameter {symbol} is {entry!r}; expected (value, unit)")
+            if isinstance(entry[0], bool) or not isinstance(entry[0], int | float) or not math.isfinite(entry[0]):
+                raise ValueError(f"parameter {symbol} has value {entry[0]!r}; expected a finite number")
+        names = [symbol.name for symbol in self.parameters]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two parameters are named {name!r}; give each its own name")
+        if self.gravity is not None and self.gravity not in self.parameters:
+            raise ValueError(f"gravity is {self.gravity}, which is not among the parameters")
+
+    def _check_expressions(self) -> None:
+        expressions = {"kinetic": self.kinetic, "potential": self.potential, "total_mass": self.total_mass}
+        expressions |= {f"generalised force on {q}": force for q, force in self.generalised_forces.items()}
+        rates = set(self.rates)
+        allowed = set(self.parameters) | {TIME}
+        for name, expression in expressions.items():
+            for symbol in sorted(expression.free_symbols - allowed, key=str):
+                raise ValueError(f"{name} contains {symbol}, which has no value; add it to parameters")
+            for derivative in expression.atoms(sp.Derivative) - rates:
+                raise ValueError(f"{name} contains {derivative}; only first rates of the coordinates may appear")
+            for function in expression.atoms(sp.core.function.AppliedUndef) - set(self.coordinates):
+                raise ValueError(f"{name} contains {function}, which is no coordinate")
+        if self.potential.atoms(sp.Derivative):
+            raise ValueError("potential contains a rate; put the term into kinetic or generalised_forces")
+        if self.total_mass.atoms(sp.core.function.AppliedUndef):
+            raise ValueError("total_mass depends on a coordinate; expected an expression of the parameters")
+        used = sp.Tuple(*expressions.values()).free_symbols
+        for symbol in sorted(set(self.parameters) - used, key=str):
+            raise ValueError(f"parameter {symbol} enters neither energy nor force nor mass; remove it or use it")
+
+    def _check_ranges(self) -> None:
+        known = [*self.coordinates, *self.rates]
+        for key, bounds in self.ranges.items():
+            if key not in known:
+                raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
+            if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
+                raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")

@@ -1,0 +1,43 @@
+"""Planar two-link arm in the vertical plane: the manipulator equation M q'' + C q' + g = tau.
+
+Zero: both links along +x. x points right, z up; q1 > 0 lifts the first link and q2 > 0 bends the
+second one up from it, so both axes are -y. q2 is measured from the first link, as a motor turns it.
+Source: Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, section 7.3 (planar elbow
+manipulator); The Euler-Lagrange equations (chapter 7.9), the manipulator equation.
+"""
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness.system import TIME, System
+
+q1, q2 = dynamicsymbols("q1 q2")
+m1, m2, l1, lc1, lc2, I1, I2, g = sp.symbols("m1 m2 l1 lc1 lc2 I1 I2 g", positive=True)
+
+along_1 = sp.Matrix([sp.cos(q1), sp.sin(q1)])
+along_2 = sp.Matrix([sp.cos(q1 + q2), sp.sin(q1 + q2)])
+centre_1 = lc1 * along_1
+centre_2 = l1 * along_1 + lc2 * along_2
+velocity_1, velocity_2 = centre_1.diff(TIME), centre_2.diff(TIME)
+turn_1, turn_2 = q1.diff(TIME), q1.diff(TIME) + q2.diff(TIME)
+
+SYSTEM = System(
+    coordinates={q1: "shoulder", q2: "elbow"},
+    kinetic=m1 * velocity_1.dot(velocity_1) / 2
+    + I1 * turn_1**2 / 2
+    + m2 * velocity_2.dot(velocity_2) / 2
+    + I2 * turn_2**2 / 2,
+    potential=m1 * g * centre_1[1] + m2 * g * centre_2[1],
+    parameters={
+        m1: (3.0, "kg"),
+        m2: (2.0, "kg"),
+        l1: (0.5, "m"),
+        lc1: (0.22, "m"),
+        lc2: (0.18, "m"),
+        I1: (0.07, "kg m^2"),
+        I2: (0.04, "kg m^2"),
+        g: (9.81, "m/s^2"),
+    },
+    total_mass=m1 + m2,
+    gravity=g,
+)

@@ -1,0 +1,30 @@
+"""Bar on a fixed pin with friction in the pin.
+
+Zero: bar hanging. x points right, z up; theta > 0 swings the bar towards +x, so the pin axis is -y.
+The inertia I_O is the bar's about the pin.
+Source: The Euler-Lagrange equations (chapter 7.9), example 2.
+"""
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness.system import TIME, System
+
+theta = dynamicsymbols("theta")
+I_O, m, r_G, c, g = sp.symbols("I_O m r_G c g", positive=True)
+
+SYSTEM = System(
+    coordinates={theta: "pin"},
+    kinetic=I_O * theta.diff(TIME) ** 2 / 2,
+    potential=-m * g * r_G * sp.cos(theta),
+    generalised_forces={theta: -c * theta.diff(TIME)},
+    parameters={
+        I_O: (1.625, "kg m^2"),
+        m: (2.0, "kg"),
+        r_G: (0.75, "m"),
+        c: (0.3, "N m s"),
+        g: (9.81, "m/s^2"),
+    },
+    total_mass=m,
+    gravity=g,
+)
