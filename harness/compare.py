@@ -6,28 +6,15 @@ with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
 from harness.kernels import Array
 from harness.reference import UNIT_ROUNDOFF, Reference, energy_norm
-
-AGREEMENT = 64.0
-
-
-class Verdict(StrEnum):
-    """What a comparison says; in ascending order of gravity."""
-
-    AGREES = "agrees"
-    UNDECIDED = "undecided"
-    UNSUPPORTED = "unsupported"
-    UNSTABLE = "unstable"
-    DISAGREES = "disagrees"
-    ERROR = "error"
-
+from harness.verdict import AGREEMENT, GRAVITY, Verdict
 
 @dataclass(frozen=True)
 class Comparison:
@@ -36,7 +23,8 @@ class Comparison:
     Attributes:
         backward_error: (n,) error in units of data roundoff; NaN where the answer is not finite or the
             reference is not certified.
-        relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing.
+        relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing. NaN beside a zero or
+            subnormal answer too.
         verdicts: (n,) ``Verdict`` values as strings.
     """
 
@@ -44,11 +32,15 @@ class Comparison:
     relative_error: Array
     verdicts: np.ndarray[Any, np.dtype[np.str_]]
 
+    @staticmethod
+    def concatenate(parts: Sequence[Comparison]) -> Comparison:
+        """The judgements of all parts, in order."""
+        return Comparison(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("backward_error", "relative_error", "verdicts")))
+
     @property
     def worst(self) -> int:
         """Index of the answer that decides: the gravest verdict, then the largest backward error."""
-        order = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
-        gravity = np.array([order[verdict] for verdict in self.verdicts.tolist()])
+        gravity = np.array([GRAVITY[verdict] for verdict in self.verdicts.tolist()])
         error = np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf)
         return int(np.lexsort((error, gravity))[-1])
 
@@ -62,7 +54,8 @@ def compare(reference: Reference, accelerations: Array) -> Comparison:
         error = energy_norm(reference.norm_factor, difference)
         size = energy_norm(reference.norm_factor, reference.high)
         backward = error / reference.sensitivity / UNIT_ROUNDOFF
-        relative = np.where(error > 0, error / size, 0.0)
+        # Beside a subnormal answer a relative error says nothing.
+        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
     finite = np.isfinite(accelerations).all(axis=1)
     verdicts = np.select(
         [~finite, ~reference.certified, backward <= AGREEMENT, error <= UNIT_ROUNDOFF * reference.instability],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +53,12 @@ class Mechanism:
     @property
     def parameter_values(self) -> tuple[float, ...]:
         return tuple(value for _, value, _ in self.parameters)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for mechanisms with equal equations, joints and parameter values."""
+        outputs = tuple(sorted((name, tuple(indices)) for name, indices in self.program.outputs.items()))
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, self.program.instructions, outputs
 
     def inputs(self, states: States) -> Array:
         """The program's inputs at ``states``, (number of inputs, n), one column a state."""

@@ -1,0 +1,353 @@
+"""Command line: ``harness list``, ``show``, ``check``, ``report``.
+
+Exit status: 0 all verdicts as expected; 1 at least one is not; 2 bad usage or an invalid model or
+system file; 3 an engine crashed or timed out.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+from harness import __version__
+from harness.errors import InvalidInput, UnknownName
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from harness.records import Record, Run
+    from harness.run import CrossCheck, Settings
+
+AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
+# States per system of a report; the check command's own default is the same as quick.
+PROFILES = {"quick": 1000, "nightly": 100_000}
+_PIPE_WIDTH = 160
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="harness")
+def main() -> None:
+    """Cross-check physics engines against certified accelerations of textbook mechanisms."""
+
+
+def _told(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn the errors of input files and names into one message and exit status 2."""
+
+    @functools.wraps(command)
+    def wrapper(*arguments: Any, **options: Any) -> None:
+        try:
+            command(*arguments, **options)
+        except (InvalidInput, UnknownName) as error:
+            _fail(error)
+
+    return wrapper
+
+
+def _fail(error: Exception) -> NoReturn:
+    click.echo(f"harness: {error}", err=True)
+    sys.exit(INVALID)
+
+
+library_option = click.option("--library", "library_path", type=click.Path(), help="Folder with systems/, mjcf/ and urdf/ instead of the built-in one.")
+seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states.")
+json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
+workers_option = click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default.")
+scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Use the dask.distributed cluster at this address.")
+time_limit_option = click.option("--time-limit", type=click.FloatRange(min=0, min_open=True), default=60.0, show_default=True, help="Seconds an engine may take over one batch.")
+
+
+@main.command("list")
+@library_option
+@click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write the list to this file.")
+@_told
+def list_command(library_path: str | None, json_path: str | None) -> None:
+    """Mechanisms with their degrees of freedom, and the engines available."""
+    from harness.derivation import load_mechanism
+    from harness.engines import engine_names, installed_version, load_engine
+    from harness.library import Library
+
+    library = Library.at(library_path)
+    problems: list[InvalidInput] = []
+    systems = []
+    for name in library.select(()):
+        try:
+            mechanism = load_mechanism(library, name)
+        except InvalidInput as problem:
+            problems.append(problem)
+            continue
+        systems.append({"name": name, "degrees_of_freedom": mechanism.nv, "description": mechanism.description.splitlines()[0]})
+    engines = []
+    for name in engine_names(library):
+        engine = load_engine(library, name)
+        engines.append({"name": name, "formats": list(engine.formats), "version": installed_version(engine)})
+    if json_path:
+        from harness.records import write_atomically
+
+        write_atomically(json_path, json.dumps({"systems": systems, "engines": engines}, indent=2) + "\n")
+    width = max((len(str(system["name"])) for system in systems), default=0)
+    for system in systems:
+        click.echo(f"{system['name']:<{width}}  {system['degrees_of_freedom']:>2} dof  {system['description']}")
+    click.echo()
+    for listed in engines:
+        version = listed["version"] or "not installed"
+        click.echo(f"{listed['name']:<{width}}  {version}  ({', '.join(listed['formats'])})")
+    if problems:
+        for problem in problems[:-1]:
+            click.echo(f"harness: {problem}", err=True)
+        _fail(problems[-1])
+
+
+@main.command()
+@click.argument("name")
+@library_option
+@_told
+def show(name: str, library_path: str | None) -> None:
+    """Equations, parameters and models of one mechanism."""
+    from harness.derivation import load_mechanism
+    from harness.library import MODEL_SUFFIXES, Library
+    from harness.models import read_model
+
+    library = Library.at(library_path)
+    library.select([name])
+    mechanism = load_mechanism(library, name)
+    click.echo(f"{name}: {mechanism.description}\nSource: {mechanism.source}\n")
+    click.echo("Equations of motion (' is d/dt, tau the applied force):")
+    click.echo(mechanism.equations_text.replace("\n", "\n  ").join(("  ", "")) if mechanism.equations_text else "  too long to read")
+    click.echo("\nParameters:")
+    for symbol, value, unit in mechanism.parameters:
+        click.echo(f"  {symbol:<8} {value:<12g} {unit}")
+    click.echo("\nCoordinates:")
+    for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True):
+        click.echo(f"  {coordinate:<8} joint {joint:<12} {'any angle' if bounds is None else f'{bounds[0]:g} to {bounds[1]:g}'}")
+    click.echo("\nModels:")
+    for model_format in MODEL_SUFFIXES:
+        model = read_model(library.model_path(name, model_format), model_format)
+        joints = ", ".join(f"{joint} (line {line})" for joint, line in model.joint_lines.items())
+        click.echo(f"  {model_format}: {click.format_filename(model.path)}, joints {joints}")
+
+
+@main.command()
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option("--states", type=click.IntRange(min=1), default=PROFILES["quick"], show_default=True, help="States per system.")
+@seed_option
+@click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
+@library_option
+@click.option("--mjcf", type=click.Path(), help="Stands in for the one system's MJCF model.")
+@click.option("--urdf", type=click.Path(), help="Stands in for the one system's URDF model.")
+@click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
+@json_option
+@workers_option
+@scheduler_option
+@time_limit_option
+@_told
+def check(
+    names: tuple[str, ...],
+    states: int,
+    seed: int,
+    subjects: tuple[str, ...],
+    library_path: str | None,
+    mjcf: str | None,
+    urdf: str | None,
+    state: str | None,
+    json_path: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    time_limit: float,
+) -> None:
+    """Cross-check NAMEs, or every mechanism, and print a table."""
+    from harness.library import Library
+    from harness.run import Settings, describe_run
+
+    stand_ins = {name: Path(path) for name, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
+    options = [("--library", library_path), ("--mjcf", mjcf), ("--urdf", urdf)]
+    settings = Settings(
+        library=Library.at(library_path),
+        names=names,
+        subjects=subjects,
+        states=states,
+        seed=seed,
+        stand_ins=stand_ins,
+        state=_parse_state(state),
+        replay_options=[word for option, value in options if value for word in (option, value)],
+    )
+    run = describe_run(settings, "check", ["harness", *sys.argv[1:]])
+    cross_check, records = _cross_check(settings, run, workers, scheduler, time_limit, json_path)
+    _print_table(records)
+    _print_unexpected(records)
+    sys.exit(_exit_status(cross_check, records))
+
+
+@main.command()
+@click.option("--profile", type=click.Choice(sorted(PROFILES)), default="quick", show_default=True, help="How many states per system.")
+@click.option("--out", "directory", type=click.Path(file_okay=False, path_type=Path), default=Path("reports"), show_default=True, help="Folder of the report and its history.")
+@seed_option
+@library_option
+@json_option
+@workers_option
+@scheduler_option
+@time_limit_option
+@_told
+def report(
+    profile: str,
+    directory: Path,
+    seed: int,
+    library_path: str | None,
+    json_path: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    time_limit: float,
+) -> None:
+    """Cross-check everything and write the discrepancy report."""
+    from harness.library import Library
+    from harness.records import History
+    from harness.report import build, write
+    from harness.run import Settings, describe_run
+
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(directory, None, f"cannot be made: {error.strerror}; name a folder that can be written with --out") from error
+    settings = Settings(
+        library=Library.at(library_path),
+        states=PROFILES[profile],
+        seed=seed,
+        replay_options=["--library", library_path] if library_path else [],
+    )
+    run = describe_run(settings, profile, ["harness", *sys.argv[1:]])
+    with History(directory / "history.sqlite") as history:
+        identifier = history.begin(run)
+        keep = functools.partial(history.append, identifier)
+        cross_check, records = _cross_check(settings, run, workers, scheduler, time_limit, json_path, keep)
+        for card in cross_check.cards:
+            history.append_system(identifier, card)
+        write(directory, build(run, cross_check.cards, records, history))
+    _print_table(records)
+    _print_unexpected(records)
+    click.echo(f"report: {click.format_filename(directory / 'index.html')}")
+    sys.exit(_exit_status(cross_check, records))
+
+
+def _cross_check(
+    settings: Settings,
+    run: Run,
+    workers: int | None,
+    scheduler: str | None,
+    time_limit: float,
+    json_path: str | None,
+    keep: Callable[[Record], Any] = lambda record: None,
+) -> tuple[CrossCheck, list[Record]]:
+    """Run to the end, keeping each record as it comes, and write the JSON file as it grows."""
+    from harness.records import write_json
+    from harness.run import CrossCheck
+    from harness.workers import Workers
+
+    records: list[Record] = []
+    pool = Workers(workers, scheduler, time_limit)
+    cross_check = CrossCheck(settings, pool)
+    try:
+        with pool, _progress(cross_check.expected_records) as advance:
+            for record in cross_check.records():
+                keep(record)
+                records.append(record)
+                if json_path:
+                    write_json(json_path, run, records)
+                advance(f"{record.system} {record.subject}")
+    except OSError as error:
+        raise UnknownName(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
+    records.sort(key=lambda record: (record.system, record.subject))
+    if json_path:
+        write_json(json_path, run, records)
+    return cross_check, records
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], None]]:
+    """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    with Progress(
+        TextColumn("cross-check"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"), console=_console(stderr=True), transient=True, disable=not sys.stderr.isatty()
+    ) as progress:
+        task = progress.add_task("", total=total)
+        yield lambda description: progress.update(task, advance=1, description=description)
+
+
+def _console(stderr: bool = False) -> Console:
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
+
+
+def _print_table(records: list[Record]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("system", "subject"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("states", "verdict", "backward error", "relative error", "time per state"):
+        table.add_column(heading, justify="left" if heading == "verdict" else "right")
+    for record in records:
+        style = "green" if record.as_expected else "bold red"
+        verdict = record.verdict if record.as_expected else f"{record.verdict} (expected {record.expected})"
+        seconds = "" if record.seconds_per_state is None else f"{record.seconds_per_state * 1e9:,.0f} ns"
+        table.add_row(record.system, record.subject, f"{record.states:,}", Text(verdict, style), _number(record.backward_error), _number(record.relative_error), seconds)
+    _console().print(table)
+
+
+def _print_unexpected(records: list[Record]) -> None:
+    unexpected = [record for record in records if not record.as_expected]
+    for record in unexpected:
+        click.echo(f"\n{record.system} {record.subject}: {record.verdict}, expected {record.expected}")
+        if record.expected_reason:
+            click.echo(f"  expected because {record.expected_reason} ({record.expected_link}); if that is past, remove the entry")
+        if record.message:
+            click.echo(f"  {record.message}")
+        if record.worst_state is not None:
+            click.echo("  at " + ", ".join(f"{name} = {values}" for name, values in record.worst_state.items()))
+        if record.replay:
+            click.echo(f"  replay: {record.replay}")
+    agreeing = len(records) - len(unexpected)
+    click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to 64 agrees")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def _exit_status(cross_check: CrossCheck, records: list[Record]) -> int:
+    if cross_check.problems:
+        for problem in cross_check.problems:
+            click.echo(f"harness: {problem}", err=True)
+        return INVALID
+    if cross_check.crashed:
+        return CRASHED
+    return AS_EXPECTED if all(record.as_expected for record in records) else NOT_AS_EXPECTED
+
+
+def _parse_state(text: str | None) -> Any:
+    """One state from JSON.
+
+    Raises:
+        click.BadParameter: it is not {"q": numbers, "v": numbers, "tau": numbers} of one length.
+    """
+    if text is None:
+        return None
+    from harness.states import States
+
+    try:
+        data = json.loads(text)
+        parts = [[float(value) for value in data[key]] for key in ("q", "v", "tau")]
+    except (ValueError, TypeError, KeyError) as error:
+        raise click.BadParameter('expected {"q": [...], "v": [...], "tau": [...]} with numbers', param_hint="--state") from error
+    if len({len(part) for part in parts}) != 1:
+        raise click.BadParameter("q, v and tau must have the same length", param_hint="--state")
+    return States.at(*parts)

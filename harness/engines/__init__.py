@@ -1,0 +1,159 @@
+"""Engines: programs that return accelerations, each one a file here or in a library's ``engines/``.
+
+An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, and imports the program
+it wraps only inside its methods, so that finding engines costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from harness.errors import InvalidInput, UnknownName
+from harness.kernels import Array
+from harness.library import Library, nearest
+from harness.mechanism import Mechanism
+from harness.models import ModelFile
+
+EQUATIONS = "equations"
+
+
+class Unsupported(Exception):
+    """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """What an engine holds after loading, for the audit.
+
+    Attributes:
+        joints: name of each moving joint to its (number of positions, number of velocities).
+        gravity: acceleration of gravity [m/s^2], (x, y, z).
+        total_mass: sum of the masses of all moving bodies [kg].
+    """
+
+    joints: Mapping[str, tuple[int, int]]
+    gravity: tuple[float, float, float]
+    total_mass: float
+
+
+class Model(Protocol):
+    """A mechanism loaded into an engine."""
+
+    def loaded(self) -> LoadedModel | None:
+        """What the engine holds; None where there is no model file to audit."""
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        """qdd, (n, nv), at q, v, tau of shape (n, nv) each; columns follow the joints given to ``load``."""
+
+
+class Engine(Protocol):
+    """What an engine file's ``ENGINE`` provides.
+
+    Attributes:
+        requires: importable module and distribution name of the program behind it.
+        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``.
+    """
+
+    requires: tuple[str, str]
+    formats: tuple[str, ...]
+
+    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
+        """Load once; ``gravity`` [m/s^2, along -z] is for formats that hold none.
+
+        Raises:
+            Unsupported: the engine cannot express the mechanism.
+            ValueError: the engine refuses the model; the message is the engine's.
+        """
+
+
+@dataclass(frozen=True, order=True)
+class Subject:
+    """An engine with a model format; prints as ``engine/format``, or ``engine`` for equations."""
+
+    engine: str
+    format: str
+
+    def __str__(self) -> str:
+        return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
+
+
+def engine_names(library: Library) -> list[str]:
+    """Names of all engine files, sorted: those of the harness and those of the library."""
+    return sorted({path.stem for path in _engine_files(library) if not path.stem.startswith("_")})
+
+
+def load_engine(library: Library, name: str) -> Engine:
+    """The engine called ``name``; a library's own engine wins over the harness's.
+
+    Raises:
+        InvalidInput: the engine file raises or defines no ``ENGINE``.
+        UnknownName: there is no such engine.
+    """
+    own = library.engines / f"{name}.py"
+    built_in = Library.built_in().engines / f"{name}.py"
+    try:
+        if library.engines != built_in.parent and own.is_file():
+            specification = importlib.util.spec_from_file_location(f"_harness_engine_{name}", own)
+            assert specification is not None and specification.loader is not None
+            module = importlib.util.module_from_spec(specification)
+            specification.loader.exec_module(module)
+        elif built_in.is_file():
+            module = importlib.import_module(f"harness.engines.{name}")
+        else:
+            raise UnknownName(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
+    except UnknownName:
+        raise
+    except Exception as error:
+        raise InvalidInput(own if own.is_file() else built_in, None, f"raises {type(error).__name__}: {error}") from error
+    engine: Engine | None = getattr(module, "ENGINE", None)
+    if engine is None:
+        raise InvalidInput(own if own.is_file() else built_in, None, "defines no ENGINE; see CONTRIBUTING, add an engine")
+    return engine
+
+
+def installed_version(engine: Engine) -> str | None:
+    """Version of the program behind an engine, without importing it; None where it is not installed."""
+    import importlib.metadata
+
+    module, distribution = engine.requires
+    if importlib.util.find_spec(module) is None:
+        return None
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def subjects(library: Library) -> list[Subject]:
+    """Every subject of every engine, sorted by name."""
+    return sorted(Subject(name, model_format) for name in engine_names(library) for model_format in load_engine(library, name).formats)
+
+
+def select_subjects(library: Library, names: Sequence[str]) -> list[Subject]:
+    """The subjects called ``names``, or all of them for none.
+
+    Raises:
+        UnknownName: a name no subject has; the message gives the nearest one.
+    """
+    known = {str(subject): subject for subject in subjects(library)}
+    for name in names:
+        if name not in known:
+            raise UnknownName(f"no subject is called {name!r}; {nearest(name, known)}")
+    return [known[name] for name in dict.fromkeys(names)] or list(known.values())
+
+
+def _engine_files(library: Library) -> list[Path]:
+    folders = {Library.built_in().engines, library.engines}
+    return [path for folder in folders for path in folder.glob("*.py")]
+
+
+def require_model(source: Any, engine: str) -> ModelFile:
+    """``source`` as a model file; the error of an engine that was handed equations."""
+    if not isinstance(source, ModelFile):
+        raise TypeError(f"{engine} reads model files, not {type(source).__name__}")
+    return source

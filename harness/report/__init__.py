@@ -1,0 +1,53 @@
+"""Reports: a pure function of records, which runs nothing.
+
+``index.html`` is one offline page, ``report.md`` is made to be compared from night to night, and
+``report.json`` is for programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.errors import InvalidInput
+from harness.records import Record, Run, SystemCard, to_json, write_atomically
+from harness.report.html import render_html
+from harness.report.markdown import render_markdown
+from harness.report.summary import Earlier, Summary
+
+__all__ = ["Earlier", "build", "write"]
+
+
+def build(run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = ()) -> dict[str, str]:
+    """File name to text of every file of the report.
+
+    ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them. The
+    Markdown and the JSON are the same for the same arguments; Bokeh numbers its plots anew on every call.
+    """
+    summary = Summary(run, cards, records, history)
+    ordered_cards = sorted(cards, key=lambda card: card.name)
+    return {
+        "index.html": render_html(summary),
+        "report.md": render_markdown(summary),
+        "report.json": to_json(run, summary.records, ordered_cards),
+    }
+
+
+def write(
+    directory: Path | str, run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = ()
+) -> list[Path]:
+    """Build the report into ``directory``, made if it is missing, each file whole or not at all; their paths.
+
+    Raises:
+        InvalidInput: the directory or a file cannot be written.
+    """
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(folder, None, f"cannot hold a report ({error.strerror}); name a folder that is writable") from error
+    paths = []
+    for name, text in build(run, cards, records, history).items():
+        write_atomically(folder / name, text)
+        paths.append(folder / name)
+    return paths

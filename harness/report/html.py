@@ -1,0 +1,98 @@
+"""The report as one HTML page that fetches nothing."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from html.entities import html5
+from importlib.resources import files
+from xml.etree import ElementTree
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from harness.records import LIMIT, Record
+from harness.report import charts
+from harness.report.summary import Summary, counted, error_text, seconds_text, state_lines
+
+_MATHML = frozenset(
+    "math mrow mi mn mo mtext mspace ms mfrac msqrt mroot mstyle merror mpadded mphantom msub msup msubsup munder mover munderover "
+    "mmultiscripts mprescripts none mtable mtr mtd semantics annotation".split()
+)
+_MATHML_ATTRIBUTES = frozenset(
+    "display mathvariant accent stretchy columnalign columnspacing rowspacing linethickness dir scriptlevel".split()
+)
+_LONG_EQUATIONS = 12_000
+
+
+def render_html(summary: Summary) -> str:
+    """The whole ``index.html``."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {
+        "error": error_text, "seconds": seconds_text, "equations": equations, "link": web_address, "state": state_lines,
+        "left_out": left_out, "moment": moment,
+    }  # fmt: skip
+    package = files(__package__)
+    template = environment.from_string(package.joinpath("template.html").read_text("utf-8"))
+    drawn = charts.draw(summary)
+    return template.render(
+        summary=summary,
+        run=summary.run,
+        limit=LIMIT,
+        counted=counted,
+        style=Markup(package.joinpath("style.css").read_text("utf-8")),
+        resources=Markup(drawn.resources),
+        script=Markup(drawn.script),
+        plots={name: Markup(div) for name, div in drawn.divs.items()},
+        subject_styles={subject: charts.style_of(summary, subject) for subject in summary.subjects},
+        anchors=_anchors(summary),
+        long_equations=_LONG_EQUATIONS,
+    )
+
+
+def equations(markup: str) -> Markup | None:
+    """``markup`` where it is well-formed presentation MathML and nothing else, otherwise None.
+
+    Attributes that MathML Core does not need are dropped. Entities are replaced by their characters,
+    since XML knows only five.
+    """
+    known = {name for name in html5 if name.endswith(";")} - {"amp;", "lt;", "gt;", "quot;", "apos;"}
+    text = re.sub(r"&(\w+;)", lambda match: html5[match[1]] if match[1] in known else match[0], markup)
+    try:
+        root = ElementTree.fromstring(f"<div>{text}</div>")
+    except ElementTree.ParseError:
+        return None
+    for element in root.iter():
+        element.tag = element.tag.removeprefix("{http://www.w3.org/1998/Math/MathML}")
+        if element is not root and element.tag not in _MATHML:
+            return None
+        element.attrib = {name: value for name, value in element.attrib.items() if name in _MATHML_ATTRIBUTES}
+    if not len(root) or any(child.tag != "math" for child in root):
+        return None
+    return Markup(ElementTree.tostring(root, encoding="unicode", short_empty_elements=False))
+
+
+def web_address(text: str) -> str | None:
+    """``text`` where it is an address that may become a link, otherwise None."""
+    return text if re.fullmatch(r"https?://\S+", text) else None
+
+
+def moment(started: str) -> str:
+    """ "2026-01-31 02:00:00 UTC" of ISO 8601 in UTC."""
+    return f"{datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def left_out(record: Record) -> str:
+    """States of a distribution that a logarithmic axis cannot show, in words; "" for none."""
+    words = {"exact": "with no error at all", "inf": "with an infinite error"}
+    shown = {str(index) for index in charts.half_decades(record)}
+    rest = {key: count for key, count in record.distribution.items() if key not in shown and count > 0}
+    return ", ".join(f"{counted(count, 'state')} {words.get(key, f'in bin {key}')}" for key, count in sorted(rest.items()))
+
+
+def _anchors(summary: Summary) -> dict[str, str]:
+    anchors: dict[str, str] = {}
+    for system in summary.systems:
+        anchor = "system-" + re.sub(r"[^A-Za-z0-9_]+", "-", system)
+        anchors[system] = anchor if anchor not in anchors.values() else f"{anchor}-{len(anchors)}"
+    return anchors

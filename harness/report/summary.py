@@ -1,0 +1,154 @@
+"""What a report says, before it is HTML or Markdown: orders, sentences, worst cases, changes."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from harness.records import Record, Run, SystemCard
+
+Earlier = tuple[Run, Sequence[Record]]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A verdict or a version that is not what it was in the run before."""
+
+    what: str
+    before: str
+    after: str
+
+
+class Summary:
+    """Records arranged for a reader.
+
+    Attributes:
+        run, cards, records, earlier: the arguments; cards by name, records sorted by system and subject,
+            earlier runs oldest first.
+        systems, subjects: sorted names of every card and record.
+        cells: (system, subject) to its records, nearly always one.
+        unexpected: records whose verdict is not the expected one.
+        listed: records that are expected to differ.
+        missing: (system, subject) pairs without a record.
+    """
+
+    def __init__(self, run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = ()) -> None:
+        self.run = run
+        self.cards = {card.name: card for card in cards}
+        self.records = sorted(records, key=lambda record: (record.system, record.subject))
+        self.earlier = sorted(history, key=lambda entry: datetime.fromisoformat(entry[0].started))
+        self.systems = sorted({record.system for record in records} | set(self.cards))
+        self.subjects = sorted({record.subject for record in records})
+        self.cells: dict[tuple[str, str], list[Record]] = defaultdict(list)
+        for record in self.records:
+            self.cells[record.system, record.subject].append(record)
+        self.unexpected = [record for record in self.records if not record.as_expected]
+        self.listed = [record for record in self.records if record.expected != "agrees"]
+        self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
+
+    @property
+    def sentence(self) -> str:
+        """The result in one sentence, without the names of what is not as expected."""
+        total, wrong = len(self.records), len(self.unexpected)
+        if not total:
+            return "Nothing was compared: this run holds no records."
+        pairs = counted(total, "system–subject pair")
+        if not wrong:
+            return f"All {pairs} {'is' if total == 1 else 'are'} as expected.".replace("All 1 ", "The 1 ")
+        right = total - wrong
+        return f"{right} of {pairs} {'is' if right == 1 else 'are'} as expected; {wrong} {'is' if wrong == 1 else 'are'} not."
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences that qualify the result: what is expected to differ, what is missing."""
+        remarks = []
+        if held := sum(record.as_expected for record in self.listed):
+            verb = "differs" if held == 1 else "differ"
+            remarks.append(f"{counted(held, 'pair')} {verb} for a known reason, see “Expected to differ”.")
+        if self.missing:
+            verb = "has" if len(self.missing) == 1 else "have"
+            remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
+        return remarks
+
+    def of_system(self, system: str) -> list[Record]:
+        """The records of ``system``, by subject."""
+        return [record for record in self.records if record.system == system]
+
+    def worst_per_engine(self) -> list[tuple[str, Record | None]]:
+        """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
+        engines = sorted({record.subject.partition("/")[0] for record in self.records})
+        return [(engine, worst(r for r in self.records if r.subject.partition("/")[0] == engine)) for engine in engines]
+
+    def trend(self) -> dict[str, list[tuple[datetime, float]]]:
+        """Subject to (start of run, worst backward error of the pairs expected to agree), oldest first."""
+        points: dict[str, list[tuple[datetime, float]]] = {subject: [] for subject in self.subjects}
+        for run, records in [*self.earlier, (self.run, self.records)]:
+            for subject, values in points.items():
+                found = worst(record for record in records if record.subject == subject and record.expected == "agrees")
+                if found is not None and found.backward_error is not None:
+                    values.append((datetime.fromisoformat(run.started).replace(tzinfo=None), found.backward_error))
+        return points
+
+    def changed_verdicts(self) -> list[Change]:
+        """Verdicts that differ from the latest earlier run that holds the same pair."""
+        before: dict[tuple[str, str], str] = {}
+        for _, records in self.earlier:
+            before |= {(record.system, record.subject): record.verdict for record in records}
+        changes = []
+        for (system, subject), cell in sorted(self.cells.items()):
+            known = before.get((system, subject), "not run")
+            changes += [Change(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
+        if self.earlier:
+            gone = {(record.system, record.subject): record.verdict for record in self.earlier[-1][1]}
+            changes += [Change(f"{s}, {e}", verdict, "not run") for (s, e), verdict in sorted(gone.items()) if not self.cells.get((s, e))]
+        return changes
+
+    def changed_versions(self) -> list[Change]:
+        """Versions that differ from the last run."""
+        if not self.earlier:
+            return []
+        before, after = self.earlier[-1][0].versions, self.run.versions
+        names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+        return [Change(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+
+
+def worst(records: Iterable[Record]) -> Record | None:
+    """The record with the largest backward error, NaN counting as largest; None where none has any."""
+    compared = [record for record in records if record.backward_error is not None]
+    return max(compared, key=lambda record: _size(record.backward_error), default=None)
+
+
+def _size(value: float | None) -> float:
+    return math.inf if value is None or math.isnan(value) else value
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 state", "2 states"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def error_text(value: float | None) -> str:
+    """Three significant digits; an en dash where nothing was compared."""
+    return "–" if value is None else _three_digits(value)
+
+
+def _three_digits(value: float) -> str:
+    return f"{value:#.3g}".removesuffix(".") if value else "0"
+
+
+def seconds_text(value: float | None) -> str:
+    """Three significant digits in the unit that suits; an en dash for None."""
+    if value is None:
+        return "–"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if not abs(value) < size:
+            return f"{_three_digits(value / size)} {unit}"
+    return f"{_three_digits(value / 1e-9)} ns"
+
+
+def state_lines(record: Record) -> str:
+    """The worst state as one line per quantity that Python reads back exactly."""
+    return "\n".join(f"{name} = {values!r}" for name, values in (record.worst_state or {}).items())

@@ -1,0 +1,383 @@
+"""The loop: (system, subject, states) to records, on worker processes.
+
+``CrossCheck.records()`` yields each record as soon as it is complete; whatever goes wrong with one
+system, model or engine costs the records that depend on it and nothing else.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import platform
+import shlex
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness import __version__, tasks
+from harness.compare import Comparison, compare
+from harness.engines import EQUATIONS, Subject, Unsupported, engine_names, installed_version, load_engine, select_subjects, subjects
+from harness.errors import InvalidInput, InvalidModel, UnknownName
+from harness.expected import Expectation, load_expectations
+from harness.library import Library
+from harness.mechanism import Mechanism
+from harness.models import ModelFile, read_model
+from harness.records import Record, Run, SystemCard, half_decade
+from harness.reference import Reference
+from harness.states import States, sample
+from harness.verdict import Verdict, gravest
+from harness.workers import Outcome, Task, Workers
+
+DEFAULT_STATES = 1000
+# States of a run that hypothesis chooses; the rest is sampled in bulk.
+MOST_SEARCHED = 250
+STATES_PER_TASK = 20_000
+STATES_REPLAYED_AFTER_CRASH = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What to compare.
+
+    Attributes:
+        library: where systems and models are.
+        names: systems; all for none.
+        subjects: subjects as text; all for none.
+        states: states per system; a quarter of them, at most ``MOST_SEARCHED``, is searched for by
+            hypothesis, the rest sampled.
+        seed: of both.
+        stand_ins: model format to a file that stands in for the one system's own.
+        state: the one state to compare at instead of sampling, for replays.
+        examples: folder of hypothesis' example database; None for none.
+        replay_options: command-line options that say where library and stand-ins are, for replay commands.
+    """
+
+    library: Library
+    names: Sequence[str] = ()
+    subjects: Sequence[str] = ()
+    states: int = DEFAULT_STATES
+    seed: int = 0
+    stand_ins: Mapping[str, Path] = field(default_factory=dict)
+    state: States | None = None
+    examples: Path | None = Path(".hypothesis/harness")
+    replay_options: Sequence[str] = ()
+
+    @property
+    def searched(self) -> int:
+        return 0 if self.state is not None else min(self.states // 4, MOST_SEARCHED)
+
+
+@dataclass
+class _Pair:
+    """A (system, subject) while its answers come in."""
+
+    subject: Subject
+    answers: dict[int, Any] = field(default_factory=dict)
+    found: tasks.Found | None = None
+    seconds: list[float] = field(default_factory=list)
+    failure: str = ""
+    failed_at: dict[str, list[float]] | None = None
+    unsupported: bool = False
+    pending: int = 0
+
+
+@dataclass
+class _System:
+    """A system while its references come in."""
+
+    mechanism: Mechanism
+    bulk: list[States]
+    references: dict[int, Reference] = field(default_factory=dict)
+    seconds: list[float] = field(default_factory=list)
+    failure: str = ""
+    pairs: dict[Subject, _Pair] = field(default_factory=dict)
+
+
+class CrossCheck:
+    """One cross-check of a library, system by system and subject by subject.
+
+    Attributes:
+        problems: systems, models and engines that could not be used, in the order found.
+        crashed: whether an engine's process died or ran out of time.
+        cards: what to show of each system, complete when ``records()`` is exhausted.
+        expected_records: how many records ``records()`` will yield.
+
+    Raises:
+        InvalidInput: the library or its expected verdicts cannot be used at all.
+        UnknownName: a system or subject that does not exist.
+    """
+
+    def __init__(self, settings: Settings, workers: Workers) -> None:
+        self.settings = settings
+        self.workers = workers
+        self.names = settings.library.select(settings.names)
+        self.subjects = select_subjects(settings.library, settings.subjects)
+        every_subject = [str(subject) for subject in subjects(settings.library)]
+        self.expectations = load_expectations(settings.library, every_subject, [verdict.value for verdict in Verdict])
+        if settings.stand_ins and len(self.names) != 1:
+            raise UnknownName("--mjcf and --urdf stand in for one system's models; name exactly one system")
+        if settings.state is not None and len(self.names) != 1:
+            raise UnknownName("--state belongs to one system; name exactly one system")
+        self.problems: list[InvalidInput] = []
+        if not settings.names:
+            self.problems += [InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it") for path in settings.library.orphaned_models()]
+        self.crashed = False
+        self.cards: list[SystemCard] = []
+
+    @property
+    def expected_records(self) -> int:
+        return len(self.names) * len(self.subjects)
+
+    def records(self) -> Iterator[Record]:
+        """Every record once, as it is completed."""
+        mechanisms: dict[str, Mechanism] = {}
+        derivations = [Task(name, tasks.derive, (self.settings.library, name)) for name in self.names]
+        for outcome in self.workers.run(derivations):
+            name = outcome.task.key
+            failure = self._failure_of(outcome)
+            if failure:
+                if outcome.crash is not None:
+                    self.problems.append(InvalidInput(self.settings.library.system_path(name), None, failure))
+                for subject in self.subjects:
+                    yield self._record_of_failure(name, subject, failure)
+            else:
+                mechanisms[name] = outcome.value
+        yield from self._compare({name: mechanisms[name] for name in self.names if name in mechanisms})
+
+    def _compare(self, mechanisms: Mapping[str, Mechanism]) -> Iterator[Record]:
+        systems: dict[str, _System] = {}
+        work: list[Task] = []
+        for name, mechanism in mechanisms.items():
+            system = systems[name] = _System(mechanism, self._bulk(mechanism))
+            work += [Task((name, None, index), tasks.certify, (mechanism, states)) for index, states in enumerate(system.bulk)]
+        for name, system in systems.items():
+            models = self._models(name)
+            for subject in self.subjects:
+                pair = system.pairs[subject] = _Pair(subject)
+                engine = load_engine(self.settings.library, subject.engine)
+                model = models.get(subject.format)
+                if isinstance(model, InvalidInput):
+                    pair.failure = str(model)
+                elif installed_version(engine) is None:
+                    pair.unsupported, pair.failure = True, f"{engine.requires[1]} is not installed"
+                else:
+                    work += self._tasks(name, pair, system, model)
+        for name, system in systems.items():
+            yield from self._completed(name, system)
+        for outcome in self._outcomes(work):
+            name, subject, index = outcome.task.key
+            system = systems[name]
+            if subject is None:
+                self._take_reference(system, index, outcome)
+            else:
+                self._take_answer(system.pairs[subject], index, outcome)
+            yield from self._completed(name, system)
+        self.cards += [_card(system) for system in systems.values()]
+
+    def _bulk(self, mechanism: Mechanism) -> list[States]:
+        if self.settings.state is not None:
+            return [self.settings.state]
+        states = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+        return [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
+
+    def _models(self, name: str) -> dict[str, ModelFile | InvalidInput]:
+        """The system's model files by format, or what is wrong with them."""
+        models: dict[str, ModelFile | InvalidInput] = {}
+        for model_format in sorted({subject.format for subject in self.subjects} - {EQUATIONS}):
+            path = self.settings.stand_ins.get(model_format) or self.settings.library.model_path(name, model_format)
+            try:
+                models[model_format] = read_model(path, model_format)
+            except InvalidInput as problem:
+                self.problems.append(problem)
+                models[model_format] = problem
+        return models
+
+    def _tasks(self, name: str, pair: _Pair, system: _System, model: Any) -> list[Task]:
+        assignment = tasks.Assignment(self.settings.library, pair.subject, system.mechanism, model)
+        work = [Task((name, pair.subject, index), tasks.accelerate, (assignment, states)) for index, states in enumerate(system.bulk)]
+        if self.settings.searched:
+            examples = self.settings.examples and (self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-"))
+            work.append(Task((name, pair.subject, "search"), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
+        pair.pending = len(work)
+        return work
+
+    def _outcomes(self, work: list[Task]) -> Iterator[Outcome]:
+        """Outcomes of ``work``; a crash at a batch of states is told after a replay has found the state."""
+        crashes: list[Outcome] = []
+        for outcome in self.workers.run(work):
+            if outcome.crash is not None and outcome.task.function is tasks.accelerate:
+                crashes.append(outcome)
+            else:
+                yield outcome
+        replays = [Task(crash, tasks.accelerate_one_by_one, crash.task.arguments) for crash in crashes]
+        for replay in self.workers.run(replays):
+            crash = replay.task.key.crash
+            yield Outcome(replay.task.key.task, crash=replace(crash, note=replay.crash.note if replay.crash else ""))
+
+    def _take_reference(self, system: _System, index: int, outcome: Outcome) -> None:
+        failure = self._failure_of(outcome)
+        if failure:
+            system.failure = f"the reference failed: {failure}"
+        else:
+            system.references[index], seconds = outcome.value
+            system.seconds.append(seconds)
+
+    def _take_answer(self, pair: _Pair, index: int | str, outcome: Outcome) -> None:
+        pair.pending -= 1
+        failure = self._failure_of(outcome)
+        if failure:
+            pair.failure = failure
+            pair.unsupported = isinstance(outcome.exception, Unsupported)
+            if outcome.crash is not None and outcome.crash.note:
+                pair.failed_at = json.loads(outcome.crash.note)
+        elif index == "search":
+            pair.found = outcome.value
+        else:
+            pair.answers[index], seconds = outcome.value
+            pair.seconds.append(seconds)
+
+    def _failure_of(self, outcome: Outcome) -> str:
+        """Why a task gave no value, "" if it did; what the caller must fix is added to ``problems``."""
+        if outcome.crash is not None:
+            self.crashed = True
+            return str(outcome.crash)
+        if isinstance(outcome.exception, InvalidInput):
+            if str(outcome.exception) not in map(str, self.problems):
+                self.problems.append(outcome.exception)
+            return str(outcome.exception)
+        if isinstance(outcome.exception, Unsupported):
+            return str(outcome.exception)
+        return f"{type(outcome.exception).__name__}: {outcome.exception}" if outcome.exception is not None else ""
+
+    def _completed(self, name: str, system: _System) -> Iterator[Record]:
+        """Records of the pairs that have all they wait for, and forget them."""
+        if len(system.references) < len(system.bulk) and not system.failure:
+            return
+        for pair in [pair for pair in system.pairs.values() if not pair.pending]:
+            del system.pairs[pair.subject]
+            yield self._record(name, system, pair)
+
+    def _record(self, name: str, system: _System, pair: _Pair) -> Record:
+        parts = [
+            (system.bulk[index], compare(system.references[index], answers))
+            for index, answers in sorted(pair.answers.items())
+            if index in system.references
+        ]
+        failure = pair.failure or system.failure
+        if pair.found is not None:
+            parts.append((pair.found.states, pair.found.comparison))
+        if not parts:
+            return self._record_of_failure(name, pair.subject, failure or "nothing was compared", pair.unsupported, pair.failed_at)
+        states = States.concatenate([part for part, _ in parts])
+        comparison = Comparison.concatenate([part for _, part in parts])
+        worst, message = comparison.worst, ""
+        verdict = Verdict.ERROR.value if failure else gravest(comparison.verdicts.tolist())
+        found = pair.found
+        if found is not None and found.simplest_failure is not None:
+            simplest = len(states) - len(found.states) + found.simplest_failure
+            if comparison.verdicts[simplest] == verdict:
+                worst = simplest
+                message = f"The state shown is the simplest that fails; its backward error is {_three(comparison.backward_error[simplest])}."
+        not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
+        if not_finite:
+            message = f"{not_finite} of {len(states)} answers are not finite. {message}".strip()
+        expectation = self._expectation(name, pair.subject)
+        judged = comparison.backward_error[~np.isnan(comparison.backward_error)]
+        relative = comparison.relative_error[~np.isnan(comparison.relative_error)]
+        worst_state = pair.failed_at or states.as_json(worst)
+        return Record(
+            system=name,
+            subject=str(pair.subject),
+            states=len(states),
+            verdict=verdict,
+            expected=expectation.verdict,
+            backward_error=float(judged.max()) if len(judged) else None,
+            relative_error=float(relative.max()) if len(relative) else None,
+            worst_state=worst_state,
+            seconds_per_state=float(np.median(pair.seconds)) if pair.seconds else None,
+            message=" ".join(filter(None, [failure, message])),
+            median_backward_error=float(np.median(judged)) if len(judged) else None,
+            distribution=dict(Counter(map(half_decade, judged.tolist()))),
+            verdict_counts=dict(Counter(comparison.verdicts.tolist())),
+            expected_reason=expectation.reason,
+            expected_link=expectation.link,
+            replay=self._replay(name, pair.subject, worst_state),
+        )
+
+    def _record_of_failure(
+        self, name: str, subject: Subject, failure: str, unsupported: bool = False, failed_at: dict[str, list[float]] | None = None
+    ) -> Record:
+        expectation = self._expectation(name, subject)
+        return Record(
+            system=name,
+            subject=str(subject),
+            states=0,
+            verdict=Verdict.UNSUPPORTED.value if unsupported else Verdict.ERROR.value,
+            expected=expectation.verdict,
+            backward_error=None,
+            relative_error=None,
+            worst_state=failed_at,
+            seconds_per_state=None,
+            message=failure,
+            expected_reason=expectation.reason,
+            expected_link=expectation.link,
+            replay=self._replay(name, subject, failed_at),
+        )
+
+    def _expectation(self, name: str, subject: Subject) -> Expectation:
+        return self.expectations.get((name, str(subject)), Expectation())
+
+    def _replay(self, name: str, subject: Subject, state: dict[str, list[float]] | None) -> str:
+        command = ["harness", "check", name, "--subject", str(subject), *self.settings.replay_options]
+        command += ["--state", json.dumps(state)] if state is not None else ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
+        return shlex.join(command)
+
+
+def describe_run(settings: Settings, profile: str, command: Sequence[str]) -> Run:
+    """Versions, machine and settings of a run that starts now."""
+    versions = {"harness": __version__, "python": platform.python_version()}
+    for distribution in ("sympy", "numpy", "heyoka", "python-flint", "hypothesis", "distributed"):
+        versions[distribution] = importlib.metadata.version(distribution)
+    for name in engine_names(settings.library):
+        engine = load_engine(settings.library, name)
+        version = installed_version(engine)
+        if version is not None:
+            versions[engine.requires[1]] = version
+    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count())}
+    return Run(
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions=versions,
+        machine=machine,
+        seed=settings.seed,
+        profile=profile,
+        states=settings.states,
+        library=settings.library.name,
+        command=shlex.join(command),
+    )
+
+
+def _card(system: _System) -> SystemCard:
+    mechanism = system.mechanism
+    free = ("input", "rational", "pi")
+    return SystemCard(
+        name=mechanism.name,
+        description=mechanism.description,
+        source=mechanism.source,
+        coordinates=[{"name": name, "joint": joint} for name, joint in zip(mechanism.coordinates, mechanism.joints, strict=True)],
+        parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
+        equations_mathml=mechanism.equations_mathml,
+        equations_text=mechanism.equations_text,
+        operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
+        derivation_seconds=mechanism.derivation_seconds,
+        reference_seconds_per_state=float(np.median(system.seconds)) if system.seconds else None,
+    )
+
+
+def _three(value: float) -> str:
+    return f"{value:.3g}"

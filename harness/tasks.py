@@ -1,0 +1,189 @@
+"""What worker processes do: derive, certify, ask an engine, and search for the state it does worst at.
+
+Each function takes ``note`` last, a channel whose text survives a crash; what was loaded or compiled
+stays in the process for the next task.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from harness.audit import audit
+from harness.compare import Comparison, compare
+from harness.derivation import load_mechanism
+from harness.engines import EQUATIONS, Model, Subject, load_engine
+from harness.errors import InvalidModel
+from harness.kernels import Array
+from harness.library import Library
+from harness.mechanism import Mechanism
+from harness.models import ModelFile
+from harness.reference import Reference, ReferenceKernel
+from harness.states import States, strategy
+from harness.verdict import Verdict
+
+Note = Callable[[str], None]
+T = TypeVar("T")
+
+# A timing shorter than this is repeated, so that a first call's set-up is not charged to the engine.
+REPEATED_BELOW_SECONDS = 0.25
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One subject on one mechanism; ``model`` is None for an engine that takes equations."""
+
+    library: Library
+    subject: Subject
+    mechanism: Mechanism
+    model: ModelFile | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a hypothesis search saw.
+
+    Attributes:
+        states: every state it tried, in order.
+        comparison: the judgement of each.
+        simplest_failure: index of the shrunk state that does not agree, None where all agree.
+    """
+
+    states: States
+    comparison: Comparison
+    simplest_failure: int | None
+
+
+def derive(library: Library, name: str, note: Note) -> Mechanism:
+    """The mechanism of system ``name``."""
+    return load_mechanism(library, name)
+
+
+def certify(mechanism: Mechanism, states: States, note: Note) -> tuple[Reference, float]:
+    """References of ``states`` and seconds per state."""
+    kernel = _reference_kernel(mechanism)
+    kernel.evaluate(states[:1])
+    started = time.perf_counter()
+    reference = kernel.evaluate(states)
+    return reference, (time.perf_counter() - started) / len(states)
+
+
+def accelerate(assignment: Assignment, states: States, note: Note) -> tuple[Array, float]:
+    """The subject's accelerations at ``states``, (n, nv), and seconds per state."""
+    model = load_audited(assignment)
+    elapsed = math.inf
+    for _ in range(2):
+        started = time.perf_counter()
+        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
+        elapsed = min(elapsed, time.perf_counter() - started)
+        if elapsed > REPEATED_BELOW_SECONDS:
+            break
+    return accelerations, elapsed / len(states)
+
+
+def accelerate_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
+    """Ask for one state after the other, noting each, so that a crash names its state."""
+    model = load_audited(assignment)
+    for index in range(len(states)):
+        note(json.dumps(states.as_json(index)))
+        one = states[index : index + 1]
+        model.forward_dynamics(one.q, one.v, one.tau)
+
+
+def search(assignment: Assignment, examples: int, seed: int, database: Path | None, note: Note) -> Found:
+    """Let hypothesis look for the worst state, and shrink the first one that does not agree.
+
+    Guided by ``target()`` on log10 of the backward error; examples that failed once are kept in
+    ``database`` and tried first the next time.
+    """
+    import hypothesis
+    from hypothesis.database import DirectoryBasedExampleDatabase
+
+    model = load_audited(assignment)
+    kernel = _reference_kernel(assignment.mechanism)
+    tried: list[tuple[States, Comparison]] = []
+
+    def judge(state: States) -> None:
+        note(json.dumps(state.as_json(0)))
+        comparison = compare(kernel.evaluate(state), model.forward_dynamics(state.q, state.v, state.tau))
+        tried.append((state, comparison))
+        error = float(comparison.backward_error[0])
+        if 0 < error < math.inf:
+            hypothesis.target(math.log10(error))
+        if comparison.verdicts[0] != Verdict.AGREES.value:
+            raise _DoesNotAgree
+
+    settings = hypothesis.settings(
+        max_examples=examples,
+        database=None if database is None else DirectoryBasedExampleDatabase(database),
+        deadline=None,
+        derandomize=False,
+        suppress_health_check=list(hypothesis.HealthCheck),
+        phases=[phase for phase in hypothesis.Phase if phase is not hypothesis.Phase.explain],
+        report_multiple_bugs=False,
+        print_blob=False,
+        verbosity=hypothesis.Verbosity.quiet,
+    )
+    failure: int | None = None
+    try:
+        hypothesis.seed(seed)(settings(hypothesis.given(strategy(assignment.mechanism))(judge)))()
+    except _DoesNotAgree:
+        # Hypothesis runs the smallest failing example last, to show it.
+        failure = len(tried) - 1
+    return Found(States.concatenate([state for state, _ in tried]), Comparison.concatenate([comparison for _, comparison in tried]), failure)
+
+
+class _DoesNotAgree(Exception):
+    """Tells hypothesis that a state fails."""
+
+
+def load_audited(assignment: Assignment) -> Model:
+    """The subject's model, loaded once per process and audited.
+
+    Raises:
+        InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
+        harness.engines.Unsupported: the engine cannot express it.
+    """
+    key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
+    return _kept(_MODELS, key, lambda: _load_and_audit(assignment))
+
+
+def _load_and_audit(assignment: Assignment) -> Model:
+    mechanism, model = assignment.mechanism, assignment.model
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    source = mechanism if assignment.subject.format == EQUATIONS else model
+    assert source is not None
+    try:
+        loaded = engine.load(source, mechanism.joints, mechanism.gravity)
+    except ValueError as error:
+        if model is None:
+            raise
+        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    held = loaded.loaded()
+    if held is not None and model is not None:
+        audit(held, model, mechanism)
+    return loaded
+
+
+def _reference_kernel(mechanism: Mechanism) -> ReferenceKernel:
+    return _kept(_KERNELS, mechanism.key, lambda: ReferenceKernel(mechanism))
+
+
+_MODELS: OrderedDict[Hashable, Model] = OrderedDict()
+_KERNELS: OrderedDict[Hashable, ReferenceKernel] = OrderedDict()
+_MOST_KEPT = 64
+
+
+def _kept(store: OrderedDict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
+    """What ``make`` gave for ``key`` last time; the oldest entry goes when there are too many."""
+    if key not in store:
+        store[key] = make()
+        if len(store) > _MOST_KEPT:
+            store.popitem(last=False)
+    return store[key]

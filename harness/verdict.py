@@ -1,0 +1,28 @@
+"""The verdicts of a comparison, and the backward error up to which answers agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+# Largest backward error that agrees [units of data roundoff]: one number for every engine and system.
+AGREEMENT = 64.0
+
+
+class Verdict(StrEnum):
+    """What a comparison says; in ascending order of gravity."""
+
+    AGREES = "agrees"
+    UNDECIDED = "undecided"
+    UNSUPPORTED = "unsupported"
+    UNSTABLE = "unstable"
+    DISAGREES = "disagrees"
+    ERROR = "error"
+
+
+GRAVITY = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
+
+
+def gravest(verdicts: Iterable[str]) -> str:
+    """The gravest of ``verdicts``; "agrees" for none."""
+    return max(verdicts, key=GRAVITY.__getitem__, default=Verdict.AGREES.value)
