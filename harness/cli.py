@@ -304,17 +304,11 @@ def _print_table(records: list[Record]) -> None:
 
 
 def _print_unexpected(records: list[Record]) -> None:
+    from harness.explanation import explain
+
     unexpected = [record for record in records if not record.as_expected]
     for record in unexpected:
-        click.echo(f"\n{record.system} {record.subject}: {record.verdict}, expected {record.expected}")
-        if record.expected_reason:
-            click.echo(f"  expected because {record.expected_reason} ({record.expected_link}); if that is past, remove the entry")
-        if record.message:
-            click.echo(f"  {record.message}")
-        if record.worst_state is not None:
-            click.echo("  at " + ", ".join(f"{name} = {values}" for name, values in record.worst_state.items()))
-        if record.replay:
-            click.echo(f"  replay: {record.replay}")
+        click.echo("\n" + explain(record))
     agreeing = len(records) - len(unexpected)
     click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to 64 agrees")
 

@@ -158,6 +158,8 @@ def _read_urdf(document: Document) -> ModelFile:
     root = document.root
     links: dict[str, etree._Element] = {}
     joints: dict[str, etree._Element] = {}
+    if not root.get("name"):
+        document.refuse(root, "<robot> has no name, without which URDF readers give up; add one")
     for link in root.iterfind("link"):
         add_named(document, link, links)
         inertia = link.find("inertial/inertia")
@@ -243,7 +245,11 @@ def _force_elements(document: Document, links: Elements, joints: Elements) -> It
 
 def _joint_damper(document: Document, joint: etree._Element) -> Iterator[JointDamper]:
     dynamics = joint.find("dynamics")
-    if dynamics is None or "damping" not in dynamics.attrib:
+    if dynamics is None:
+        return
+    if not {"damping", "friction"} & set(dynamics.attrib):
+        document.refuse(dynamics, f"<dynamics> of {describe(joint)} has no damping; add it, or remove the element")
+    if "damping" not in dynamics.attrib:
         return
     (damping,) = numbers(document, dynamics, "damping", Numbers(check=not_negative))
     if joint.get("type") in _SINGLE_AXIS:

@@ -1,0 +1,21 @@
+"""What a person needs to go on from a record that is not as expected, as plain text."""
+
+from __future__ import annotations
+
+from harness.records import Record
+
+
+def explain(record: Record) -> str:
+    """Verdict, message, state and replay command, a line each."""
+    lines = [f"{record.system} {record.subject}: {record.verdict}, expected {record.expected}"]
+    if record.backward_error is not None:
+        lines.append(f"  worst backward error {record.backward_error:.3g} data roundoffs over {record.states:,} states; up to 64 agrees")
+    if record.expected_reason:
+        lines.append(f"  expected because {record.expected_reason} ({record.expected_link}); remove the entry if that is past")
+    if record.message:
+        lines.append(f"  {record.message}")
+    if record.worst_state is not None:
+        lines.append("  at " + ", ".join(f"{name} = {values}" for name, values in record.worst_state.items()))
+    if record.replay:
+        lines.append(f"  replay: {record.replay}")
+    return "\n".join(lines)

@@ -1,0 +1,172 @@
+"""The cross-check as a pytest regression for any library: one test per system and subject.
+
+``pytest --harness-library DIR`` collects ``DIR/systems/*.py``; the ini option ``harness_library`` does
+the same for a project's own runs. No engine is imported when this module loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from harness.library import BUILT_IN_NAME
+
+if TYPE_CHECKING:
+    from harness.library import Library
+    from harness.records import Record
+    from harness.run import CrossCheck
+    from harness.workers import Workers
+
+_DEFAULT_STATES = 1000
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("harness", "cross-check of physics engines")
+    group.addoption("--harness-library", metavar="DIR", help=f"run the cross-check over this library ('{BUILT_IN_NAME}' for the textbook mechanisms)")
+    group.addoption("--harness-states", type=int, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)")
+    group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
+    group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
+    group.addoption("--harness-workers", type=int, metavar="N", help="worker processes (default: one per CPU)")
+    group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
+    group.addoption("--harness-time-limit", type=float, default=60.0, metavar="SECONDS", help="seconds an engine may take over one batch (default: %(default)s)")
+    parser.addini("harness_library", "library the cross-check runs over when --harness-library is not given", default="")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    chosen = config.getoption("--harness-library") or config.getini("harness_library")
+    if not chosen:
+        return
+    from harness.errors import InvalidInput
+    from harness.library import Library
+
+    try:
+        library = Library.at(None if chosen == BUILT_IN_NAME else _relative_to(config, chosen))
+    except InvalidInput as error:
+        raise pytest.UsageError(str(error)) from error
+    config.pluginmanager.register(_Regression(config, library, chosen), "harness-regression")
+    # The option asks for the library; arguments on the command line may ask for something else besides.
+    if config.getoption("--harness-library"):
+        if config.args_source is not pytest.Config.ArgsSource.ARGS:
+            config.args[:] = []
+        config.args.append(str(library.systems))
+
+
+def _relative_to(config: pytest.Config, directory: str) -> Path:
+    return config.invocation_params.dir / directory
+
+
+class _Regression:
+    """Collects one library and runs it once, however many of its tests are selected."""
+
+    def __init__(self, config: pytest.Config, library: Library, chosen: str) -> None:
+        self.config = config
+        self.library = library
+        self.chosen = chosen
+        self._workers: Workers | None = None
+        self._check: CrossCheck | None = None
+        self._coming: Iterator[Record] = iter(())
+        self._known: dict[tuple[str, str], Record] = {}
+        self._wanted: tuple[list[str], list[str]] = ([], [])
+
+    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
+        if file_path.parent != self.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
+            return None
+        return SystemFile.from_parent(parent, path=file_path, regression=self)
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        items = [item for item in session.items if isinstance(item, CrossCheckItem) and item.regression is self]
+        self._wanted = sorted({item.system for item in items}), sorted({item.name for item in items})
+
+    def pytest_sessionfinish(self) -> None:
+        if self._workers is not None:
+            self._workers.__exit__(None, None, None)
+
+    def pytest_report_header(self) -> str:
+        return f"harness: library {self.library.name}, {self.config.getoption('--harness-states')} states per system, seed {self.config.getoption('--harness-seed')}"
+
+    def subjects(self) -> list[str]:
+        """Names of the subjects asked for."""
+        from harness.engines import select_subjects
+        from harness.errors import InvalidInput, UnknownName
+
+        try:
+            return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
+        except (InvalidInput, UnknownName) as error:
+            raise pytest.UsageError(str(error)) from error
+
+    def record(self, system: str, subject: str) -> Record:
+        """The record of one pair, running the cross-check until it comes."""
+        if self._check is None:
+            self._start()
+        while (system, subject) not in self._known:
+            record = next(self._coming)
+            self._known[record.system, record.subject] = record
+        return self._known[system, subject]
+
+    def _start(self) -> None:
+        from harness.run import CrossCheck, Settings
+        from harness.workers import Workers
+
+        option = self.config.getoption
+        settings = Settings(
+            library=self.library,
+            names=self._wanted[0],
+            subjects=self._wanted[1],
+            states=option("--harness-states"),
+            seed=option("--harness-seed"),
+            replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
+        )
+        self._workers = Workers(option("--harness-workers"), option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+        self._check = CrossCheck(settings, self._workers)
+        self._coming = self._check.records()
+
+
+class SystemFile(pytest.File):
+    """A system file, which holds one test per subject. It is not imported here."""
+
+    def __init__(self, *, regression: _Regression, **options: Any) -> None:
+        super().__init__(**options)
+        self.regression = regression
+
+    def collect(self) -> Iterator[CrossCheckItem]:
+        for subject in self.regression.subjects():
+            yield CrossCheckItem.from_parent(self, name=subject, regression=self.regression)
+
+
+class CrossCheckItem(pytest.Item):
+    """One subject on one system: passes where the verdict is the expected one."""
+
+    def __init__(self, *, regression: _Regression, **options: Any) -> None:
+        super().__init__(**options)
+        self.regression = regression
+        self.system = self.path.stem
+
+    def runtest(self) -> None:
+        record = self.regression.record(self.system, self.name)
+        self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
+        if not record.as_expected:
+            raise NotAsExpected(record)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        if isinstance(excinfo.value, NotAsExpected):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        return self.path, None, f"{self.system}[{self.name}]"
+
+
+class NotAsExpected(Exception):
+    """A record whose verdict is not the expected one; prints what a person needs to go on."""
+
+    def __init__(self, record: Record) -> None:
+        super().__init__(record)
+        self.record = record
+
+    def __str__(self) -> str:
+        from harness.explanation import explain
+
+        return explain(self.record)
