@@ -32,7 +32,7 @@ def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
             raise InvalidModel(
                 model.path,
                 line,
-                f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected 1 and 1; use a hinge, slide, revolute or prismatic joint",
+                f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected 1 and 1; use a joint of one degree of freedom",
             )
     expected = (0.0, 0.0, -mechanism.gravity)
     if any(abs(found - wanted) > AUDIT_TOLERANCE * mechanism.gravity for found, wanted in zip(loaded.gravity, expected, strict=True)):

@@ -9,10 +9,10 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -45,22 +45,33 @@ def _told(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(*arguments, **options)
         except (InvalidInput, UnknownName) as error:
-            _fail(error)
+            _tell([error])
 
     return wrapper
 
 
-def _fail(error: Exception) -> NoReturn:
-    click.echo(f"harness: {error}", err=True)
-    sys.exit(INVALID)
+def _tell(problems: Sequence[Exception]) -> None:
+    """Print each problem; exit with status 2 if there is one."""
+    for problem in problems:
+        click.echo(f"harness: {problem}", err=True)
+    if problems:
+        sys.exit(INVALID)
 
 
-library_option = click.option("--library", "library_path", type=click.Path(), help="Folder with systems/, mjcf/ and urdf/ instead of the built-in one.")
+library_option = click.option(
+    "--library", "library_path", type=click.Path(), help="Folder with systems/, mjcf/ and urdf/ instead of the built-in one."
+)
 seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states.")
 json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
 workers_option = click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default.")
 scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Use the dask.distributed cluster at this address.")
-time_limit_option = click.option("--time-limit", type=click.FloatRange(min=0, min_open=True), default=60.0, show_default=True, help="Seconds an engine may take over one batch.")
+time_limit_option = click.option(
+    "--time-limit",
+    type=click.FloatRange(min=0, min_open=True),
+    default=60.0,
+    show_default=True,
+    help="Seconds an engine may take over one batch.",
+)
 
 
 @main.command("list")
@@ -75,33 +86,32 @@ def list_command(library_path: str | None, json_path: str | None) -> None:
 
     library = Library.at(library_path)
     problems: list[InvalidInput] = []
-    systems = []
+    systems: dict[str, tuple[int, str]] = {}
     for name in library.select(()):
         try:
             mechanism = load_mechanism(library, name)
         except InvalidInput as problem:
             problems.append(problem)
-            continue
-        systems.append({"name": name, "degrees_of_freedom": mechanism.nv, "description": mechanism.description.splitlines()[0]})
-    engines = []
-    for name in engine_names(library):
-        engine = load_engine(library, name)
-        engines.append({"name": name, "formats": list(engine.formats), "version": installed_version(engine)})
+        else:
+            systems[name] = mechanism.nv, mechanism.description.splitlines()[0]
+    engines = {name: load_engine(library, name) for name in engine_names(library)}
     if json_path:
         from harness.records import write_atomically
 
-        write_atomically(json_path, json.dumps({"systems": systems, "engines": engines}, indent=2) + "\n")
-    width = max((len(str(system["name"])) for system in systems), default=0)
-    for system in systems:
-        click.echo(f"{system['name']:<{width}}  {system['degrees_of_freedom']:>2} dof  {system['description']}")
+        listed = {
+            "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
+            "engines": [
+                {"name": name, "formats": engine.formats, "version": installed_version(engine)} for name, engine in engines.items()
+            ],
+        }
+        write_atomically(json_path, json.dumps(listed, indent=2) + "\n")
+    width = max(map(len, [*systems, *engines]))
+    for name, (nv, text) in systems.items():
+        click.echo(f"{name:<{width}}  {nv:>2} dof  {text}")
     click.echo()
-    for listed in engines:
-        version = listed["version"] or "not installed"
-        click.echo(f"{listed['name']:<{width}}  {version}  ({', '.join(listed['formats'])})")
-    if problems:
-        for problem in problems[:-1]:
-            click.echo(f"harness: {problem}", err=True)
-        _fail(problems[-1])
+    for name, engine in engines.items():
+        click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
+    _tell(problems)
 
 
 @main.command()
@@ -162,8 +172,9 @@ def check(
     time_limit: float,
 ) -> None:
     """Cross-check NAMEs, or every mechanism, and print a table."""
+    from harness.description import describe_run
     from harness.library import Library
-    from harness.run import Settings, describe_run
+    from harness.run import Settings
 
     stand_ins = {name: Path(path) for name, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
     options = [("--library", library_path), ("--mjcf", mjcf), ("--urdf", urdf)]
@@ -177,16 +188,23 @@ def check(
         state=_parse_state(state),
         replay_options=[word for option, value in options if value for word in (option, value)],
     )
-    run = describe_run(settings, "check", ["harness", *sys.argv[1:]])
+    run = describe_run(settings.library, states, seed, "check", ["harness", *sys.argv[1:]])
     cross_check, records = _cross_check(settings, run, workers, scheduler, time_limit, json_path)
     _print_table(records)
     _print_unexpected(records)
-    sys.exit(_exit_status(cross_check, records))
+    _finish(cross_check, records)
 
 
 @main.command()
 @click.option("--profile", type=click.Choice(sorted(PROFILES)), default="quick", show_default=True, help="How many states per system.")
-@click.option("--out", "directory", type=click.Path(file_okay=False, path_type=Path), default=Path("reports"), show_default=True, help="Folder of the report and its history.")
+@click.option(
+    "--out",
+    "directory",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("reports"),
+    show_default=True,
+    help="Folder of the report and its history.",
+)
 @seed_option
 @library_option
 @json_option
@@ -205,10 +223,11 @@ def report(
     time_limit: float,
 ) -> None:
     """Cross-check everything and write the discrepancy report."""
+    from harness.description import describe_run
     from harness.library import Library
     from harness.records import History
     from harness.report import build, write
-    from harness.run import Settings, describe_run
+    from harness.run import Settings
 
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -220,18 +239,18 @@ def report(
         seed=seed,
         replay_options=["--library", library_path] if library_path else [],
     )
-    run = describe_run(settings, profile, ["harness", *sys.argv[1:]])
+    run = describe_run(settings.library, PROFILES[profile], seed, profile, ["harness", *sys.argv[1:]])
     with History(directory / "history.sqlite") as history:
         identifier = history.begin(run)
         keep = functools.partial(history.append, identifier)
         cross_check, records = _cross_check(settings, run, workers, scheduler, time_limit, json_path, keep)
         for card in cross_check.cards:
             history.append_system(identifier, card)
-        write(directory, build(run, cross_check.cards, records, history))
+        write(directory, build(run, cross_check.cards, records, history.earlier(identifier)))
     _print_table(records)
     _print_unexpected(records)
     click.echo(f"report: {click.format_filename(directory / 'index.html')}")
-    sys.exit(_exit_status(cross_check, records))
+    _finish(cross_check, records)
 
 
 def _cross_check(
@@ -273,7 +292,14 @@ def _progress(total: int) -> Iterator[Callable[[str], None]]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     with Progress(
-        TextColumn("cross-check"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"), console=_console(stderr=True), transient=True, disable=not sys.stderr.isatty()
+        TextColumn("cross-check"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        console=_console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
     ) as progress:
         task = progress.add_task("", total=total)
         yield lambda description: progress.update(task, advance=1, description=description)
@@ -299,7 +325,15 @@ def _print_table(records: list[Record]) -> None:
         style = "green" if record.as_expected else "bold red"
         verdict = record.verdict if record.as_expected else f"{record.verdict} (expected {record.expected})"
         seconds = "" if record.seconds_per_state is None else f"{record.seconds_per_state * 1e9:,.0f} ns"
-        table.add_row(record.system, record.subject, f"{record.states:,}", Text(verdict, style), _number(record.backward_error), _number(record.relative_error), seconds)
+        table.add_row(
+            record.system,
+            record.subject,
+            f"{record.states:,}",
+            Text(verdict, style),
+            _number(record.backward_error),
+            _number(record.relative_error),
+            seconds,
+        )
     _console().print(table)
 
 
@@ -317,14 +351,12 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
 
 
-def _exit_status(cross_check: CrossCheck, records: list[Record]) -> int:
-    if cross_check.problems:
-        for problem in cross_check.problems:
-            click.echo(f"harness: {problem}", err=True)
-        return INVALID
+def _finish(cross_check: CrossCheck, records: list[Record]) -> None:
+    """Exit with the status the run has earned, invalid input first."""
+    _tell(cross_check.problems)
     if cross_check.crashed:
-        return CRASHED
-    return AS_EXPECTED if all(record.as_expected for record in records) else NOT_AS_EXPECTED
+        sys.exit(CRASHED)
+    sys.exit(AS_EXPECTED if all(record.as_expected for record in records) else NOT_AS_EXPECTED)
 
 
 def _parse_state(text: str | None) -> Any:

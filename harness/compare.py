@@ -16,6 +16,7 @@ from harness.kernels import Array
 from harness.reference import UNIT_ROUNDOFF, Reference, energy_norm
 from harness.verdict import AGREEMENT, GRAVITY, Verdict
 
+
 @dataclass(frozen=True)
 class Comparison:
     """Judgement of n answers.
@@ -35,7 +36,9 @@ class Comparison:
     @staticmethod
     def concatenate(parts: Sequence[Comparison]) -> Comparison:
         """The judgements of all parts, in order."""
-        return Comparison(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("backward_error", "relative_error", "verdicts")))
+        return Comparison(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("backward_error", "relative_error", "verdicts"))
+        )
 
     @property
     def worst(self) -> int:

@@ -133,7 +133,9 @@ def load_system(path: Path) -> tuple[System, str]:
     if not isinstance(found, System):
         raise InvalidSystem(path, _line_of_declaration(path), f"SYSTEM is a {type(found).__name__}; expected a harness.system.System")
     if not (module.__doc__ and "Source:" in module.__doc__):
-        raise InvalidSystem(path, 1, "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from")
+        raise InvalidSystem(
+            path, 1, "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from"
+        )
     return found, module.__doc__
 
 
@@ -189,6 +191,6 @@ def _write_entry(entry: Path, mechanism: Mechanism) -> None:
         descriptor, temporary = tempfile.mkstemp(dir=entry.parent, suffix=".tmp")
         with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
             stream.write(_digest(payload) + "\n" + payload)
-        os.replace(temporary, entry)
+        Path(temporary).replace(entry)
     except OSError:
         return

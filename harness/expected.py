@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from harness.errors import InvalidInput
 from harness.library import Library, nearest
+from harness.verdict import GRAVITY
 
 _KEYS = ("system", "subject", "verdict", "reason", "link")
 
@@ -25,7 +26,7 @@ class Expectation:
     link: str = ""
 
 
-def load_expectations(library: Library, subjects: Collection[str], verdicts: Collection[str]) -> Mapping[tuple[str, str], Expectation]:
+def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tuple[str, str], Expectation]:
     """Expectations by (system, subject); a pair without an entry is expected to agree.
 
     Raises:
@@ -46,9 +47,13 @@ def load_expectations(library: Library, subjects: Collection[str], verdicts: Col
         raise InvalidInput(path, None, "holds something other than [[expected]] tables")
     for number, entry in enumerate(entries, start=1):
         where = f"[[expected]] number {number}"
-        if not isinstance(entry, dict) or sorted(entry) != sorted(_KEYS) or not all(isinstance(value, str) and value for value in entry.values()):
+        if (
+            not isinstance(entry, dict)
+            or sorted(entry) != sorted(_KEYS)
+            or not all(isinstance(value, str) and value for value in entry.values())
+        ):
             raise InvalidInput(path, None, f"{where} must have exactly the non-empty texts {', '.join(_KEYS)}")
-        for key, known in (("system", systems), ("subject", subjects), ("verdict", verdicts)):
+        for key, known in (("system", systems), ("subject", subjects), ("verdict", GRAVITY)):
             if entry[key] not in known:
                 raise InvalidInput(path, None, f"{where} names {key} {entry[key]!r}, which does not exist; {nearest(entry[key], known)}")
         pair = entry["system"], entry["subject"]

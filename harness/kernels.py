@@ -98,21 +98,21 @@ class Float64Kernel:
         return [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
 
     @cached_property
-    def _terms(self) -> Callable[[Array], Array]:
+    def _terms(self) -> Any:
         import heyoka
 
         inputs, outputs = self._symbols
         return heyoka.cfunc([expression for name in OUTPUTS for expression in outputs[name]], vars=inputs)
 
     @cached_property
-    def _accelerations(self) -> Callable[[Array], Array]:
+    def _accelerations(self) -> Any:
         import heyoka
 
         inputs, outputs = self._symbols
         return heyoka.cfunc(_solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
 
     @cached_property
-    def _derivatives(self) -> Callable[[Array], Array]:
+    def _derivatives(self) -> Any:
         import heyoka
 
         inputs, outputs = self._symbols
@@ -202,7 +202,7 @@ class BallKernel:
         self.parameters = parameters
         self._source = compile(_ball_source(program, parameters), "<ball kernel>", "exec")
 
-    def bind(self, parameters: Sequence[float]) -> Callable[[Sequence[float]], tuple[Any, ...]]:
+    def bind(self, parameters: Sequence[float]) -> Callable[..., tuple[Any, ...]]:
         """A function from the other inputs (exact float64 each) to all outputs as ``arb``.
 
         Valid at the working precision (``flint.ctx.prec``) in force when ``bind`` is called. Outputs
@@ -213,17 +213,26 @@ class BallKernel:
 
         namespace: dict[str, Any] = {"arb": flint.arb, "fmpq": flint.fmpq}
         exec(self._source, namespace)
-        return namespace["bind"](*(float(value) for value in parameters))
+        evaluate: Callable[..., tuple[Any, ...]] = namespace["bind"](*(float(value) for value in parameters))
+        return evaluate
 
 
-_ARB_BINARY = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "pow": "{} ** {}", "atan2": "arb.atan2({}, {})"}
+_ARB_BINARY = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{} * {}",
+    "div": "{} / {}",
+    "pow": "{} ** {}",
+    "atan2": "arb.atan2({}, {})",
+}
 
 
 def _ball_source(program: StraightLineProgram, parameters: int) -> str:
     """Python source of ``bind(parameters...)``, which returns ``evaluate(other inputs)``."""
     free = len(program.inputs) - parameters
     constant: list[bool] = []
-    outer, inner = [], []
+    outer: list[str] = []
+    inner: list[str] = []
     sines = {operands[0] for operation, *operands in program.instructions if operation == "sin"}
     cosines = {operands[0] for operation, *operands in program.instructions if operation == "cos"}
     for position, (operation, *operands) in enumerate(program.instructions):
@@ -256,12 +265,14 @@ def _ball_source(program: StraightLineProgram, parameters: int) -> str:
                 text = f"x{position} = " + _ARB_BINARY[operation].format(*(f"x{operand}" for operand in operands))
         (outer if constant[-1] else inner).append(text)
     results = ", ".join(f"x{index}" for indices in program.outputs.values() for index in indices)
-    return "\n".join([
-        f"def bind({', '.join(f'z{i}' for i in range(free, len(program.inputs)))}):",
-        *(f"    {line}" for line in outer),
-        f"    def evaluate({', '.join(f'z{i}' for i in range(free))}):",
-        *(f"        {line}" for line in inner),
-        f"        return ({results},)",
-        "    return evaluate",
-        "",
-    ])
+    return "\n".join(
+        [
+            f"def bind({', '.join(f'z{i}' for i in range(free, len(program.inputs)))}):",
+            *(f"    {line}" for line in outer),
+            f"    def evaluate({', '.join(f'z{i}' for i in range(free))}):",
+            *(f"        {line}" for line in inner),
+            f"        return ({results},)",
+            "    return evaluate",
+            "",
+        ]
+    )

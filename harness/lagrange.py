@@ -76,7 +76,7 @@ class EquationsOfMotion:
         gyroscopic terms, K0 gravity and springs. That the configuration is one of rest is the caller's
         claim; a right-hand side that does not vanish there is not an error here.
         """
-        values = {symbol: 0 for symbol in (*self.coordinates, *self.rates)} | dict(equilibrium or {})
+        values = dict.fromkeys((*self.coordinates, *self.rates), 0) | dict(equilibrium or {})
         residual = -self.right_hand_side
         damping = residual.jacobian(list(self.rates))
         stiffness = residual.jacobian(list(self.coordinates))
@@ -107,10 +107,12 @@ def derive(system: System) -> EquationsOfMotion:
     momenta = sp.Matrix([kinetic.diff(rate) for rate in v])
     mass = _mass_matrix(momenta, v)
     # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
-    velocity = sp.Matrix([
-        sum((momentum.diff(x) * rate for x, rate in zip(q, v, strict=True)), momentum.diff(TIME)) - kinetic.diff(coordinate)
-        for momentum, coordinate in zip(momenta, q, strict=True)
-    ])
+    velocity = sp.Matrix(
+        [
+            sum((momentum.diff(x) * rate for x, rate in zip(q, v, strict=True)), momentum.diff(TIME)) - kinetic.diff(coordinate)
+            for momentum, coordinate in zip(momenta, q, strict=True)
+        ]
+    )
     of_gravity, of_springs = _split_potential(potential, system.gravity)
     gravity = sp.Matrix([of_gravity.diff(x) for x in q])
     passive = forces - sp.Matrix([of_springs.diff(x) for x in q])

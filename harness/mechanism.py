@@ -79,15 +79,19 @@ class Mechanism:
             ValueError: a part is missing, of another type or contradicts the others.
         """
         try:
-            mechanism = cls(**{
-                **data,
-                "coordinates": tuple(data["coordinates"]),
-                "joints": tuple(data["joints"]),
-                "parameters": tuple((str(name), float(value), str(unit)) for name, value, unit in data["parameters"]),
-                "position_ranges": tuple(bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]),
-                "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
-                "program": StraightLineProgram.from_json(data["program"]),
-            })
+            mechanism = cls(
+                **{
+                    **data,
+                    "coordinates": tuple(data["coordinates"]),
+                    "joints": tuple(data["joints"]),
+                    "parameters": tuple((str(name), float(value), str(unit)) for name, value, unit in data["parameters"]),
+                    "position_ranges": tuple(
+                        bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]
+                    ),
+                    "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
+                    "program": StraightLineProgram.from_json(data["program"]),
+                }
+            )
         except (TypeError, KeyError, IndexError) as error:
             raise ValueError(f"not a mechanism: {error!r}") from error
         nv = mechanism.nv

@@ -25,7 +25,13 @@ def equation_rows(equations: EquationsOfMotion) -> list[sp.Eq]:
     for i, name in enumerate(names):
         inertia = sum((sp.simplify(equations.mass_matrix[i, j]) * a for j, a in enumerate(accelerations)), sp.S.Zero)
         rest = sp.expand(sp.simplify(-equations.right_hand_side[i])).xreplace(dotted)
-        rows.append(sp.Eq(sp.Add(*inertia.args, *rest.args, evaluate=False) if inertia.is_Add and rest.is_Add else inertia + rest, sp.Symbol(f"tau_{name}"), evaluate=False))
+        rows.append(
+            sp.Eq(
+                sp.Add(*inertia.args, *rest.args, evaluate=False) if inertia.is_Add and rest.is_Add else inertia + rest,
+                sp.Symbol(f"tau_{name}"),
+                evaluate=False,
+            )
+        )
     return rows
 
 

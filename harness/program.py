@@ -153,7 +153,9 @@ class _Assembler:
             return self.add(name, self.emit(expression.args[0]))
         if name == "atan2":
             return self.add("atan2", *(self.emit(argument) for argument in expression.args))
-        raise ValueError(f"no kernel can evaluate {expression} ({name}); write it with + - * / powers, sqrt, trigonometric or exponential functions")
+        raise ValueError(
+            f"no kernel can evaluate {expression} ({name}); write it with + - * / powers, sqrt, trigonometric or exponential functions"
+        )
 
     def _sum(self, expression: sp.Expr) -> int:
         total: int | None = None
@@ -202,7 +204,7 @@ class _Assembler:
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
         import sympy as sp
 
-        if exponent.is_Integer and exponent.is_negative or exponent.is_Rational and exponent.is_negative:
+        if (exponent.is_Integer and exponent.is_negative) or (exponent.is_Rational and exponent.is_negative):
             return self.add("div", self.rational(sp.S.One), self.emit(base**-exponent))
         if base is sp.E:
             return self.add("exp", self.emit(exponent))

@@ -25,13 +25,21 @@ _DEFAULT_STATES = 1000
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("harness", "cross-check of physics engines")
-    group.addoption("--harness-library", metavar="DIR", help=f"run the cross-check over this library ('{BUILT_IN_NAME}' for the textbook mechanisms)")
+    group.addoption(
+        "--harness-library", metavar="DIR", help=f"run the cross-check over this library ('{BUILT_IN_NAME}' for the textbook mechanisms)"
+    )
     group.addoption("--harness-states", type=int, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)")
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
     group.addoption("--harness-workers", type=int, metavar="N", help="worker processes (default: one per CPU)")
     group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
-    group.addoption("--harness-time-limit", type=float, default=60.0, metavar="SECONDS", help="seconds an engine may take over one batch (default: %(default)s)")
+    group.addoption(
+        "--harness-time-limit",
+        type=float,
+        default=60.0,
+        metavar="SECONDS",
+        help="seconds an engine may take over one batch (default: %(default)s)",
+    )
     parser.addini("harness_library", "library the cross-check runs over when --harness-library is not given", default="")
 
 
@@ -85,7 +93,8 @@ class _Regression:
             self._workers.__exit__(None, None, None)
 
     def pytest_report_header(self) -> str:
-        return f"harness: library {self.library.name}, {self.config.getoption('--harness-states')} states per system, seed {self.config.getoption('--harness-seed')}"
+        states, seed = self.config.getoption("--harness-states"), self.config.getoption("--harness-seed")
+        return f"harness: library {self.library.name}, {states} states per system, seed {seed}"
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""

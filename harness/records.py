@@ -21,10 +21,9 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from harness.errors import InvalidInput
+from harness.verdict import Verdict
 
-VERDICTS = ("agrees", "unstable", "disagrees", "undecided", "error", "unsupported")
-LIMIT = 64.0
-"""Largest backward error that agrees [units of data roundoff]."""
+_VERDICTS = [verdict.value for verdict in Verdict]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +33,7 @@ class Record:
     Attributes:
         system, subject: names, as "arm_2r" and "mujoco/mjcf".
         states: number of states compared.
-        verdict, expected: one of ``VERDICTS``; ``expected`` is "agrees" unless a file lists another.
+        verdict, expected: values of ``Verdict``; ``expected`` is "agrees" unless a file lists another.
         backward_error: worst over the states [units of data roundoff]; may be inf; None where nothing
             was compared.
         relative_error: worst over the states; for the reader only.
@@ -70,8 +69,8 @@ class Record:
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
-            if verdict not in VERDICTS:
-                raise ValueError(f"{verdict!r} is no verdict; expected one of {', '.join(VERDICTS)}")
+            if verdict not in _VERDICTS:
+                raise ValueError(f"{verdict!r} is no verdict; expected one of {', '.join(_VERDICTS)}")
 
     @property
     def as_expected(self) -> bool:

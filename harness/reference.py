@@ -206,7 +206,7 @@ def energy_norm(norm_factor: Array, vectors: Array) -> Array:
 
 def _condition_number(matrices: Array) -> Array:
     """2-norm condition numbers of symmetric matrices (n, nv, nv); infinite where not positive definite."""
-    usable = np.isfinite(matrices).all(axis=(1, 2))
+    usable = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     eigenvalues = np.linalg.eigvalsh(np.where(usable[:, None, None], matrices, 0.0))
     smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]
     return np.where(usable & (smallest > 0), largest / np.where(smallest > 0, smallest, 1.0), np.inf)

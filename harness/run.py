@@ -6,32 +6,26 @@ system, model or engine costs the records that depend on it and nothing else.
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
-import os
-import platform
 import shlex
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from harness import __version__, tasks
-from harness.compare import Comparison, compare
-from harness.engines import EQUATIONS, Subject, Unsupported, engine_names, installed_version, load_engine, select_subjects, subjects
+from harness import tasks
+from harness.compare import compare
+from harness.description import describe_system
+from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
 from harness.errors import InvalidInput, InvalidModel, UnknownName
 from harness.expected import Expectation, load_expectations
+from harness.judgement import Answers, judge
 from harness.library import Library
 from harness.mechanism import Mechanism
 from harness.models import ModelFile, read_model
-from harness.records import Record, Run, SystemCard, half_decade
+from harness.records import Record, SystemCard
 from harness.reference import Reference
 from harness.states import States, sample
-from harness.verdict import Verdict, gravest
 from harness.workers import Outcome, Task, Workers
 
 DEFAULT_STATES = 1000
@@ -119,14 +113,17 @@ class CrossCheck:
         self.names = settings.library.select(settings.names)
         self.subjects = select_subjects(settings.library, settings.subjects)
         every_subject = [str(subject) for subject in subjects(settings.library)]
-        self.expectations = load_expectations(settings.library, every_subject, [verdict.value for verdict in Verdict])
+        self.expectations = load_expectations(settings.library, every_subject)
         if settings.stand_ins and len(self.names) != 1:
             raise UnknownName("--mjcf and --urdf stand in for one system's models; name exactly one system")
         if settings.state is not None and len(self.names) != 1:
             raise UnknownName("--state belongs to one system; name exactly one system")
         self.problems: list[InvalidInput] = []
         if not settings.names:
-            self.problems += [InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it") for path in settings.library.orphaned_models()]
+            self.problems += [
+                InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it")
+                for path in settings.library.orphaned_models()
+            ]
         self.crashed = False
         self.cards: list[SystemCard] = []
 
@@ -145,7 +142,7 @@ class CrossCheck:
                 if outcome.crash is not None:
                     self.problems.append(InvalidInput(self.settings.library.system_path(name), None, failure))
                 for subject in self.subjects:
-                    yield self._record_of_failure(name, subject, failure)
+                    yield self._told(Answers(failure=failure), name, subject)
             else:
                 mechanisms[name] = outcome.value
         yield from self._compare({name: mechanisms[name] for name in self.names if name in mechanisms})
@@ -178,7 +175,7 @@ class CrossCheck:
             else:
                 self._take_answer(system.pairs[subject], index, outcome)
             yield from self._completed(name, system)
-        self.cards += [_card(system) for system in systems.values()]
+        self.cards += [describe_system(system.mechanism, system.seconds) for system in systems.values()]
 
     def _bulk(self, mechanism: Mechanism) -> list[States]:
         if self.settings.state is not None:
@@ -202,8 +199,10 @@ class CrossCheck:
         assignment = tasks.Assignment(self.settings.library, pair.subject, system.mechanism, model)
         work = [Task((name, pair.subject, index), tasks.accelerate, (assignment, states)) for index, states in enumerate(system.bulk)]
         if self.settings.searched:
-            examples = self.settings.examples and (self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-"))
-            work.append(Task((name, pair.subject, "search"), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
+            examples = self.settings.examples and (
+                self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-")
+            )
+            work.append(Task((name, pair.subject, None), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
         pair.pending = len(work)
         return work
 
@@ -228,7 +227,7 @@ class CrossCheck:
             system.references[index], seconds = outcome.value
             system.seconds.append(seconds)
 
-    def _take_answer(self, pair: _Pair, index: int | str, outcome: Outcome) -> None:
+    def _take_answer(self, pair: _Pair, index: int | None, outcome: Outcome) -> None:
         pair.pending -= 1
         failure = self._failure_of(outcome)
         if failure:
@@ -236,7 +235,7 @@ class CrossCheck:
             pair.unsupported = isinstance(outcome.exception, Unsupported)
             if outcome.crash is not None and outcome.crash.note:
                 pair.failed_at = json.loads(outcome.crash.note)
-        elif index == "search":
+        elif index is None:
             pair.found = outcome.value
         else:
             pair.answers[index], seconds = outcome.value
@@ -264,120 +263,18 @@ class CrossCheck:
             yield self._record(name, system, pair)
 
     def _record(self, name: str, system: _System, pair: _Pair) -> Record:
-        parts = [
-            (system.bulk[index], compare(system.references[index], answers))
-            for index, answers in sorted(pair.answers.items())
-            if index in system.references
-        ]
-        failure = pair.failure or system.failure
-        if pair.found is not None:
-            parts.append((pair.found.states, pair.found.comparison))
-        if not parts:
-            return self._record_of_failure(name, pair.subject, failure or "nothing was compared", pair.unsupported, pair.failed_at)
-        states = States.concatenate([part for part, _ in parts])
-        comparison = Comparison.concatenate([part for _, part in parts])
-        worst, message = comparison.worst, ""
-        verdict = Verdict.ERROR.value if failure else gravest(comparison.verdicts.tolist())
-        found = pair.found
-        if found is not None and found.simplest_failure is not None:
-            simplest = len(states) - len(found.states) + found.simplest_failure
-            if comparison.verdicts[simplest] == verdict:
-                worst = simplest
-                message = f"The state shown is the simplest that fails; its backward error is {_three(comparison.backward_error[simplest])}."
-        not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
-        if not_finite:
-            message = f"{not_finite} of {len(states)} answers are not finite. {message}".strip()
-        expectation = self._expectation(name, pair.subject)
-        judged = comparison.backward_error[~np.isnan(comparison.backward_error)]
-        relative = comparison.relative_error[~np.isnan(comparison.relative_error)]
-        worst_state = pair.failed_at or states.as_json(worst)
-        return Record(
-            system=name,
-            subject=str(pair.subject),
-            states=len(states),
-            verdict=verdict,
-            expected=expectation.verdict,
-            backward_error=float(judged.max()) if len(judged) else None,
-            relative_error=float(relative.max()) if len(relative) else None,
-            worst_state=worst_state,
-            seconds_per_state=float(np.median(pair.seconds)) if pair.seconds else None,
-            message=" ".join(filter(None, [failure, message])),
-            median_backward_error=float(np.median(judged)) if len(judged) else None,
-            distribution=dict(Counter(map(half_decade, judged.tolist()))),
-            verdict_counts=dict(Counter(comparison.verdicts.tolist())),
-            expected_reason=expectation.reason,
-            expected_link=expectation.link,
-            replay=self._replay(name, pair.subject, worst_state),
-        )
+        bulk = [(index, answers) for index, answers in sorted(pair.answers.items()) if index in system.references]
+        parts = [(system.bulk[index], compare(system.references[index], answers)) for index, answers in bulk]
+        answers = Answers(parts, pair.found, pair.seconds, pair.failure or system.failure, pair.unsupported, pair.failed_at)
+        return self._told(answers, name, pair.subject)
 
-    def _record_of_failure(
-        self, name: str, subject: Subject, failure: str, unsupported: bool = False, failed_at: dict[str, list[float]] | None = None
-    ) -> Record:
-        expectation = self._expectation(name, subject)
-        return Record(
-            system=name,
-            subject=str(subject),
-            states=0,
-            verdict=Verdict.UNSUPPORTED.value if unsupported else Verdict.ERROR.value,
-            expected=expectation.verdict,
-            backward_error=None,
-            relative_error=None,
-            worst_state=failed_at,
-            seconds_per_state=None,
-            message=failure,
-            expected_reason=expectation.reason,
-            expected_link=expectation.link,
-            replay=self._replay(name, subject, failed_at),
-        )
-
-    def _expectation(self, name: str, subject: Subject) -> Expectation:
-        return self.expectations.get((name, str(subject)), Expectation())
-
-    def _replay(self, name: str, subject: Subject, state: dict[str, list[float]] | None) -> str:
+    def _told(self, answers: Answers, name: str, subject: Subject) -> Record:
+        """The record of a pair, with what was expected of it and how to see it again."""
+        expectation = self.expectations.get((name, str(subject)), Expectation())
+        record = judge(name, str(subject), answers, expectation)
         command = ["harness", "check", name, "--subject", str(subject), *self.settings.replay_options]
-        command += ["--state", json.dumps(state)] if state is not None else ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
-        return shlex.join(command)
-
-
-def describe_run(settings: Settings, profile: str, command: Sequence[str]) -> Run:
-    """Versions, machine and settings of a run that starts now."""
-    versions = {"harness": __version__, "python": platform.python_version()}
-    for distribution in ("sympy", "numpy", "heyoka", "python-flint", "hypothesis", "distributed"):
-        versions[distribution] = importlib.metadata.version(distribution)
-    for name in engine_names(settings.library):
-        engine = load_engine(settings.library, name)
-        version = installed_version(engine)
-        if version is not None:
-            versions[engine.requires[1]] = version
-    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count())}
-    return Run(
-        started=datetime.now(UTC).isoformat(timespec="seconds"),
-        versions=versions,
-        machine=machine,
-        seed=settings.seed,
-        profile=profile,
-        states=settings.states,
-        library=settings.library.name,
-        command=shlex.join(command),
-    )
-
-
-def _card(system: _System) -> SystemCard:
-    mechanism = system.mechanism
-    free = ("input", "rational", "pi")
-    return SystemCard(
-        name=mechanism.name,
-        description=mechanism.description,
-        source=mechanism.source,
-        coordinates=[{"name": name, "joint": joint} for name, joint in zip(mechanism.coordinates, mechanism.joints, strict=True)],
-        parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
-        equations_mathml=mechanism.equations_mathml,
-        equations_text=mechanism.equations_text,
-        operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
-        derivation_seconds=mechanism.derivation_seconds,
-        reference_seconds_per_state=float(np.median(system.seconds)) if system.seconds else None,
-    )
-
-
-def _three(value: float) -> str:
-    return f"{value:.3g}"
+        if record.worst_state is not None:
+            command += ["--state", json.dumps(record.worst_state)]
+        else:
+            command += ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
+        return replace(record, replay=shlex.join(command))

@@ -136,7 +136,9 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     except _DoesNotAgree:
         # Hypothesis runs the smallest failing example last, to show it.
         failure = len(tried) - 1
-    return Found(States.concatenate([state for state, _ in tried]), Comparison.concatenate([comparison for _, comparison in tried]), failure)
+    return Found(
+        States.concatenate([state for state, _ in tried]), Comparison.concatenate([comparison for _, comparison in tried]), failure
+    )
 
 
 class _DoesNotAgree(Exception):

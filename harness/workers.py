@@ -85,7 +85,8 @@ class Workers:
         self._exit.callback(shutil.rmtree, self._spool, ignore_errors=True)
         if self.scheduler is None:
             self._exit.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
-            cluster = LocalCluster(n_workers=self.count or os.cpu_count() or 1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
+            processes = self.count or os.cpu_count() or 1
+            cluster = LocalCluster(n_workers=processes, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
             self._exit.enter_context(cluster)
             self._client = self._exit.enter_context(Client(cluster))
         else:
@@ -128,7 +129,15 @@ class Workers:
     def _submit(self, task: Task, worker: str) -> tuple[Task, Any, Path]:
         spool = Path(tempfile.mkdtemp(dir=self._spool))
         future = self._client.submit(
-            _guarded, task.function, task.arguments, self.time_limit, spool, workers=[worker], pure=False, retries=0, allow_other_workers=False
+            _guarded,
+            task.function,
+            task.arguments,
+            self.time_limit,
+            spool,
+            workers=[worker],
+            pure=False,
+            retries=0,
+            allow_other_workers=False,
         )
         return task, future, spool
 
@@ -147,10 +156,7 @@ class Workers:
         written = _read(spool / "stderr")
         timed_out = _TIMEOUT_MARK in written
         message = re.split(r"^(?:Timeout \(|Fatal Python error:)", written, maxsplit=1, flags=re.MULTILINE)[0].strip()
-        if timed_out:
-            reason = f"exceeded its time limit of {self.time_limit:g} s"
-        else:
-            reason = self._cause_of_death(_read(spool / "pid"))
+        reason = f"exceeded its time limit of {self.time_limit:g} s" if timed_out else self._cause_of_death(_read(spool / "pid"))
         return Crash(reason, _read(spool / "note"), message)
 
     def _cause_of_death(self, pid: str) -> str:
@@ -183,8 +189,8 @@ def _guarded(function: Callable[..., Any], arguments: tuple[Any, ...], time_limi
         note: Callable[[str], None] = lambda text: None  # noqa: E731
         if spool.is_dir():
             (spool / "pid").write_text(str(os.getpid()))
-            errors = stack.enter_context(open(spool / "stderr", "wb", buffering=0))
-            notes = stack.enter_context(open(spool / "note", "wb", buffering=0))
+            errors = stack.enter_context((spool / "stderr").open("wb", buffering=0))
+            notes = stack.enter_context((spool / "note").open("wb", buffering=0))
             saved = os.dup(2)
             stack.callback(os.close, saved)
             os.dup2(errors.fileno(), 2)

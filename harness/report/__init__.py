@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from harness.errors import InvalidInput
@@ -33,10 +33,8 @@ def build(run: Run, cards: Sequence[SystemCard], records: Sequence[Record], hist
     }
 
 
-def write(
-    directory: Path | str, run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = ()
-) -> list[Path]:
-    """Build the report into ``directory``, made if it is missing, each file whole or not at all; their paths.
+def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:
+    """Write what ``build`` returned into ``directory``, made if it is missing, each file whole or not at all; their paths.
 
     Raises:
         InvalidInput: the directory or a file cannot be written.
@@ -47,7 +45,7 @@ def write(
     except OSError as error:
         raise InvalidInput(folder, None, f"cannot hold a report ({error.strerror}); name a folder that is writable") from error
     paths = []
-    for name, text in build(run, cards, records, history).items():
+    for name, text in files.items():
         write_atomically(folder / name, text)
         paths.append(folder / name)
     return paths

@@ -12,13 +12,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from harness.records import LIMIT, Record
+from harness.records import Record
 from harness.report.summary import Summary, error_text, seconds_text
+from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
+    from bokeh import plotting
     from bokeh.model import Model
     from bokeh.models.renderers import DataRenderer
-    from bokeh.plotting import figure as Figure
 
 MARKERS = (
     ("circle", "●"), ("triangle", "▲"), ("square", "■"), ("diamond", "◆"), ("inverted_triangle", "▼"), ("star", "★"), ("hex", "⬢"),
@@ -63,6 +64,7 @@ def half_decades(record: Record) -> dict[int, int]:
 
 def draw(summary: Summary) -> Charts:
     """Every plot of the report that has data."""
+    from bokeh.document import Document
     from bokeh.embed import components
     from bokeh.resources import Resources
 
@@ -73,11 +75,16 @@ def draw(summary: Summary) -> Charts:
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
         return Charts()
+    document = Document()
+    # Without the freeze Bokeh visits all plots again after adding each.
+    with document.models.freeze():
+        for plot in drawn.values():
+            document.add_root(plot)
     script, divs = components(drawn)
     return Charts(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
 
 
-def _overview(summary: Summary) -> Figure | None:
+def _overview(summary: Summary) -> plotting.figure | None:
     from bokeh.models import FixedTicker
 
     compared = [record for record in summary.records if _drawable(record.backward_error)]
@@ -100,14 +107,14 @@ def _overview(summary: Summary) -> Figure | None:
     return plot
 
 
-def _distribution(summary: Summary, system: str) -> Figure | None:
+def _distribution(summary: Summary, system: str) -> plotting.figure | None:
     filled = [(record, bins) for record in summary.of_system(system) if (bins := half_decades(record))]
     if not filled:
         return None
     first = min(min(bins) for _, bins in filled)
     last = max(max(bins) for _, bins in filled)
     most = max(max(bins.values()) for _, bins in filled)
-    low, high = min(_edge(first), 1.0) / 2, max(_edge(last + 1), LIMIT) * 2
+    low, high = min(_edge(first), 1.0) / 2, max(_edge(last + 1), AGREEMENT) * 2
     plot = _figure(260, "backward error", "states", x_axis_type="log", y_axis_type="log", x_range=(low, high), y_range=(0.5, 2.0 * most))
     for record, bins in filled:
         colour, _, _ = style_of(summary, record.subject)
@@ -128,7 +135,7 @@ def _distribution(summary: Summary, system: str) -> Figure | None:
     return plot
 
 
-def _cost(summary: Summary, system: str) -> Figure | None:
+def _cost(summary: Summary, system: str) -> plotting.figure | None:
     shown = [r for r in summary.of_system(system) if _drawable(r.backward_error) and _drawable(r.seconds_per_state) and r.seconds_per_state]
     if not shown:
         return None
@@ -149,7 +156,7 @@ def _cost(summary: Summary, system: str) -> Figure | None:
     return plot
 
 
-def _trend(summary: Summary) -> Figure | None:
+def _trend(summary: Summary) -> plotting.figure | None:
     points = {subject: [p for p in values if _drawable(p[1])] for subject, values in summary.trend().items()} if summary.earlier else {}
     if not any(points.values()):
         return None
@@ -169,7 +176,7 @@ def _trend(summary: Summary) -> Figure | None:
     return plot
 
 
-def _figure(height: int, x_label: str, y_label: str, **options: Any) -> Figure:
+def _figure(height: int, x_label: str, y_label: str, **options: Any) -> plotting.figure:
     from bokeh.plotting import figure
 
     plot = figure(
@@ -196,7 +203,7 @@ def _columns(records: Sequence[Record], low: float, high: float) -> _Columns:
     }
 
 
-def _scatter(plot: Figure, summary: Summary, subject: str, x: Sequence[Any], y: Sequence[Any], columns: _Columns) -> None:
+def _scatter(plot: plotting.figure, summary: Summary, subject: str, x: Sequence[Any], y: Sequence[Any], columns: _Columns) -> None:
     from bokeh.models import ColumnDataSource
 
     colour, marker, _ = style_of(summary, subject)
@@ -204,7 +211,7 @@ def _scatter(plot: Figure, summary: Summary, subject: str, x: Sequence[Any], y: 
     plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=0.75)
 
 
-def _hover(plot: Figure, **tooltips: str) -> None:
+def _hover(plot: plotting.figure, **tooltips: str) -> None:
     from bokeh.models import HoverTool
     from bokeh.models.renderers import GlyphRenderer
 
@@ -212,11 +219,11 @@ def _hover(plot: Figure, **tooltips: str) -> None:
     plot.add_tools(HoverTool(renderers=points, tooltips=list(tooltips.items())))
 
 
-def _limit(plot: Figure, dimension: _Direction) -> None:
-    _line(plot, dimension, LIMIT, _RED)
+def _limit(plot: plotting.figure, dimension: _Direction) -> None:
+    _line(plot, dimension, AGREEMENT, _RED)
 
 
-def _line(plot: Figure, dimension: _Direction, location: float, colour: str) -> None:
+def _line(plot: plotting.figure, dimension: _Direction, location: float, colour: str) -> None:
     from bokeh.models.annotations.geometry import Span
 
     plot.add_layout(Span(dimension=dimension, location=location, line_color=colour, line_dash="dashed", line_width=1.5))
@@ -242,5 +249,5 @@ def _within(value: float | None, low: float, high: float) -> float:
 def _range(values: Iterable[float | None]) -> tuple[float, float]:
     """Ends of a log axis that shows 1, the limit and every value that has a place on it."""
     finite = [value for value in values if value and math.isfinite(value)]
-    low, high = min([1.0, *finite]) / 4, max([LIMIT, *finite]) * 4
+    low, high = min([1.0, *finite]) / 4, max([AGREEMENT, *finite]) * 4
     return max(low, _LOWEST), min(high, _HIGHEST)

@@ -8,8 +8,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from harness.records import LIMIT, Record
+from harness.records import Record
 from harness.report.summary import Summary, error_text, seconds_text, state_lines
+from harness.verdict import AGREEMENT
 
 VOLATILE = "## This run (differs from run to run)"
 
@@ -26,7 +27,7 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield _bullets(f"**{_cell(r.system)}, {_cell(r.subject)}: {r.verdict}**, expected {r.expected}" for r in summary.unexpected)
     yield from summary.remarks
     yield "## Verdicts and worst backward errors"
-    yield f"A backward error is an error in units of data roundoff; up to {LIMIT:g} agrees."
+    yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
     rows = [[system, *(_verdicts(summary.cells.get((system, subject), [])) for subject in summary.subjects)] for system in summary.systems]
     yield _table(["system", *summary.subjects], rows)
     yield "## Expected to differ"

@@ -55,9 +55,9 @@ class Summary:
         total, wrong = len(self.records), len(self.unexpected)
         if not total:
             return "Nothing was compared: this run holds no records."
-        pairs = counted(total, "system–subject pair")
+        pairs = f"{counted(total, 'pair')} of system and subject"
         if not wrong:
-            return f"All {pairs} {'is' if total == 1 else 'are'} as expected.".replace("All 1 ", "The 1 ")
+            return f"All {pairs} are as expected." if total > 1 else f"The {pairs} is as expected."
         right = total - wrong
         return f"{right} of {pairs} {'is' if right == 1 else 'are'} as expected; {wrong} {'is' if wrong == 1 else 'are'} not."
 
@@ -131,8 +131,8 @@ def counted(number: int, noun: str) -> str:
 
 
 def error_text(value: float | None) -> str:
-    """Three significant digits; an en dash where nothing was compared."""
-    return "–" if value is None else _three_digits(value)
+    """Three significant digits; a dash where nothing was compared."""
+    return "-" if value is None else _three_digits(value)
 
 
 def _three_digits(value: float) -> str:
@@ -140,9 +140,9 @@ def _three_digits(value: float) -> str:
 
 
 def seconds_text(value: float | None) -> str:
-    """Three significant digits in the unit that suits; an en dash for None."""
+    """Three significant digits in the unit that suits; a dash for None."""
     if value is None:
-        return "–"
+        return "-"
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
         if not abs(value) < size:
             return f"{_three_digits(value / size)} {unit}"

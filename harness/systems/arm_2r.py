@@ -23,10 +23,7 @@ turn_1, turn_2 = q1.diff(TIME), q1.diff(TIME) + q2.diff(TIME)
 
 SYSTEM = System(
     coordinates={q1: "shoulder", q2: "elbow"},
-    kinetic=m1 * velocity_1.dot(velocity_1) / 2
-    + I1 * turn_1**2 / 2
-    + m2 * velocity_2.dot(velocity_2) / 2
-    + I2 * turn_2**2 / 2,
+    kinetic=m1 * velocity_1.dot(velocity_1) / 2 + I1 * turn_1**2 / 2 + m2 * velocity_2.dot(velocity_2) / 2 + I2 * turn_2**2 / 2,
     potential=m1 * g * centre_1[1] + m2 * g * centre_2[1],
     parameters={
         m1: (3.0, "kg"),
