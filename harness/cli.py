@@ -9,8 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +19,12 @@ from harness import __version__
 from harness.errors import InvalidInput, UnknownName
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from harness.records import Record, Run
     from harness.run import CrossCheck, Settings
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # States per system of a report; the check command's own default is the same as quick.
 PROFILES = {"quick": 1000, "nightly": 100_000}
-_PIPE_WIDTH = 160
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -190,8 +186,6 @@ def check(
     )
     run = describe_run(settings.library, states, seed, "check", ["harness", *sys.argv[1:]])
     cross_check, records = _cross_check(settings, run, workers, scheduler, time_limit, json_path)
-    _print_table(records)
-    _print_unexpected(records)
     _finish(cross_check, records)
 
 
@@ -224,8 +218,8 @@ def report(
 ) -> None:
     """Cross-check everything and write the discrepancy report."""
     from harness.description import describe_run
+    from harness.history import History
     from harness.library import Library
-    from harness.records import History
     from harness.report import build, write
     from harness.run import Settings
 
@@ -247,8 +241,6 @@ def report(
         for card in cross_check.cards:
             history.append_system(identifier, card)
         write(directory, build(run, cross_check.cards, records, history.earlier(identifier)))
-    _print_table(records)
-    _print_unexpected(records)
     click.echo(f"report: {click.format_filename(directory / 'index.html')}")
     _finish(cross_check, records)
 
@@ -265,13 +257,14 @@ def _cross_check(
     """Run to the end, keeping each record as it comes, and write the JSON file as it grows."""
     from harness.records import write_json
     from harness.run import CrossCheck
+    from harness.terminal import progress
     from harness.workers import Workers
 
     records: list[Record] = []
     pool = Workers(workers, scheduler, time_limit)
     cross_check = CrossCheck(settings, pool)
     try:
-        with pool, _progress(cross_check.expected_records) as advance:
+        with pool, progress(cross_check.expected_records) as advance:
             for record in cross_check.records():
                 keep(record)
                 records.append(record)
@@ -286,73 +279,12 @@ def _cross_check(
     return cross_check, records
 
 
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    with Progress(
-        TextColumn("cross-check"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-        console=_console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    ) as progress:
-        task = progress.add_task("", total=total)
-        yield lambda description: progress.update(task, advance=1, description=description)
-
-
-def _console(stderr: bool = False) -> Console:
-    from rich.console import Console
-
-    stream = sys.stderr if stderr else sys.stdout
-    return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
-
-
-def _print_table(records: list[Record]) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("system", "subject"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("states", "verdict", "backward error", "relative error", "time per state"):
-        table.add_column(heading, justify="left" if heading == "verdict" else "right")
-    for record in records:
-        style = "green" if record.as_expected else "bold red"
-        verdict = record.verdict if record.as_expected else f"{record.verdict} (expected {record.expected})"
-        seconds = "" if record.seconds_per_state is None else f"{record.seconds_per_state * 1e9:,.0f} ns"
-        table.add_row(
-            record.system,
-            record.subject,
-            f"{record.states:,}",
-            Text(verdict, style),
-            _number(record.backward_error),
-            _number(record.relative_error),
-            seconds,
-        )
-    _console().print(table)
-
-
-def _print_unexpected(records: list[Record]) -> None:
-    from harness.explanation import explain
-
-    unexpected = [record for record in records if not record.as_expected]
-    for record in unexpected:
-        click.echo("\n" + explain(record))
-    agreeing = len(records) - len(unexpected)
-    click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to 64 agrees")
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"
-
-
 def _finish(cross_check: CrossCheck, records: list[Record]) -> None:
-    """Exit with the status the run has earned, invalid input first."""
+    """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
+    from harness.terminal import print_table, print_unexpected
+
+    print_table(records)
+    print_unexpected(records)
     _tell(cross_check.problems)
     if cross_check.crashed:
         sys.exit(CRASHED)

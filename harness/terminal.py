@@ -1,0 +1,77 @@
+"""What the command line prints: a progress bar, the table of records, and what is not as expected."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from harness.explanation import explain
+from harness.records import Record
+from harness.verdict import AGREEMENT
+
+_PIPE_WIDTH = 160
+
+
+@contextmanager
+def progress(total: int) -> Iterator[Callable[[str], None]]:
+    """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
+    with Progress(
+        TextColumn("cross-check"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        console=_console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task("", total=total)
+        yield lambda description: bar.update(task, advance=1, description=description)
+
+
+def _console(stderr: bool = False) -> Console:
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
+
+
+def print_table(records: list[Record]) -> None:
+    """One row per record on standard output."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("system", "subject"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("states", "verdict", "backward error", "relative error", "time per state"):
+        table.add_column(heading, justify="left" if heading == "verdict" else "right")
+    for record in records:
+        style = "green" if record.as_expected else "bold red"
+        verdict = record.verdict if record.as_expected else f"{record.verdict} (expected {record.expected})"
+        seconds = "" if record.seconds_per_state is None else f"{record.seconds_per_state * 1e9:,.0f} ns"
+        table.add_row(
+            record.system,
+            record.subject,
+            f"{record.states:,}",
+            Text(verdict, style),
+            _number(record.backward_error),
+            _number(record.relative_error),
+            seconds,
+        )
+    _console().print(table)
+
+
+def print_unexpected(records: list[Record]) -> None:
+    """What is not as expected, and how many records are."""
+    unexpected = [record for record in records if not record.as_expected]
+    for record in unexpected:
+        click.echo("\n" + explain(record))
+    agreeing = len(records) - len(unexpected)
+    click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
