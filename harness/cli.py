@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from harness import __version__
-from harness.errors import InvalidInput, UnknownName
+from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
     from harness.records import Record, Run
@@ -40,7 +41,7 @@ def _told(command: Callable[..., None]) -> Callable[..., None]:
     def wrapper(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
-        except (InvalidInput, UnknownName) as error:
+        except (InvalidInput, InvalidRequest) as error:
             _tell([error])
 
     return wrapper
@@ -272,7 +273,7 @@ def _cross_check(
                     write_json(json_path, run, records)
                 advance(f"{record.system} {record.subject}")
     except OSError as error:
-        raise UnknownName(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
+        raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
     records.sort(key=lambda record: (record.system, record.subject))
     if json_path:
         write_json(json_path, run, records)
@@ -306,6 +307,8 @@ def _parse_state(text: str | None) -> Any:
         parts = [[float(value) for value in data[key]] for key in ("q", "v", "tau")]
     except (ValueError, TypeError, KeyError) as error:
         raise click.BadParameter('expected {"q": [...], "v": [...], "tau": [...]} with numbers', param_hint="--state") from error
+    if not all(math.isfinite(value) for part in parts for value in part):
+        raise click.BadParameter("every number must be finite", param_hint="--state")
     if len({len(part) for part in parts}) != 1:
         raise click.BadParameter("q, v and tau must have the same length", param_hint="--state")
     return States.at(*parts)

@@ -27,6 +27,7 @@ from harness.mechanism import Mechanism
 if TYPE_CHECKING:
     from harness.system import System
 
+MOST_INSTRUCTIONS_PRINTED = 200
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 _DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py")
 
@@ -70,7 +71,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     """
     from harness.kernels import program_of
     from harness.lagrange import derive
-    from harness.notation import as_mathml, as_text
+    from harness.notation import printed
     from harness.states import DEFAULT_RATES
     from harness.system import TIME
 
@@ -84,6 +85,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     except (ValueError, TypeError) as error:
         raise InvalidSystem(path, line, f"cannot be derived: {error}") from error
     seconds = time.perf_counter() - started
+    # Longer equations are left out: nobody reads them, and they would swamp a report.
+    text, mathml = printed(equations) if len(program.instructions) <= MOST_INSTRUCTIONS_PRINTED else ("", "")
     description, _, reference = docstring.partition("Source:")
     return Mechanism(
         name=name,
@@ -97,8 +100,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
         program=program,
-        equations_text=as_text(equations),
-        equations_mathml=as_mathml(equations),
+        equations_text=text,
+        equations_mathml=mathml,
         derivation_seconds=seconds,
     )
 
@@ -116,16 +119,22 @@ def load_system(path: Path) -> tuple[System, str]:
     module = importlib.util.module_from_spec(specification)
     wrote_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     sys.path.insert(0, str(path.parent))
+    loaded_before = set(sys.modules)
     try:
         specification.loader.exec_module(module)
-    except SyntaxError as error:
-        raise InvalidSystem(path, error.lineno, f"is not Python: {error.msg}") from error
     except (Exception, SystemExit) as error:
+        # A helper's syntax error lies in the helper; one in a string the file parses lies in neither.
+        if isinstance(error, SyntaxError) and (error.filename is None or Path(error.filename).parent == path.parent):
+            raise InvalidSystem(error.filename or path, error.lineno or None, f"is not Python: {error.msg}") from error
         frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
         message = str(error) or "no message"
         raise InvalidSystem(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {message}") from error
     finally:
         sys.path.remove(str(path.parent))
+        # A helper must not answer for one of the same name in another library, nor for its own older text.
+        for name in set(sys.modules) - loaded_before:
+            if Path(getattr(sys.modules[name], "__file__", None) or "").parent == path.parent:
+                del sys.modules[name]
         sys.dont_write_bytecode = wrote_bytecode
     found = getattr(module, "SYSTEM", None)
     if found is None:
@@ -141,7 +150,8 @@ def load_system(path: Path) -> tuple[System, str]:
 
 def _line_of_declaration(path: Path) -> int | None:
     for node in ast.parse(path.read_bytes()).body:
-        if isinstance(node, ast.Assign) and any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in node.targets):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        if any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in targets):
             return node.lineno
     return None
 
@@ -178,7 +188,7 @@ def _read_entry(entry: Path, name: str) -> Mechanism | None:
         if head != _digest(payload):
             return None
         mechanism = Mechanism.from_json(json.loads(payload))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return mechanism if mechanism.name == name else None
 

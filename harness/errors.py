@@ -31,5 +31,5 @@ class InvalidModel(InvalidInput):
     """A model file that is malformed, non-physical, or not the mechanism its system describes."""
 
 
-class UnknownName(Exception):
-    """A name given on the command line that nothing answers to: exit status 2."""
+class InvalidRequest(Exception):
+    """Something asked for that cannot be: a name nothing has, options that do not fit: exit status 2."""

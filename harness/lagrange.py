@@ -93,6 +93,8 @@ def derive(system: System) -> EquationsOfMotion:
     """
     q = tuple(sp.Symbol(f.func.__name__, real=True) for f in system.coordinates)
     v = tuple(sp.Symbol(f"{f.func.__name__}_dot", real=True) for f in system.coordinates)
+    if TIME in system.parameters:
+        raise ValueError(f"parameter {TIME} is time itself; give it another name")
     taken = {symbol.name for symbol in system.parameters} & {symbol.name for symbol in (*q, *v)}
     if taken:
         raise ValueError(f"{sorted(taken)} name both a parameter and a coordinate or its rate; rename one")

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import InvalidInput, UnknownName
+from harness.errors import InvalidInput, InvalidRequest
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 BUILT_IN_NAME = "built-in"
@@ -59,7 +59,7 @@ class Library:
         """``names`` as given, or every system for none.
 
         Raises:
-            UnknownName: a name no system has; the message gives the nearest one.
+            InvalidRequest: a name no system has; the message gives the nearest one.
             InvalidInput: the library holds no system at all.
         """
         known = self.system_names()
@@ -68,7 +68,7 @@ class Library:
         chosen = list(dict.fromkeys(names))
         for name in chosen:
             if name not in known:
-                raise UnknownName(f"no system is called {name!r}; {nearest(name, known)}")
+                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, known)}")
         return chosen or known
 
     def system_path(self, name: str) -> Path:

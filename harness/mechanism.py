@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from harness.kernels import Array
-from harness.program import StraightLineProgram
+from harness.program import StraightLineProgram, check_lists
 from harness.states import States
 
 
@@ -79,12 +79,13 @@ class Mechanism:
             ValueError: a part is missing, of another type or contradicts the others.
         """
         try:
+            check_lists(data, ("coordinates", "joints", "parameters", "position_ranges", "rate_ranges"))
             mechanism = cls(
                 **{
                     **data,
                     "coordinates": tuple(data["coordinates"]),
                     "joints": tuple(data["joints"]),
-                    "parameters": tuple((str(name), float(value), str(unit)) for name, value, unit in data["parameters"]),
+                    "parameters": tuple((name, float(value), unit) for name, value, unit in data["parameters"]),
                     "position_ranges": tuple(
                         bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]
                     ),
@@ -92,9 +93,17 @@ class Mechanism:
                     "program": StraightLineProgram.from_json(data["program"]),
                 }
             )
-        except (TypeError, KeyError, IndexError) as error:
+        except (TypeError, KeyError, IndexError, OverflowError) as error:
             raise ValueError(f"not a mechanism: {error!r}") from error
+        texts = (mechanism.name, mechanism.description, mechanism.source, mechanism.equations_text, mechanism.equations_mathml)
+        texts += tuple(text for name, _, unit in mechanism.parameters for text in (name, unit))
+        if not all(isinstance(text, str) for text in (*texts, *mechanism.coordinates, *mechanism.joints)):
+            raise ValueError("a name or text of the mechanism is not a string")
+        if not all(type(number) in (int, float) for number in (mechanism.gravity, mechanism.total_mass, mechanism.derivation_seconds)):
+            raise ValueError("gravity, total_mass or derivation_seconds is not a number")
         nv = mechanism.nv
+        if not nv == len(mechanism.joints) == len(mechanism.position_ranges) == len(mechanism.rate_ranges):
+            raise ValueError("joints or ranges do not fit the coordinates")
         sizes = {name: len(mechanism.program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
         if set(sizes.values()) != {nv} or len(mechanism.program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
             raise ValueError("the program's outputs do not fit the coordinates")

@@ -3,54 +3,40 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import sympy as sp
 from sympy.printing.mathml import mathml
 
 from harness.lagrange import EquationsOfMotion
 
-# Longer equations are left out: nobody reads them, and they would swamp a report.
-MOST_OPERATIONS_SHOWN = 400
 _ACCENTS = {"dot": ("'", "\u02d9"), "ddot": ("''", "\u00a8")}
 _ACCENTED = re.compile(r"\\(d?dot)\{(\w+)\}")
 _ACCENTED_MATHML = re.compile(r"<mi>\\(d?dot)\{(\w+)\}</mi>")
 
 
-def equation_rows(equations: EquationsOfMotion) -> list[sp.Eq]:
-    r"""One equation per coordinate, inertia first, with tau on the right; rates are named ``\dot{q}``."""
+def printed(equations: EquationsOfMotion) -> tuple[str, str]:
+    """The equations as plain text, a line each, and as one ``<math>`` element each.
+
+    ``q'`` is a rate and ``q''`` an acceleration; inertia comes first, the applied force tau stands on the
+    right.
+    """
+    rows = list(_rows(equations))
+    text = "\n".join(f"{sp.sstr(row.lhs, order='none')} = {sp.sstr(row.rhs)}" for row in rows)
+    blocks = (_accented(mathml(row, printer="presentation")) for row in rows)
+    elements = (f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">{block}</math>' for block in blocks)
+    return _ACCENTED.sub(lambda match: match[2] + _ACCENTS[match[1]][0], text), "\n".join(elements)
+
+
+def _rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
     names = [q.name for q in equations.coordinates]
     dotted = dict(zip(equations.rates, (sp.Symbol(rf"\dot{{{name}}}") for name in names), strict=True))
     accelerations = [sp.Symbol(rf"\ddot{{{name}}}") for name in names]
-    rows = []
     for i, name in enumerate(names):
-        inertia = sum((sp.simplify(equations.mass_matrix[i, j]) * a for j, a in enumerate(accelerations)), sp.S.Zero)
-        rest = sp.expand(sp.simplify(-equations.right_hand_side[i])).xreplace(dotted)
-        rows.append(
-            sp.Eq(
-                sp.Add(*inertia.args, *rest.args, evaluate=False) if inertia.is_Add and rest.is_Add else inertia + rest,
-                sp.Symbol(f"tau_{name}"),
-                evaluate=False,
-            )
-        )
-    return rows
-
-
-def as_text(equations: EquationsOfMotion) -> str:
-    """The equations as plain text, ``q'`` for a rate and ``q''`` for an acceleration; "" where too long to read."""
-    if _too_long(equations):
-        return ""
-    rows = (f"{sp.sstr(row.lhs, order='none')} = {sp.sstr(row.rhs)}" for row in equation_rows(equations))
-    return _ACCENTED.sub(lambda match: match[2] + _ACCENTS[match[1]][0], "\n".join(rows))
-
-
-def as_mathml(equations: EquationsOfMotion) -> str:
-    """The equations as one ``<math>`` element each; "" where too long to read."""
-    if _too_long(equations):
-        return ""
-    return "\n".join(
-        f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">{_accented(mathml(row, printer="presentation"))}</math>'
-        for row in equation_rows(equations)
-    )
+        inertia = [sp.simplify(equations.mass_matrix[i, j]) * acceleration for j, acceleration in enumerate(accelerations)]
+        rest = sp.Add.make_args(sp.expand(sp.simplify(-equations.right_hand_side[i])).xreplace(dotted))
+        terms = [term for term in (*inertia, *rest) if term != 0]
+        yield sp.Eq(sp.Add(*terms, evaluate=False), sp.Symbol(f"tau_{name}"), evaluate=False)
 
 
 def _accented(text: str) -> str:
@@ -59,7 +45,3 @@ def _accented(text: str) -> str:
         return f"<mover>{base}<mo>{_ACCENTS[match[1]][1]}</mo></mover>"
 
     return _ACCENTED_MATHML.sub(replace, text)
-
-
-def _too_long(equations: EquationsOfMotion) -> bool:
-    return bool(sp.count_ops(equations.mass_matrix) + sp.count_ops(equations.right_hand_side) > MOST_OPERATIONS_SHOWN)

@@ -7,7 +7,7 @@ is read back; it keeps coordinates, rates and parameters alike as run-time input
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -53,9 +53,12 @@ class StraightLineProgram:
             ValueError: an unknown operation, an operand out of range, or any other malformed part.
         """
         try:
+            check_lists(data, ("inputs", "instructions"))
+            check_lists(data["instructions"], range(len(data["instructions"])))
+            check_lists(data["outputs"], data["outputs"].keys())
             inputs = tuple(data["inputs"])
             instructions = tuple(tuple(instruction) for instruction in data["instructions"])
-            outputs = {str(name): tuple(indices) for name, indices in data["outputs"].items()}
+            outputs = {name: tuple(indices) for name, indices in data["outputs"].items()}
         except (TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"not a straight-line program: {error!r}") from error
         if not all(isinstance(name, str) for name in inputs):
@@ -66,6 +69,17 @@ class StraightLineProgram:
             if not all(_is_index(index, len(instructions)) for index in indices):
                 raise ValueError(f"output {name!r} points outside the program")
         return cls(inputs, instructions, outputs)
+
+
+def check_lists(container: Any, keys: Iterable[Any]) -> None:
+    """A string or an object also turns into a tuple, but is none.
+
+    Raises:
+        ValueError: ``container[key]`` is neither list nor tuple, for one of ``keys``.
+    """
+    for key in keys:
+        if not isinstance(container[key], list | tuple):
+            raise ValueError(f"{key!r} is {type(container[key]).__name__}; expected a list")
 
 
 def _is_index(value: Any, length: int) -> bool:
@@ -79,7 +93,8 @@ def _check_instruction(position: int, instruction: type_instruction, inputs: int
     if operation == "input":
         valid = _is_index(operands[0], inputs)
     elif operation == "rational":
-        valid = all(isinstance(text, str) and text.lstrip("-").isdecimal() for text in operands) and int(operands[1]) > 0
+        # Exactly as written by ``str``: the ball kernel puts the text into Python source.
+        valid = all(isinstance(text, str) and text == str(int(text)) for text in operands) and int(operands[1]) > 0
     elif operation == "integer_power":
         valid = _is_index(operands[0], position) and type(operands[1]) is int
     else:
@@ -140,6 +155,8 @@ class _Assembler:
             return self.rational(sp.Rational(*float(expression).as_integer_ratio()))
         if expression is sp.pi:
             return self.add("pi")
+        if expression is sp.E:
+            return self.add("exp", self.rational(sp.S.One))
         if expression.is_Add:
             return self._sum(expression)
         if expression.is_Mul:

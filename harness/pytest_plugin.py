@@ -99,11 +99,11 @@ class _Regression:
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""
         from harness.engines import select_subjects
-        from harness.errors import InvalidInput, UnknownName
+        from harness.errors import InvalidInput, InvalidRequest
 
         try:
             return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
-        except (InvalidInput, UnknownName) as error:
+        except (InvalidInput, InvalidRequest) as error:
             raise pytest.UsageError(str(error)) from error
 
     def record(self, system: str, subject: str) -> Record:

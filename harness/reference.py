@@ -84,7 +84,7 @@ class ReferenceKernel:
 
     def evaluate(self, states: States) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped."""
-        parts = [self._evaluate(states[start : start + _STATES_AT_ONCE]) for start in range(0, len(states), _STATES_AT_ONCE)]
+        parts = [self._evaluate(states[start : start + _STATES_AT_ONCE]) for start in range(0, max(len(states), 1), _STATES_AT_ONCE)]
         return Reference.concatenate(parts)
 
     def _evaluate(self, states: States) -> Reference:

@@ -17,7 +17,7 @@ from harness import tasks
 from harness.compare import compare
 from harness.description import describe_system
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
-from harness.errors import InvalidInput, InvalidModel, UnknownName
+from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.expected import Expectation, load_expectations
 from harness.judgement import Answers, judge
 from harness.library import Library
@@ -104,7 +104,7 @@ class CrossCheck:
 
     Raises:
         InvalidInput: the library or its expected verdicts cannot be used at all.
-        UnknownName: a system or subject that does not exist.
+        InvalidRequest: a system or subject that does not exist.
     """
 
     def __init__(self, settings: Settings, workers: Workers) -> None:
@@ -115,9 +115,9 @@ class CrossCheck:
         every_subject = [str(subject) for subject in subjects(settings.library)]
         self.expectations = load_expectations(settings.library, every_subject)
         if settings.stand_ins and len(self.names) != 1:
-            raise UnknownName("--mjcf and --urdf stand in for one system's models; name exactly one system")
+            raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
         if settings.state is not None and len(self.names) != 1:
-            raise UnknownName("--state belongs to one system; name exactly one system")
+            raise InvalidRequest("--state belongs to one system; name exactly one system")
         self.problems: list[InvalidInput] = []
         if not settings.names:
             self.problems += [
@@ -151,6 +151,9 @@ class CrossCheck:
         systems: dict[str, _System] = {}
         work: list[Task] = []
         for name, mechanism in mechanisms.items():
+            if self.settings.state is not None and self.settings.state.q.shape[1] != mechanism.nv:
+                given = self.settings.state.q.shape[1]
+                raise InvalidRequest(f"--state has {given} numbers each for q, v and tau; {name} has {mechanism.nv} degrees of freedom")
             system = systems[name] = _System(mechanism, self._bulk(mechanism))
             work += [Task((name, None, index), tasks.certify, (mechanism, states)) for index, states in enumerate(system.bulk)]
         for name, system in systems.items():

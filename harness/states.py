@@ -94,18 +94,16 @@ def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:
     if bounds is not None:
         return _bounded(bounds, huge=())
     quarter_turns = st.integers(-8, 8).map(lambda k: k * (math.pi / 2))
-    return st.one_of(st.sampled_from([0.0]), quarter_turns, _special(HUGE_ANGLES), st.floats(*ANGLES))
+    return st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(_special(HUGE_ANGLES)), st.floats(*ANGLES))
 
 
 def _bounded(bounds: tuple[float, float], huge: Sequence[float]) -> SearchStrategy[float]:
     from hypothesis import strategies as st
 
     inside = [value for value in (0.0, *bounds) if bounds[0] <= value <= bounds[1]]
-    special = _special(huge).filter(lambda value: abs(value) in huge or bounds[0] <= value <= bounds[1])
-    return st.one_of(st.sampled_from(inside), special, st.floats(*bounds))
+    special = [value for value in _special(huge) if abs(value) in huge or bounds[0] <= value <= bounds[1]]
+    return st.one_of(st.sampled_from(inside), *([st.sampled_from(special)] if special else []), st.floats(*bounds))
 
 
-def _special(huge: Sequence[float]) -> SearchStrategy[float]:
-    from hypothesis import strategies as st
-
-    return st.builds(lambda magnitude, sign: sign * magnitude, st.sampled_from((*TINY, *huge)), st.sampled_from((1.0, -1.0)))
+def _special(huge: Sequence[float]) -> list[float]:
+    return [sign * magnitude for magnitude in (*TINY, *huge) for sign in (1.0, -1.0)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from harness.errors import InvalidInput, UnknownName
+from harness.errors import InvalidInput, InvalidRequest
 from harness.kernels import Array
 from harness.library import Library, nearest
 from harness.mechanism import Mechanism
@@ -92,7 +92,7 @@ def load_engine(library: Library, name: str) -> Engine:
 
     Raises:
         InvalidInput: the engine file raises or defines no ``ENGINE``.
-        UnknownName: there is no such engine.
+        InvalidRequest: there is no such engine.
     """
     own = library.engines / f"{name}.py"
     built_in = Library.built_in().engines / f"{name}.py"
@@ -105,8 +105,8 @@ def load_engine(library: Library, name: str) -> Engine:
         elif built_in.is_file():
             module = importlib.import_module(f"harness.engines.{name}")
         else:
-            raise UnknownName(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
-    except UnknownName:
+            raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
+    except InvalidRequest:
         raise
     except Exception as error:
         raise InvalidInput(own if own.is_file() else built_in, None, f"raises {type(error).__name__}: {error}") from error
@@ -138,12 +138,12 @@ def select_subjects(library: Library, names: Sequence[str]) -> list[Subject]:
     """The subjects called ``names``, or all of them for none.
 
     Raises:
-        UnknownName: a name no subject has; the message gives the nearest one.
+        InvalidRequest: a name no subject has; the message gives the nearest one.
     """
     known = {str(subject): subject for subject in subjects(library)}
     for name in names:
         if name not in known:
-            raise UnknownName(f"no subject is called {name!r}; {nearest(name, known)}")
+            raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
     return [known[name] for name in dict.fromkeys(names)] or list(known.values())
 
 

@@ -1,0 +1,121 @@
+"""Bars on speed: ``pytest tests/benchmarks.py``, on a machine with nothing else to do.
+
+Kernels are compared as ratios within one run. Not collected by a plain ``pytest``.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+from harness.derivation import load_mechanism, load_system
+from harness.kernels import Float64Kernel
+from harness.lagrange import derive
+from harness.library import Library
+from harness.models import read_model
+from harness.reference import ReferenceKernel
+from harness.states import sample
+from harness.system import TIME
+
+LIBRARY = Library.built_in()
+SYSTEMS = LIBRARY.system_names()
+DIGITS = 50
+MANY, FEW, FEWEST = 20_000, 2_000, 100
+BARS = {("pin.aba in a loop", "float64 kernel"): 50.0, ("mpmath", "certified reference"): 8.0}
+seconds_per_state: dict[tuple[str, str], float] = {}
+
+
+def measure(benchmark: Any, name: str, method: str, states: int, call: Callable[[], object]) -> None:
+    benchmark.group = name
+    benchmark.extra_info |= {"system": name, "method": method, "states": states}
+    benchmark.pedantic(call, warmup_rounds=2, rounds=10)
+    seconds_per_state[name, method] = benchmark.stats.stats.median / states
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_float64_kernel(benchmark: Any, name: str) -> None:
+    mechanism = load_mechanism(LIBRARY, name)
+    kernel, inputs = Float64Kernel(mechanism.program), mechanism.inputs(sample(mechanism, MANY, seed=0))
+    measure(benchmark, name, "float64 kernel", MANY, lambda: kernel.accelerations(inputs))
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_pinocchio_in_a_loop(benchmark: Any, name: str) -> None:
+    import pinocchio
+
+    mechanism = load_mechanism(LIBRARY, name)
+    model = pinocchio.buildModelFromXML(read_model(LIBRARY.model_path(name, "urdf"), "urdf").text)
+    data, states = model.createData(), sample(mechanism, FEW, seed=0)
+    rows = [tuple(map(np.ascontiguousarray, row)) for row in zip(states.q, states.v, states.tau, strict=True)]
+
+    def loop() -> None:
+        for q, v, tau in rows:
+            pinocchio.aba(model, data, q, v, tau)
+
+    measure(benchmark, name, "pin.aba in a loop", FEW, loop)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_certified_reference(benchmark: Any, name: str) -> None:
+    mechanism = load_mechanism(LIBRARY, name)
+    kernel, states = ReferenceKernel(mechanism), sample(mechanism, FEW, seed=0)
+    measure(benchmark, name, "certified reference", FEW, lambda: kernel.evaluate(states))
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_mpmath(benchmark: Any, name: str) -> None:
+    mechanism = load_mechanism(LIBRARY, name)
+    system, _ = load_system(LIBRARY.system_path(name))
+    equations = derive(system)
+    forces = sp.symbols(f"tau:{mechanism.nv}", seq=True)
+    inputs = [*equations.coordinates, *equations.rates, *forces, TIME, *system.parameters]
+    right_hand_side = sp.Matrix(forces) + equations.right_hand_side
+    evaluate = sp.lambdify(inputs, [equations.mass_matrix, right_hand_side], modules="mpmath", cse=True)
+    columns = mechanism.inputs(sample(mechanism, FEWEST, seed=0)).T.tolist()
+
+    def loop() -> None:
+        with mpmath.workdps(DIGITS):
+            for column in columns:
+                mass, force = evaluate(*map(mpmath.mpf, column))
+                mpmath.lu_solve(mass, force)
+
+    measure(benchmark, name, "mpmath", FEWEST, loop)
+
+
+@pytest.mark.parametrize(("arguments", "limit"), [(["list"], 0.5), (["check"], 20.0)], ids=["list", "check"])
+def test_command(benchmark: Any, tmp_path: Path, arguments: list[str], limit: float) -> None:
+    def command() -> None:
+        subprocess.run([sys.executable, "-m", "harness", *arguments], check=True, stdout=subprocess.DEVNULL, cwd=tmp_path)
+
+    benchmark.group = "commands, from a warm cache"
+    benchmark.pedantic(command, warmup_rounds=1, rounds=3)
+    assert benchmark.stats.stats.median <= limit
+
+
+def test_certifying_100_000_states_of_every_system(benchmark: Any) -> None:
+    mechanisms = [load_mechanism(LIBRARY, name) for name in SYSTEMS]
+
+    def certify() -> None:
+        for mechanism in mechanisms:
+            assert ReferenceKernel(mechanism).evaluate(sample(mechanism, 100_000, seed=0)).certified.all()
+
+    benchmark.group = "100,000 certified states of every system, one process"
+    benchmark.pedantic(certify, rounds=1)
+    assert benchmark.stats.stats.median <= 90.0
+
+
+@pytest.mark.parametrize("slow_and_fast", BARS, ids=" over ".join)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_ratio(name: str, slow_and_fast: tuple[str, str]) -> None:
+    slow, fast = slow_and_fast
+    ratio = seconds_per_state[name, slow] / seconds_per_state[name, fast]
+    print(f"\n{name}: {fast} is {ratio:.0f} times as fast as {slow}; the bar is {BARS[slow_and_fast]:g}")
+    assert ratio >= BARS[slow_and_fast]
