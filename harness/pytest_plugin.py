@@ -6,6 +6,7 @@ the same for a project's own runs. No engine is imported when this module loads.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,19 +24,35 @@ if TYPE_CHECKING:
 _DEFAULT_STATES = 1000
 
 
+def _above_zero(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is not above zero")
+    return value
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{value} is not above zero")
+    return value
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("harness", "cross-check of physics engines")
     group.addoption(
         "--harness-library", metavar="DIR", help=f"run the cross-check over this library ('{BUILT_IN_NAME}' for the textbook mechanisms)"
     )
-    group.addoption("--harness-states", type=int, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)")
+    group.addoption(
+        "--harness-states", type=_above_zero, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)"
+    )
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
-    group.addoption("--harness-workers", type=int, metavar="N", help="worker processes (default: one per CPU)")
+    group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
     group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
     group.addoption(
         "--harness-time-limit",
-        type=float,
+        type=_seconds,
         default=60.0,
         metavar="SECONDS",
         help="seconds an engine may take over one batch (default: %(default)s)",

@@ -1,0 +1,99 @@
+"""The regression plugin as somebody else's project meets it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.library import Library
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    """A library whose MJCF of the bar pendulum is wrong and whose spring-damper is right."""
+    built_in, root = Library.built_in(), tmp_path / "mechanisms"
+    for folder in ("systems", "mjcf", "urdf"):
+        (root / folder).mkdir(parents=True)
+    for name in ("bar_pendulum", "spring_damper"):
+        shutil.copy(built_in.system_path(name), root / "systems")
+        for model_format in ("mjcf", "urdf"):
+            shutil.copy(built_in.model_path(name, model_format), root / model_format)
+    model = root / "mjcf" / "bar_pendulum.xml"
+    model.write_text(model.read_text().replace('mass="2"', 'mass="2.0000001"'))
+    return root
+
+
+def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+
+
+def test_any_library_from_an_empty_folder(library: Path) -> None:
+    empty = library.parent / "empty"
+    empty.mkdir()
+    done = run("--harness-library", "../mechanisms", "-v", cwd=empty)
+    assert done.returncode == 1
+    assert "1 failed, 5 passed" in done.stdout
+    assert "harness: library mechanisms, 1000 states per system, seed 0" in done.stdout
+    assert "bar_pendulum.py::mujoco/mjcf FAILED" in done.stdout
+    assert "bar_pendulum mujoco/mjcf: disagrees, expected agrees" in done.stdout
+    assert "replay: harness check bar_pendulum --subject mujoco/mjcf --library ../mechanisms --state" in done.stdout
+    assert "Traceback" not in done.stdout
+
+
+def test_options_select_subjects_systems_and_states(library: Path) -> None:
+    common = ("--harness-library", str(library), "--harness-states", "40")
+    done = run(*common, "--harness-subject", "pinocchio/urdf", cwd=library)
+    assert done.returncode == 0
+    assert "2 passed" in done.stdout
+    done = run(*common, "-k", "spring_damper and lagrange", cwd=library)
+    assert done.returncode == 0
+    assert "1 passed, 5 deselected" in done.stdout
+
+
+def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
+    (library.parent / "pytest.ini").write_text("[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms own\n")
+    own = library.parent / "own"
+    own.mkdir()
+    (own / "test_own.py").write_text("def test_own(): pass\n")
+    done = run("--harness-states", "40", cwd=library.parent)
+    assert "1 failed, 6 passed" in done.stdout
+
+
+def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
+    done = run(cwd=library)
+    assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--harness-library", "nowhere"], "no such directory"),
+        (["--harness-library", ".", "--harness-subject", "mujoco/mjfc"], "did you mean 'mujoco/mjcf'"),
+        (["--harness-library", ".", "--harness-states", "0"], "--harness-states"),
+    ],
+)
+def test_bad_usage_is_a_usage_error(library: Path, arguments: list[str], message: str) -> None:
+    done = run(*arguments, cwd=library)
+    assert done.returncode != 0
+    assert message in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert "INTERNALERROR" not in done.stdout + done.stderr
+
+
+def test_a_broken_system_fails_its_own_tests_only(library: Path) -> None:
+    (library / "systems" / "bad.py").write_text("x = 1 / 0\n")
+    done = run("--harness-library", str(library), "--harness-states", "40", cwd=library)
+    assert "4 failed, 5 passed" in done.stdout
+    assert "bad.py:1: raises ZeroDivisionError" in done.stdout
+
+
+def test_loading_the_plugin_imports_no_engine() -> None:
+    code = "import sys, harness.pytest_plugin; print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for heavy in ("mujoco", "pinocchio", "heyoka", "sympy", "numpy", "distributed"):
+        assert f"'{heavy}'" not in done.stdout
