@@ -12,6 +12,7 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
+import math
 import os
 import sys
 import tempfile
@@ -23,11 +24,13 @@ from typing import TYPE_CHECKING, Any
 from harness.errors import InvalidSystem
 from harness.library import Library
 from harness.mechanism import Mechanism
+from harness.states import DEFAULT_ACCELERATION, DEFAULT_RATES
 
 if TYPE_CHECKING:
+    from harness.program import StraightLineProgram
     from harness.system import System
 
-MOST_INSTRUCTIONS_PRINTED = 200
+MOST_INSTRUCTIONS_SIMPLIFIED = 200
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 _DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py")
 
@@ -72,7 +75,6 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     from harness.kernels import program_of
     from harness.lagrange import derive
     from harness.notation import printed
-    from harness.states import DEFAULT_RATES
     from harness.system import TIME
 
     system, docstring = load_system(path)
@@ -81,12 +83,16 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     try:
         equations = derive(system)
         program = program_of(system, equations)
+        text, mathml = "", ""
+        # Longer equations are not worth the time, and nobody would read them.
+        if len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED:
+            equations = equations.simplified()
+            program = program_of(system, equations)
+            text, mathml = printed(equations)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(path, line, f"cannot be derived: {error}") from error
     seconds = time.perf_counter() - started
-    # Longer equations are left out: nobody reads them, and they would swamp a report.
-    text, mathml = printed(equations) if len(program.instructions) <= MOST_INSTRUCTIONS_PRINTED else ("", "")
     description, _, reference = docstring.partition("Source:")
     return Mechanism(
         name=name,
@@ -97,13 +103,28 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
         gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
         total_mass=total_mass,
+        rotating=system.rotating,
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
+        force_ranges=_force_ranges(program, system),
         program=program,
         equations_text=text,
         equations_mathml=mathml,
         derivation_seconds=seconds,
     )
+
+
+def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[float, float], ...]:
+    """Applied forces that would give each coordinate alone a brisk acceleration, in the middle of its range."""
+    from harness.kernels import BallKernel, upper_triangle
+
+    n = len(system.coordinates)
+    middle = [sum(system.ranges.get(q, (0.0, 0.0))) / 2 for q in system.coordinates]
+    values = [value for value, _ in system.parameters.values()]
+    mass = BallKernel(program, len(values)).bind(values)(*middle, *[0.0] * (2 * n + 1))
+    inertias = [abs(float(mass[position])) for position, (i, j) in enumerate(upper_triangle(n)) if i == j]
+    forces = [DEFAULT_ACCELERATION * inertia if 0 < inertia < math.inf else DEFAULT_ACCELERATION for inertia in inertias]
+    return tuple((-force, force) for force in forces)
 
 
 def load_system(path: Path) -> tuple[System, str]:

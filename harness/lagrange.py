@@ -14,7 +14,7 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 an
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 
@@ -68,6 +68,20 @@ class EquationsOfMotion:
             return (mass[k, j].diff(q[i]) + mass[k, i].diff(q[j]) - mass[i, j].diff(q[k])) / 2
 
         return sp.Matrix(n, n, lambda k, j: sum(symbol(i, j, k) * v[i] for i in range(n)))
+
+    def simplified(self) -> EquationsOfMotion:
+        """The same equations with every entry simplified: shorter, and with fewer roundings in float64."""
+
+        def simple(matrix: sp.Matrix) -> sp.Matrix:
+            return matrix.applyfunc(sp.simplify)
+
+        return replace(
+            self,
+            mass_matrix=simple(self.mass_matrix),
+            velocity_terms=simple(self.velocity_terms),
+            gravity_terms=simple(self.gravity_terms),
+            passive_forces=simple(self.passive_forces),
+        )
 
     def linearised(self, equilibrium: Mapping[sp.Symbol, float] | None = None) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
         """(M0, D0, K0) of M0 x'' + D0 x' + K0 x = 0 about a configuration at rest.
@@ -133,7 +147,8 @@ def _mass_matrix(momenta: sp.Matrix, rates: tuple[sp.Symbol, ...]) -> sp.Matrix:
                 if sp.simplify(mass[i, j].diff(rate)) != 0:
                     raise ValueError(f"kinetic is not of second degree in the rates: d2T/dv{i}dv{j} depends on {rate}")
     # A rate left over cancels identically; removing it keeps M a function of q alone.
-    return mass.subs(dict.fromkeys(rates, sp.S.Zero))
+    at_rest = dict.fromkeys(rates, sp.S.Zero)
+    return mass.applyfunc(lambda entry: entry.subs(at_rest) if entry.free_symbols & set(rates) else entry)
 
 
 def _split_potential(potential: sp.Expr, gravity: sp.Symbol | None) -> tuple[sp.Expr, sp.Expr]:

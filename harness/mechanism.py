@@ -24,7 +24,9 @@ class Mechanism:
         parameters: (name, value, unit) in the program's input order.
         gravity: acceleration of gravity [m/s^2] along -z; 0 where the mechanism feels none.
         total_mass: sum of all moving masses [kg].
+        rotating: for each coordinate, whether it is an angle.
         position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
+        force_ranges: (lowest, highest) applied force per coordinate [N or N m].
         program: the equations of motion; see ``harness.kernels`` for its inputs and outputs.
         equations_text, equations_mathml: the equations for people.
         derivation_seconds: what deriving and assembling them cost.
@@ -38,8 +40,10 @@ class Mechanism:
     parameters: tuple[tuple[str, float, str], ...]
     gravity: float
     total_mass: float
+    rotating: tuple[bool, ...]
     position_ranges: tuple[tuple[float, float] | None, ...]
     rate_ranges: tuple[tuple[float, float], ...]
+    force_ranges: tuple[tuple[float, float], ...]
     program: StraightLineProgram
     equations_text: str
     equations_mathml: str
@@ -79,30 +83,33 @@ class Mechanism:
             ValueError: a part is missing, of another type or contradicts the others.
         """
         try:
-            check_lists(data, ("coordinates", "joints", "parameters", "position_ranges", "rate_ranges"))
+            check_lists(data, ("coordinates", "joints", "parameters", "rotating", "position_ranges", "rate_ranges", "force_ranges"))
             mechanism = cls(
                 **{
                     **data,
                     "coordinates": tuple(data["coordinates"]),
                     "joints": tuple(data["joints"]),
                     "parameters": tuple((name, float(value), unit) for name, value, unit in data["parameters"]),
+                    "rotating": tuple(bool(angle) for angle in data["rotating"]),
                     "position_ranges": tuple(
                         bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]
                     ),
                     "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
+                    "force_ranges": tuple((float(low), float(high)) for low, high in data["force_ranges"]),
                     "program": StraightLineProgram.from_json(data["program"]),
                 }
             )
         except (TypeError, KeyError, IndexError, OverflowError) as error:
             raise ValueError(f"not a mechanism: {error!r}") from error
-        texts = (mechanism.name, mechanism.description, mechanism.source, mechanism.equations_text, mechanism.equations_mathml)
-        texts += tuple(text for name, _, unit in mechanism.parameters for text in (name, unit))
+        texts = [mechanism.name, mechanism.description, mechanism.source, mechanism.equations_text, mechanism.equations_mathml]
+        texts += [text for name, _, unit in mechanism.parameters for text in (name, unit)]
         if not all(isinstance(text, str) for text in (*texts, *mechanism.coordinates, *mechanism.joints)):
             raise ValueError("a name or text of the mechanism is not a string")
         if not all(type(number) in (int, float) for number in (mechanism.gravity, mechanism.total_mass, mechanism.derivation_seconds)):
             raise ValueError("gravity, total_mass or derivation_seconds is not a number")
         nv = mechanism.nv
-        if not nv == len(mechanism.joints) == len(mechanism.position_ranges) == len(mechanism.rate_ranges):
+        per_coordinate = ("joints", "rotating", "position_ranges", "rate_ranges", "force_ranges")
+        if any(len(getattr(mechanism, name)) != nv for name in per_coordinate):
             raise ValueError("joints or ranges do not fit the coordinates")
         sizes = {name: len(mechanism.program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
         if set(sizes.values()) != {nv} or len(mechanism.program.outputs.get("mass", ())) != nv * (nv + 1) // 2:

@@ -33,8 +33,8 @@ def _rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
     dotted = dict(zip(equations.rates, (sp.Symbol(rf"\dot{{{name}}}") for name in names), strict=True))
     accelerations = [sp.Symbol(rf"\ddot{{{name}}}") for name in names]
     for i, name in enumerate(names):
-        inertia = [sp.simplify(equations.mass_matrix[i, j]) * acceleration for j, acceleration in enumerate(accelerations)]
-        rest = sp.Add.make_args(sp.expand(sp.simplify(-equations.right_hand_side[i])).xreplace(dotted))
+        inertia = [equations.mass_matrix[i, j] * acceleration for j, acceleration in enumerate(accelerations)]
+        rest = sp.Add.make_args(sp.expand(-equations.right_hand_side[i]).xreplace(dotted))
         terms = [term for term in (*inertia, *rest) if term != 0]
         yield sp.Eq(sp.Add(*terms, evaluate=False), sp.Symbol(f"tau_{name}"), evaluate=False)
 

@@ -65,6 +65,12 @@ class System:
         """First time derivatives of the coordinates, in their order."""
         return tuple(q.diff(TIME) for q in self.coordinates)
 
+    @property
+    def rotating(self) -> tuple[bool, ...]:
+        """For each coordinate, whether it is an angle: it has no range, or stands in a sine or cosine."""
+        turned = sp.Tuple(self.kinetic, self.potential, *self.generalised_forces.values()).atoms(sp.sin, sp.cos, sp.tan)
+        return tuple(q not in self.ranges or any(function.has(q) for function in turned) for q in self.coordinates)
+
     def _check_coordinates(self) -> None:
         if not self.coordinates:
             raise ValueError("coordinates is empty; expected at least one {coordinate: joint name}")

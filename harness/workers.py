@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import logging
 import os
 import re
 import shutil
@@ -81,12 +82,20 @@ class Workers:
         import dask.config
         from distributed import Client, LocalCluster
 
+        # The cluster logs every start and stop of a worker; here they are part of an outcome.
+        logger = logging.getLogger("distributed")
+        self._exit.callback(setattr, logger, "propagate", logger.propagate)
+        logger.propagate = False
         self._spool = Path(tempfile.mkdtemp(prefix="harness-"))
         self._exit.callback(shutil.rmtree, self._spool, ignore_errors=True)
         if self.scheduler is None:
             self._exit.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
+            # Without an address the scheduler's own server fights for one port with every other cluster.
+            quiet = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
             processes = self.count or os.cpu_count() or 1
-            cluster = LocalCluster(n_workers=processes, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
+            cluster = LocalCluster(
+                n_workers=processes, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50, scheduler_kwargs=quiet
+            )
             self._exit.enter_context(cluster)
             self._client = self._exit.enter_context(Client(cluster))
         else:

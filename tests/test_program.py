@@ -49,7 +49,8 @@ def _grow(inner: st.SearchStrategy[sp.Expr]) -> st.SearchStrategy[sp.Expr]:
     )
 
 
-expressions = st.recursive(st.sampled_from([X, Y, P, *LITERALS]), _grow, max_leaves=8)
+# SymPy writes atan2 of two numbers with a complex logarithm, which is no expression of a mechanism.
+expressions = st.recursive(st.sampled_from([X, Y, P, *LITERALS]), _grow, max_leaves=8).filter(lambda e: not e.has(sp.I))
 # Small and large enough to matter, and no intermediate result of a short expression leaves float64's normal range.
 numbers = st.one_of(st.just(0.0), st.floats(1e-3, 10.0), st.floats(-10.0, -1e-3))
 
@@ -142,7 +143,8 @@ def test_floats_mean_the_float64_they_are() -> None:
 
 
 @pytest.mark.parametrize(
-    "expression", [sp.besselj(0, X), sp.I * X, sp.Symbol("unknown") * X, sp.Function("f")(X), sp.oo, sp.nan, sp.Derivative(sp.Function("f")(X), X)]
+    "expression",
+    [sp.besselj(0, X), sp.I * X, sp.Symbol("unknown") * X, sp.Function("f")(X), sp.oo, sp.nan, sp.Derivative(sp.Function("f")(X), X)],
 )
 def test_what_no_kernel_evaluates_is_refused(expression: sp.Expr) -> None:
     with pytest.raises(ValueError, match="no kernel can evaluate"):
@@ -151,24 +153,41 @@ def test_what_no_kernel_evaluates_is_refused(expression: sp.Expr) -> None:
 
 VALID: dict[str, Any] = {
     "inputs": ["x", "y"],
-    "instructions": [["input", 0], ["input", 1], ["rational", "-7", "5"], ["mul", 0, 2], ["integer_power", 3, -2], ["sin", 4], ["pi"], ["atan2", 5, 6]],
-    "outputs": {"a": [7, 3], "b": []},
+    "instructions": [
+        ["input", 0],
+        ["input", 1],
+        ["rational", "-7", "5"],
+        ["mul", 0, 2],
+        ["integer_power", 3, -2],
+        ["sin", 4],
+        ["pi"],
+        ["atan2", 5, 6],
+    ],
+    "outputs": {"a": [7, 4], "b": []},
 }
 
 
 def test_the_program_that_the_errors_vary_is_valid() -> None:
-    assert StraightLineProgram.from_json(VALID).to_json() == VALID
+    program = StraightLineProgram.from_json(VALID)
+    assert program.to_json() == VALID
+    angle, power = balls(program, [0.75, 2.0], 128, parameters=0)
+    with mpmath.workdps(60):
+        expected_power = (mpmath.mpf(-21) / 20) ** -2
+        expected_angle = mpmath.atan2(mpmath.sin(expected_power), mpmath.pi)
+    for ball, expected in ((angle, expected_angle), (power, expected_power)):
+        assert abs(fraction(ball.mid()) - fraction(expected)) <= fraction(ball.rad()) + Fraction(1, 10**58)
 
 
 @pytest.mark.parametrize(
     "instruction",
     [
-        [], ["eval", 0], ["input"], ["input", 2], ["input", -1], ["input", "0"], ["input", 0.0], ["input", True], ["sin", 8], ["sin", 3, 3],
-        ["sin", -1], ["add", 0], ["add", 0, None], ["add", 0, 99], ["pow", 0, 1.5], ["pi", 0], ["rational", "1", "0"], ["rational", "1", "-2"],
-        ["rational", 1, 2], ["rational", "1.5", "1"], ["rational", "007", "1"], ["rational", "--5", "1"], ["rational", "\u0663", "1"],
-        ["rational", "1_0", "1"], ["rational", " 1", "1"], ["rational", "1", "9" * 5000], ["rational", "9" * 5000, "1"], ["rational", "", "1"],
-        ["integer_power", 0, 0.5], ["integer_power", 0, "2"], ["integer_power", 8, 2], ["integer_power", 0, True], [["sin"], 0], [{}, 0], "pi",
-        {"pi": 0}, None, 3, [None], ["__import__('os')", 0],
+        [], ["eval", 0], ["__import__('os')", 0], [["sin"], 0], [{}, 0], [None], "pi", {"pi": 0}, None, 3,
+        ["input"], ["input", 2], ["input", -1], ["input", "0"], ["input", 0.0], ["input", True],
+        ["sin", 8], ["sin", 3, 3], ["sin", -1], ["add", 0], ["add", 0, None], ["add", 0, 99], ["pow", 0, 1.5], ["pi", 0],
+        ["rational", "1", "0"], ["rational", "1", "-2"], ["rational", 1, 2], ["rational", "1.5", "1"], ["rational", "", "1"],
+        ["rational", "007", "1"], ["rational", "--5", "1"], ["rational", "\u0663", "1"], ["rational", "1_0", "1"], ["rational", " 1", "1"],
+        ["rational", "1", "9" * 5000], ["rational", "9" * 5000, "1"],
+        ["integer_power", 0, 0.5], ["integer_power", 0, "2"], ["integer_power", 8, 2], ["integer_power", 0, True],
     ],
     ids=lambda value: repr(value)[:30],
 )  # fmt: skip
@@ -196,12 +215,17 @@ def test_a_malformed_program_is_refused(data: Any) -> None:
 
 junk = st.recursive(
     st.one_of(
-        st.none(), st.booleans(), st.integers(), st.integers(-3, 12), st.floats(), st.text(max_size=8), st.sampled_from(["sin", "rational", "input"]),
-        st.just(10**400), st.just("9" * 5000),
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.integers(-3, 12),
+        st.floats(),
+        st.text(max_size=8),
+        st.sampled_from(["sin", "rational", "input", 10**400, "9" * 5000]),
     ),
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=6), inner, max_size=4)),
     max_leaves=6,
-)  # fmt: skip
+)
 
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
