@@ -10,18 +10,17 @@ import ast
 import functools
 import hashlib
 import importlib.metadata
-import importlib.util
 import json
 import math
 import os
 import sys
 import tempfile
 import time
-import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidSystem
+from harness.family import CannotRun, member_of, raised_in, run_file
 from harness.library import Library
 from harness.mechanism import Mechanism
 from harness.states import DEFAULT_ACCELERATION, DEFAULT_RATES
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 MOST_INSTRUCTIONS_SIMPLIFIED = 200
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
-_DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py")
+_DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py", "family.py")
 
 
 def cache_directory() -> Path:
@@ -51,12 +50,13 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
         InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
     """
     path = library.system_path(name)
+    file, _ = member_of(path) or (path, None)
     try:
-        source = path.read_bytes()
+        source = file.read_bytes()
     except OSError as error:
         raise InvalidSystem(path, None, f"cannot be read: {error.strerror}") from error
     helpers = b"".join(helper.read_bytes() for helper in sorted(path.parent.glob("_*.py")))
-    digest = hashlib.sha256(_toolchain_digest() + source + b"\0" + helpers).hexdigest()
+    digest = hashlib.sha256(_toolchain_digest() + name.encode() + b"\0" + source + b"\0" + helpers).hexdigest()
     entry = cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
     cached = _read_entry(entry, name)
     if cached is not None:
@@ -78,7 +78,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     from harness.system import TIME
 
     system, docstring = load_system(path)
-    line = _line_of_declaration(path)
+    file, _ = member_of(path) or (path, None)
+    line = _line_of_declaration(file)
     started = time.perf_counter()
     try:
         equations = derive(system)
@@ -91,7 +92,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
             text, mathml = printed(equations)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
-        raise InvalidSystem(path, line, f"cannot be derived: {error}") from error
+        raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
     return Mechanism(
@@ -128,51 +129,40 @@ def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[f
 
 
 def load_system(path: Path) -> tuple[System, str]:
-    """``SYSTEM`` and the module docstring of a system file.
+    """``SYSTEM``, or a family's member, and the module docstring of a system file.
 
     Raises:
         InvalidSystem: with the line at fault.
     """
     from harness.system import System
 
-    specification = importlib.util.spec_from_file_location(f"_harness_system_{path.stem}", path)
-    assert specification is not None and specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    wrote_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-    sys.path.insert(0, str(path.parent))
-    loaded_before = set(sys.modules)
+    member = member_of(path)
+    file, size = member or (path, None)
     try:
-        specification.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        # A helper's syntax error lies in the helper; one in a string the file parses lies in neither.
-        if isinstance(error, SyntaxError) and (error.filename is None or Path(error.filename).parent == path.parent):
-            raise InvalidSystem(error.filename or path, error.lineno or None, f"is not Python: {error.msg}") from error
-        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-        message = str(error) or "no message"
-        raise InvalidSystem(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {message}") from error
-    finally:
-        sys.path.remove(str(path.parent))
-        # A helper must not answer for one of the same name in another library, nor for its own older text.
-        for name in set(sys.modules) - loaded_before:
-            if Path(getattr(sys.modules[name], "__file__", None) or "").parent == path.parent:
-                del sys.modules[name]
-        sys.dont_write_bytecode = wrote_bytecode
-    found = getattr(module, "SYSTEM", None)
+        module = run_file(file, f"_harness_system_{file.stem}")
+        found = getattr(module, "SYSTEM", None)
+        if size is not None and callable(getattr(module, "system", None)):
+            try:
+                found = module.system(size)
+            except Exception as error:
+                raise raised_in(file, error) from error
+    except CannotRun as error:
+        raise InvalidSystem(error.path, error.line, error.problem) from error
     if found is None:
-        raise InvalidSystem(path, None, "defines no SYSTEM; expected SYSTEM = System(...)")
+        raise InvalidSystem(file, None, "defines no SYSTEM; expected SYSTEM = System(...), or SIZES and system(n)")
     if not isinstance(found, System):
-        raise InvalidSystem(path, _line_of_declaration(path), f"SYSTEM is a {type(found).__name__}; expected a harness.system.System")
+        line = _line_of_declaration(file)
+        raise InvalidSystem(file, line, f"SYSTEM is a {type(found).__name__}; expected a harness.system.System")
     if not (module.__doc__ and "Source:" in module.__doc__):
-        raise InvalidSystem(
-            path, 1, "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from"
-        )
+        problem = "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from"
+        raise InvalidSystem(file, 1, problem)
     return found, module.__doc__
 
 
 def _line_of_declaration(path: Path) -> int | None:
     for node in ast.parse(path.read_bytes()).body:
         targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-        if any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in targets):
+        if any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in targets) or getattr(node, "name", "") == "system":
             return node.lineno
     return None
 

@@ -173,7 +173,7 @@ def _number(value: Any) -> Any:
 
 
 def _record(data: dict[str, Any]) -> Record:
-    for name in ("backward_error", "relative_error", "seconds_per_state", "median_backward_error"):
+    for name in ("backward_error", "relative_error", "seconds_per_state", "median_backward_error", "expected_backward_error"):
         data[name] = _number(data[name])
     if data["worst_state"] is not None:
         data["worst_state"] = {key: [float(number) for number in numbers_] for key, numbers_ in data["worst_state"].items()}

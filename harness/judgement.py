@@ -73,6 +73,7 @@ def judge(system: str, subject: str, answers: Answers, expectation: Expectation)
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         distribution=dict(Counter(map(half_decade, backward.tolist()))),
         verdict_counts={} if comparison is None else dict(Counter(comparison.verdicts.tolist())),
+        expected_backward_error=expectation.backward_error,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
     )

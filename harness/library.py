@@ -2,20 +2,26 @@
 
 The built-in library keeps its systems inside the package and its models at the top level of the
 repository; in an installed wheel the models lie inside the package too. A library may also hold
-``engines/`` of its own and an ``expected_verdicts.toml``.
+``engines/`` of its own and an ``expected_verdicts.toml``. An installed distribution offers a library under
+a name by an entry point of the group ``harness.libraries``, whose value is the package that holds it.
 """
 
 from __future__ import annotations
 
 import difflib
+import importlib.metadata
+import importlib.util
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 from harness.errors import InvalidInput, InvalidRequest
+from harness.family import member_of, sizes
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 BUILT_IN_NAME = "built-in"
+ENTRY_POINTS = "harness.libraries"
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -37,14 +43,16 @@ class Library:
 
     @classmethod
     def at(cls, directory: Path | str | None) -> Library:
-        """The library in ``directory``, or the built-in one for None.
+        """The library in ``directory``, or installed under that name, or the built-in one for None.
 
         Raises:
-            InvalidInput: there is no such directory, or it has no ``systems`` folder.
+            InvalidInput: there is no such directory or name, or it has no ``systems`` folder.
         """
         if directory is None:
             return cls.built_in()
         root = Path(directory).resolve()
+        if not root.exists():
+            return replace(cls.at(_installed_directory(str(directory))), name=str(directory))
         if not root.is_dir():
             raise InvalidInput(directory, None, "no such directory; expected a library with systems/, mjcf/ and urdf/")
         if not (root / "systems").is_dir():
@@ -52,8 +60,14 @@ class Library:
         return cls(root.name, root / "systems", root, root / "engines", root / "expected_verdicts.toml")
 
     def system_names(self) -> list[str]:
-        """Names of all systems, sorted; files that begin with an underscore are helpers, not systems."""
-        return sorted(path.stem for path in self.systems.glob("*.py") if not path.stem.startswith("_"))
+        """Names of all systems, in the order of their files; those that begin with an underscore are helpers."""
+        return [name for path in sorted(self.systems.glob("*.py")) for name in self.names_in(path)]
+
+    def names_in(self, path: Path) -> list[str]:
+        """Names of the systems in one file: its stem, or a family's members in the sizes it lists."""
+        if path.stem.startswith("_"):
+            return []
+        return [f"{path.stem}_{size}" for size in sizes(path)] or [path.stem]
 
     def select(self, names: Iterable[str]) -> list[str]:
         """``names`` as given, or every system for none.
@@ -67,11 +81,12 @@ class Library:
             raise InvalidInput(self.systems, None, "holds no system file; expected systems/<name>.py")
         chosen = list(dict.fromkeys(names))
         for name in chosen:
-            if name not in known:
+            if name not in known and member_of(self.system_path(name)) is None:
                 raise InvalidRequest(f"no system is called {name!r}; {nearest(name, known)}")
         return chosen or known
 
     def system_path(self, name: str) -> Path:
+        """The system's file; a family's member has a path of its own, which does not exist."""
         return self.systems / f"{name}.py"
 
     def model_path(self, name: str, model_format: str) -> Path:
@@ -79,9 +94,49 @@ class Library:
 
     def orphaned_models(self) -> list[Path]:
         """Model files that no system stands behind."""
-        systems = set(self.system_names())
+        systems = {path.stem for path in self.systems.glob("*.py")}
         files = [path for name, suffix in MODEL_SUFFIXES.items() for path in sorted((self.models / name).glob(f"*{suffix}"))]
         return [path for path in files if path.stem not in systems]
+
+
+def installed_libraries() -> dict[str, str]:
+    """Names of the installed libraries and the packages that hold them, sorted by name; imports none of them.
+
+    Where two distributions offer one name, the one that comes first on Python's path has it.
+    """
+    found: dict[str, str] = {}
+    for entry in importlib.metadata.entry_points(group=ENTRY_POINTS):
+        found.setdefault(entry.name, entry.value)
+    return dict(sorted(found.items()))
+
+
+def _installed_directory(name: str) -> Path:
+    """The folder of the installed library ``name``, found without importing it."""
+    installed = installed_libraries()
+    if name not in installed:
+        expected = "expected a library with systems/, mjcf/ and urdf/"
+        if installed:
+            expected += f", or one of the installed ones, {', '.join(installed)}; {nearest(name, installed)}"
+        raise InvalidInput(name, None, f"no such directory; {expected}")
+    module = installed[name].partition(":")[0].strip()
+    top, *inner = module.split(".")
+    try:
+        specification: ModuleSpec | None = importlib.util.find_spec(top)
+        for depth in range(len(inner)):
+            if specification is None:
+                break
+            # The general finder would import the packages above.
+            specification = PathFinder.find_spec(".".join([top, *inner[: depth + 1]]), specification.submodule_search_locations)
+    except (ImportError, ValueError):
+        specification = None
+    folders = list(specification.submodule_search_locations or ()) if specification is not None else []
+    if specification is not None and specification.submodule_search_locations is None and specification.origin:
+        folders = [str(Path(specification.origin).parent)]
+    for folder in folders:
+        if (Path(folder) / "systems").is_dir():
+            return Path(folder)
+    found = f"lies in {', '.join(folders)}, where there is no systems/ folder" if folders else "cannot be found by Python"
+    raise InvalidInput(name, None, f"is an installed library whose package {module!r} {found}; install it anew, or tell its authors")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

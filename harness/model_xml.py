@@ -17,6 +17,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from harness.errors import InvalidModel
+from harness.family import CannotRun, member_of, raised_in, run_file
 from harness.library import nearest
 
 MAXIMUM_BYTES = 10_000_000
@@ -72,7 +73,28 @@ def read_document(path: Path, root_tag: str) -> Document:
     return document
 
 
+def _written_by_family(path: Path, writer: Path, size: int) -> str:
+    """The model that a family's writer gives for ``size``."""
+    try:
+        module = run_file(writer, f"_harness_{writer.parent.name}_{writer.stem}")
+        model = getattr(module, "model", None)
+        if model is None:
+            raise InvalidModel(writer, None, "defines no model(n); expected a function that returns the text of the model of size n")
+        try:
+            text = model(size)
+        except Exception as error:
+            raise raised_in(writer, error) from error
+    except CannotRun as error:
+        raise InvalidModel(error.path, error.line, error.problem) from error
+    if not isinstance(text, str):
+        raise InvalidModel(writer, None, f"model({size}) returned a {type(text).__name__}; expected the text of {path.name}")
+    return text
+
+
 def _read_text(path: Path) -> str:
+    member = member_of(path)
+    if member is not None:
+        return _written_by_family(path, *member)
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):

@@ -103,7 +103,7 @@ class _Regression:
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         items = [item for item in session.items if isinstance(item, CrossCheckItem) and item.regression is self]
-        self._wanted = sorted({item.system for item in items}), sorted({item.name for item in items})
+        self._wanted = sorted({item.system for item in items}), sorted({item.subject for item in items})
 
     def pytest_sessionfinish(self) -> None:
         if self._workers is not None:
@@ -158,20 +158,25 @@ class SystemFile(pytest.File):
         self.regression = regression
 
     def collect(self) -> Iterator[CrossCheckItem]:
-        for subject in self.regression.subjects():
-            yield CrossCheckItem.from_parent(self, name=subject, regression=self.regression)
+        names = self.regression.library.names_in(self.path)
+        for name in names:
+            for subject in self.regression.subjects():
+                # The members of a family share a file, so their tests carry the member's name too.
+                title = subject if names == [self.path.stem] else f"{name}:{subject}"
+                yield CrossCheckItem.from_parent(self, name=title, regression=self.regression, system=name, subject=subject)
 
 
 class CrossCheckItem(pytest.Item):
     """One subject on one system: passes where the verdict is the expected one."""
 
-    def __init__(self, *, regression: _Regression, **options: Any) -> None:
+    def __init__(self, *, regression: _Regression, system: str, subject: str, **options: Any) -> None:
         super().__init__(**options)
         self.regression = regression
-        self.system = self.path.stem
+        self.system = system
+        self.subject = subject
 
     def runtest(self) -> None:
-        record = self.regression.record(self.system, self.name)
+        record = self.regression.record(self.system, self.subject)
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
             raise NotAsExpected(record)
@@ -182,7 +187,7 @@ class CrossCheckItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        return self.path, None, f"{self.system}[{self.name}]"
+        return self.path, None, f"{self.system}[{self.subject}]"
 
 
 class NotAsExpected(Exception):

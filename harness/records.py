@@ -40,6 +40,7 @@ class Record:
         median_backward_error: over the states [units of data roundoff].
         distribution: ``half_decade`` of a backward error to number of states.
         verdict_counts: verdict to number of states.
+        expected_backward_error: the largest backward error that goes with the expected verdict.
         expected_reason, expected_link: why another verdict than "agrees" is expected.
         replay: shell command that computes the worst state again.
 
@@ -60,6 +61,7 @@ class Record:
     median_backward_error: float | None = None
     distribution: dict[str, int] = field(default_factory=dict)
     verdict_counts: dict[str, int] = field(default_factory=dict)
+    expected_backward_error: float = math.inf
     expected_reason: str = ""
     expected_link: str = ""
     replay: str = ""
@@ -71,8 +73,8 @@ class Record:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the verdict is the expected one."""
-        return self.verdict == self.expected
+        """Whether the verdict is the expected one, with no larger an error than the expectation explains."""
+        return self.verdict == self.expected and (self.backward_error or 0.0) <= self.expected_backward_error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from harness.errors import InvalidModel
 from harness.kernels import Array
 from harness.library import Library
 from harness.mechanism import Mechanism
-from harness.models import ModelFile
+from harness.models import ModelFile, read_model
 from harness.reference import Reference, ReferenceKernel
 from harness.states import States, strategy
 from harness.verdict import Verdict
@@ -63,6 +63,11 @@ class Found:
 def derive(library: Library, name: str, note: Note) -> Mechanism:
     """The mechanism of system ``name``."""
     return load_mechanism(library, name)
+
+
+def read(path: Path, model_format: str, note: Note) -> ModelFile:
+    """The validated model file at ``path``."""
+    return read_model(path, model_format)
 
 
 def certify(mechanism: Mechanism, states: States, note: Note) -> tuple[Reference, float]:

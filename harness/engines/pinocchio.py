@@ -1,4 +1,7 @@
-"""Pinocchio's articulated-body algorithm on a URDF model, many states at a time by ``abaInParallel``.
+"""Pinocchio's articulated-body algorithm on a URDF model, as ``pinocchio.aba`` computes it.
+
+``abaInParallel`` is faster, but not the same algorithm: it works in the world's frame, where an inertia
+about a joint is what is left of one about the origin, and loses digits that ``aba`` keeps.
 
 ABA applies no springs and dampers; those the URDF declares are added to the applied forces by
 ``harness.force_elements``. A URDF holds no gravity, so the harness gives it.
@@ -23,15 +26,13 @@ from harness.standard_error import captured_standard_error
 
 
 class PinocchioModel:
-    """A ``pinocchio.Model``, its pool of one, and the force elements of its file."""
+    """A ``pinocchio.Model`` and the force elements of its file."""
 
     def __init__(self, model: Any, joints: Sequence[str], force_elements: ForceElements) -> None:
-        import pinocchio
-
         self._model = model
         self._joints = joints
         self._force_elements = force_elements
-        self._pool = pinocchio.ModelPool(model, 1)
+        self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
         model = self._model
@@ -53,8 +54,9 @@ class PinocchioModel:
         configuration, velocity, force = (np.zeros((size, len(q)), order="F") for size in (self._model.nq, self._model.nv, self._model.nv))
         configuration[positions], velocity[velocities], force[velocities] = q.T, v.T, tau.T
         force += self._force_elements.generalised_forces(configuration, velocity)
-        # A single row or column comes back with one axis.
-        accelerations = pinocchio.abaInParallel(1, self._pool, configuration, velocity, force).reshape(force.shape, order="F")
+        accelerations = np.empty_like(force)
+        for state in range(len(q)):
+            accelerations[:, state] = pinocchio.aba(self._model, self._data, configuration[:, state], velocity[:, state], force[:, state])
         return np.ascontiguousarray(accelerations[velocities].T)
 
 

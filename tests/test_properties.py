@@ -1,0 +1,359 @@
+"""What the equations of every system must satisfy: each property runs by itself over the whole library.
+
+Derivatives along the motion, and those of M, are those of power series in balls: exact, not differences. A
+bound is what the certified reference leaves open, |x|_M <= radius, carried through Cauchy-Schwarz:
+|e_i' M x| <= sqrt(M_ii) |x|_M and |v' M x| <= |v|_M |x|_M.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import flint
+import numpy as np
+import pytest
+
+from harness.kernels import Float64Kernel, upper_triangle
+from harness.mechanism import Mechanism
+from harness.program import StraightLineProgram, assemble
+from harness.reference import UNIT_ROUNDOFF, Reference
+from harness.states import States, sample
+from harness.system import TIME, System
+from harness.tasks import certify
+
+COUNT = 6
+BITS = 320
+# What BITS leave after the cancellations of an identity, relative to its largest term.
+AT_ZERO = flint.arb(2) ** -160
+# Applied forces with so few bits add without rounding.
+FORCE_BITS = 20
+NO_PREVIOUS_STATES = 5
+
+_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "pow": lambda a, b: a**b,
+}
+
+
+def evaluate(program: StraightLineProgram, inputs: Sequence[Any], names: Sequence[str]) -> dict[str, list[Any]]:
+    """The named outputs in any arithmetic that has the program's operations: balls, or power series of balls."""
+    needed: set[int] = set()
+    pending = [index for name in names for index in program.outputs[name]]
+    while pending:
+        index = pending.pop()
+        if index not in needed:
+            needed.add(index)
+            operation, *operands = program.instructions[index]
+            if operation == "integer_power":
+                pending.append(operands[0])
+            elif operation not in ("input", "rational", "pi"):
+                pending.extend(operands)
+    values: dict[int, Any] = {}
+    for index in sorted(needed):
+        operation, *operands = program.instructions[index]
+        if operation == "input":
+            values[index] = inputs[operands[0]]
+        elif operation == "rational":
+            values[index] = flint.arb(flint.fmpq(int(operands[0]), int(operands[1])))
+        elif operation == "pi":
+            values[index] = flint.arb.pi()
+        elif operation == "integer_power":
+            values[index] = values[operands[0]] ** operands[1]
+        elif operation == "neg":
+            values[index] = -values[operands[0]]
+        elif operation in _ARITHMETIC:
+            values[index] = _ARITHMETIC[operation](*(values[operand] for operand in operands))
+        else:
+            values[index] = getattr(values[operands[0]], operation)()
+    return {name: [values[index] for index in program.outputs[name]] for name in names}
+
+
+def slope(value: Any) -> flint.arb:
+    """First-order coefficient of a power series; a ball has none."""
+    return value[1] if isinstance(value, flint.arb_series) else flint.arb(0)
+
+
+def line(values: Sequence[Any], slopes: Sequence[Any]) -> list[flint.arb_series]:
+    """values + s slopes, as series in s."""
+    return [flint.arb_series([flint.arb(value), flint.arb(rise)]) for value, rise in zip(values, slopes, strict=True)]
+
+
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), flint.arb(0))
+
+
+def size(values: Sequence[Any]) -> flint.arb:
+    return sum((abs(value) for value in values), flint.arb(0))
+
+
+class Energies:
+    """T, V and the generalised forces Q, straight from the system file: no derivation in between."""
+
+    def __init__(self, system: System) -> None:
+        import sympy as sp
+
+        q = [sp.Symbol(f"q{i}", real=True) for i in range(len(system.coordinates))]
+        v = [sp.Symbol(f"v{i}", real=True) for i in range(len(system.coordinates))]
+        plain = dict(zip(system.rates, v, strict=True))
+        position = dict(zip(system.coordinates, q, strict=True))
+        forces = [system.generalised_forces.get(x, sp.S.Zero) for x in system.coordinates]
+        outputs = {"kinetic": [system.kinetic], "potential": [system.potential], "forces": forces}
+        self.conservative = not any(forces)
+        self._parameters = [flint.arb(float(value)) for value, _ in system.parameters.values()]
+        self._program = assemble(
+            [*q, *v, TIME, *system.parameters],
+            {name: [entry.xreplace(plain).xreplace(position) for entry in entries] for name, entries in outputs.items()},
+        )
+
+    def kinetic(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> Any:
+        return evaluate(self._program, [*q, *v, time, *self._parameters], ["kinetic"])["kinetic"][0]
+
+    def potential(self, q: Sequence[Any], time: Any) -> Any:
+        return evaluate(self._program, [*q, *[flint.arb(0)] * len(q), time, *self._parameters], ["potential"])["potential"][0]
+
+    def forces(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> list[Any]:
+        return evaluate(self._program, [*q, *v, time, *self._parameters], ["forces"])["forces"]
+
+    def jacobi(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> Any:
+        """h = sum v dL/dv - L = T2 - T0 + V, T2 and T0 the parts of T of second and zeroth degree in the rates."""
+        ahead, back = self.kinetic(q, v, time), self.kinetic(q, [-rate for rate in v], time)
+        return (ahead + back) / 2 - 2 * self.kinetic(q, [flint.arb(0)] * len(v), time) + self.potential(q, time)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A system with its certified accelerations at a few states, each for several rates and applied forces."""
+
+    mechanism: Mechanism
+    system: System
+
+    @cached_property
+    def energies(self) -> Energies:
+        return Energies(self.system)
+
+    @cached_property
+    def states(self) -> States:
+        states = sample(self.mechanism, COUNT, zlib.crc32(self.mechanism.name.encode()))
+        return States(states.q, states.v, few_bits(states.tau), states.time)
+
+    @cached_property
+    def other_forces(self) -> Any:
+        """A second set of applied forces, (COUNT, nv)."""
+        return few_bits(sample(self.mechanism, COUNT, NO_PREVIOUS_STATES).tau)
+
+    @cached_property
+    def _references(self) -> dict[str, Reference]:
+        base = self.states
+        variants = {
+            "base": base,
+            "reversed": States(base.q, -base.v, base.tau, base.time),
+            "free": States(base.q, base.v, 0 * base.tau, base.time),
+            "other": States(base.q, base.v, self.other_forces, base.time),
+            "both": States(base.q, base.v, base.tau + self.other_forces, base.time),
+        }
+        reference, _ = certify(self.mechanism, States.concatenate(list(variants.values())), lambda text: None)
+        assert reference.certified.all()
+        parts = np.arange(len(reference)).reshape(len(variants), -1)
+        fields = vars(reference)
+        return {
+            name: Reference(**{field: values[rows] for field, values in fields.items()})
+            for name, rows in zip(variants, parts, strict=True)
+        }
+
+    def accelerations(self, variant: str, index: int) -> list[flint.arb]:
+        reference = self._references[variant]
+        pairs = zip(reference.high[index].tolist(), reference.low[index].tolist(), strict=True)
+        return [flint.arb(high) + flint.arb(low) for high, low in pairs]
+
+    def uncertainty(self, variant: str, index: int, mass: list[list[flint.arb]]) -> flint.arb:
+        """Bound of the error of ``accelerations`` in the energy norm: the radius, and the rounding of the low part."""
+        reference = self._references[variant]
+        # The radius is a float64 norm, good to a few ulps. Half of the smallest subnormal is what ``low`` can miss.
+        radius = flint.arb(float(reference.radius[index])) * (1 + flint.arb(2) ** -40)
+        highs = reference.high[index].tolist()
+        return radius + dot(
+            [mass[i][i].sqrt() for i in range(len(mass))], [abs(flint.arb(high)) * flint.arb(2) ** -106 + flint.arb(2) ** -1075 for high in highs]
+        )
+
+    def inputs(self, index: int, *, q: Sequence[Any] | None = None, v: Sequence[Any] | None = None) -> list[Any]:
+        """The inputs of the mechanism's program at one state, other positions or velocities where given."""
+        state = self.states[index : index + 1]
+        positions = q if q is not None else balls(state.q[0])
+        rates = v if v is not None else balls(state.v[0])
+        return [*positions, *rates, *balls(state.tau[0]), *balls(state.time), *balls(self.mechanism.parameter_values)]
+
+    def mass(self, inputs: Sequence[Any]) -> list[list[Any]]:
+        flat = evaluate(self.mechanism.program, inputs, ["mass"])["mass"]
+        entries = dict(zip(upper_triangle(self.mechanism.nv), flat, strict=True))
+        return [[entries[min(i, j), max(i, j)] for j in range(self.mechanism.nv)] for i in range(self.mechanism.nv)]
+
+
+def balls(values: Any) -> list[flint.arb]:
+    return [flint.arb(float(value)) for value in values]
+
+
+def few_bits(forces: Any) -> Any:
+    """``forces`` rounded to multiples of a power of two common to the column, FORCE_BITS below its largest."""
+    _, exponent = np.frexp(np.abs(forces).max(axis=0))
+    unit = np.ldexp(1.0, exponent - FORCE_BITS)
+    return np.round(forces / unit) * unit
+
+
+def times(matrix: list[list[Any]], vector: Sequence[Any]) -> list[Any]:
+    return [dot(row, vector) for row in matrix]
+
+
+def has_a_position_per_velocity(mechanism: Mechanism) -> bool:
+    """Not so with a quaternion among the positions, whose rates are not the velocities."""
+    return len(mechanism.program.inputs) == 3 * mechanism.nv + 1 + len(mechanism.parameters)
+
+
+@pytest.fixture(autouse=True)
+def precision() -> Iterator[None]:
+    previous = flint.ctx.prec, flint.ctx.cap
+    flint.ctx.prec, flint.ctx.cap = BITS, 2
+    yield
+    flint.ctx.prec, flint.ctx.cap = previous
+
+
+@pytest.fixture(scope="session")
+def case(built_in_mechanism: Mechanism, built_in_system: System) -> Case:
+    return Case(built_in_mechanism, built_in_system)
+
+
+@pytest.fixture
+def plain_case(case: Case) -> Case:
+    """A case whose velocities are the rates of its positions."""
+    if not has_a_position_per_velocity(case.mechanism):
+        pytest.skip("positions hold a quaternion, whose rates are not the velocities")
+    return case
+
+
+def test_mass_matrix_is_positive_definite(case: Case) -> None:
+    """Certainly so in balls, by the pivots of L D L'; and within rounding in the compiled kernel."""
+    nv = case.mechanism.nv
+    compiled = Float64Kernel(case.mechanism.program).terms(case.mechanism.inputs(case.states))["mass"]
+    for index in range(COUNT):
+        mass = case.mass(case.inputs(index))
+        exact = np.array([[float(entry) for entry in row] for row in mass])
+        scale = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()))
+        rest = [list(row) for row in mass]
+        for j in range(nv):
+            assert rest[j][j] > 0, case.states.as_json(index)
+            for i in range(j + 1, nv):
+                factor = rest[i][j] / rest[j][j]
+                rest[i] = [entry - factor * above for entry, above in zip(rest[i], rest[j], strict=True)]
+        # Every entry is a sum of few products, none larger than its bound by Cauchy-Schwarz.
+        assert (np.abs(compiled[index] - exact) <= 64 * nv * UNIT_ROUNDOFF * scale).all()
+        assert (compiled[index] == compiled[index].T).all()
+
+
+def test_mass_matrix_is_that_of_the_kinetic_energy(plain_case: Case) -> None:
+    """T2 = v' M v / 2, T from the system file."""
+    case = plain_case
+    for index in range(COUNT):
+        inputs = case.inputs(index)
+        q, v, time = inputs[: case.mechanism.nv], inputs[case.mechanism.nv : 2 * case.mechanism.nv], inputs[3 * case.mechanism.nv]
+        ahead, back, rest = (case.energies.kinetic(q, rates, time) for rates in (v, [-rate for rate in v], [0 * rate for rate in v]))
+        twice = dot(v, times(case.mass(inputs), v))
+        assert abs(ahead + back - 2 * rest - twice) <= AT_ZERO * (abs(ahead) + abs(back) + abs(rest))
+
+
+def test_power_balance_of_the_certified_acceleration(plain_case: Case) -> None:
+    """dh/dt = sum (Q + tau) v - dL/dt along q' = v, v' = the certified qdd.
+
+    h is Jacobi's energy function, T + V where T is quadratic in the rates. An error of qdd does the power v' M dqdd.
+    """
+    case, nv = plain_case, plain_case.mechanism.nv
+    energies = case.energies
+    for index in range(COUNT):
+        inputs = case.inputs(index)
+        q, v, tau, time = inputs[:nv], inputs[nv : 2 * nv], inputs[2 * nv : 3 * nv], inputs[3 * nv]
+        mass = case.mass(inputs)
+        passing = flint.arb_series([time, 1])
+        growth = slope(energies.jacobi(line(q, v), line(v, case.accelerations("base", index)), passing))
+        lagrangian = slope(energies.kinetic(q, v, passing)) - slope(energies.potential(q, passing))
+        power = dot([given + applied for given, applied in zip(energies.forces(q, v, time), tau, strict=True)], v)
+        allowed = dot(v, times(mass, v)).sqrt() * case.uncertainty("base", index, mass)
+        # The second summand is for the radius of the left-hand side alone, which the precision makes tiny.
+        assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
+
+
+def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: Case) -> None:
+    """M' - 2C is skew, and C v is the part of the velocity terms that is quadratic in v.
+
+    C is made here, from exact derivatives of M, and M' is one along v: neither is the derivation's own.
+    Source: Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, section 7.3.
+    """
+    case, nv = plain_case, plain_case.mechanism.nv
+    for index in range(COUNT // 2):
+        inputs = case.inputs(index)
+        q, v = inputs[:nv], inputs[nv : 2 * nv]
+        slopes = [
+            [[slope(entry) for entry in row] for row in case.mass(case.inputs(index, q=line(q, [i == j for j in range(nv)])))]
+            for i in range(nv)
+        ]
+        matrix = [
+            [sum(((slopes[i][k][j] + slopes[j][k][i] - slopes[k][i][j]) * v[i] for i in range(nv)), flint.arb(0)) / 2 for j in range(nv)]
+            for k in range(nv)
+        ]
+        growth = [[slope(entry) for entry in row] for row in case.mass(case.inputs(index, q=line(q, v)))]
+        skew = [[growth[i][j] - 2 * matrix[i][j] for j in range(nv)] for i in range(nv)]
+        largest = size([entry for row in (*matrix, *growth) for entry in row])
+        assert all(abs(skew[i][j] + skew[j][i]) <= AT_ZERO * largest for i in range(nv) for j in range(nv))
+
+        ahead, back, rest = (
+            evaluate(case.mechanism.program, case.inputs(index, v=rates), ["velocity"])["velocity"]
+            for rates in (v, [-rate for rate in v], [0 * rate for rate in v])
+        )
+        for given, *parts in zip(times(matrix, v), ahead, back, rest, strict=True):
+            assert abs(given - (parts[0] + parts[1]) / 2 + parts[2]) <= AT_ZERO * (size(parts) + largest * size(v))
+
+
+def test_time_reversal(case: Case) -> None:
+    """M (qdd(q, v) - qdd(q, -v)) = Q(q, v) - Q(q, -v), which is zero for a conservative system: it runs back as it came."""
+    nv = case.mechanism.nv
+    if not has_a_position_per_velocity(case.mechanism) and not case.energies.conservative:
+        pytest.skip("Q is given for the rates of a chart, not for the velocities")
+    for index in range(COUNT):
+        inputs = case.inputs(index)
+        mass = case.mass(inputs)
+        forces = [flint.arb(0)] * nv
+        if has_a_position_per_velocity(case.mechanism):
+            q, v, time = inputs[:nv], inputs[nv : 2 * nv], inputs[3 * nv]
+            back = [-rate for rate in v]
+            momenta = abs(case.energies.kinetic(q, v, time) - case.energies.kinetic(q, back, time))
+            if not momenta <= AT_ZERO * case.energies.kinetic(q, v, time):
+                pytest.skip("kinetic energy has terms linear in the rates, as in a magnetic field: time reversal turns them round")
+            ahead, behind = case.energies.forces(q, v, time), case.energies.forces(q, back, time)
+            forces = [a - b for a, b in zip(ahead, behind, strict=True)]
+        change = [a - b for a, b in zip(case.accelerations("base", index), case.accelerations("reversed", index), strict=True)]
+        allowed = case.uncertainty("base", index, mass) + case.uncertainty("reversed", index, mass)
+        for i, (found, expected) in enumerate(zip(times(mass, change), forces, strict=True)):
+            assert abs(found - expected) <= mass[i][i].sqrt() * allowed + AT_ZERO * abs(expected), case.states.as_json(index)
+        if case.energies.conservative:
+            assert all(force == 0 for force in forces)
+
+
+def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
+    """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau."""
+    for index in range(COUNT):
+        mass = case.mass(case.inputs(index))
+        base, other, both, free = (case.accelerations(name, index) for name in ("base", "other", "both", "free"))
+        unknown = {name: case.uncertainty(name, index, mass) for name in ("base", "other", "both", "free")}
+        superposed = times(mass, [sum_ - a - b + c for sum_, a, b, c in zip(both, base, other, free, strict=True)])
+        forces = {"base": case.states.tau[index], "other": case.other_forces[index]}
+        assert all(abs(forces["base"] + forces["other"]) > 0)
+        for i, rest in enumerate(superposed):
+            assert abs(rest) <= mass[i][i].sqrt() * sum(unknown.values(), flint.arb(0))
+        for name, moved in (("base", base), ("other", other)):
+            felt = times(mass, [a - b for a, b in zip(moved, free, strict=True)])
+            for i, force in enumerate(forces[name].tolist()):
+                assert abs(felt[i] - force) <= mass[i][i].sqrt() * (unknown[name] + unknown["free"]) + AT_ZERO * abs(force)
