@@ -14,7 +14,7 @@ AUDIT_TOLERANCE = 1e-6
 
 
 def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
-    """Check joints by name, one position and velocity each, gravity and total mass.
+    """Check joints by name and size, gravity and total mass.
 
     Raises:
         InvalidModel: with the line, the value found and the value expected.
@@ -28,12 +28,11 @@ def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
         line = model.joint_lines.get(joint, model.root_line)
         if joint not in mechanism.joints:
             raise InvalidModel(model.path, line, f"joint {joint!r} moves, but the system has joints {', '.join(mechanism.joints)} only")
-        if (positions, velocities) != (1, 1):
-            raise InvalidModel(
-                model.path,
-                line,
-                f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected 1 and 1; use a joint of one degree of freedom",
-            )
+        nq, nv = mechanism.joint_sizes[joint]
+        if (positions, velocities) != (nq, nv):
+            kind = {(4, 3): "a ball joint", (7, 6): "a free joint"}.get((nq, nv), "a joint of one degree of freedom")
+            problem = f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected {nq} and {nv}; use {kind}"
+            raise InvalidModel(model.path, line, problem)
     expected = (0.0, 0.0, -mechanism.gravity)
     if any(abs(found - wanted) > AUDIT_TOLERANCE * mechanism.gravity for found, wanted in zip(loaded.gravity, expected, strict=True)):
         found_text, expected_text = (" ".join(f"{component:g}" for component in vector) for vector in (loaded.gravity, expected))

@@ -1,7 +1,7 @@
 """Command line: ``harness list``, ``show``, ``check``, ``report``.
 
-Exit status: 0 all verdicts as expected; 1 at least one is not; 2 bad usage or an invalid model or
-system file; 3 an engine crashed or timed out.
+Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so; 2 bad usage or an
+invalid model or system file; 3 an engine crashed or timed out.
 """
 
 from __future__ import annotations
@@ -270,26 +270,28 @@ def _cross_check(
                 keep(record)
                 records.append(record)
                 if json_path:
-                    write_json(json_path, run, records)
+                    write_json(json_path, run, records, superfluous=cross_check.superfluous)
                 advance(f"{record.system} {record.subject}")
     except OSError as error:
         raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
     records.sort(key=lambda record: (record.system, record.subject))
     if json_path:
-        write_json(json_path, run, records)
+        write_json(json_path, run, records, superfluous=cross_check.superfluous)
     return cross_check, records
 
 
 def _finish(cross_check: CrossCheck, records: list[Record]) -> None:
     """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
-    from harness.terminal import print_table, print_unexpected
+    from harness.terminal import print_superfluous, print_table, print_unexpected
 
     print_table(records)
     print_unexpected(records)
+    print_superfluous(cross_check.superfluous)
     _tell(cross_check.problems)
     if cross_check.crashed:
         sys.exit(CRASHED)
-    sys.exit(AS_EXPECTED if all(record.as_expected for record in records) else NOT_AS_EXPECTED)
+    as_expected = all(record.as_expected for record in records) and not cross_check.superfluous
+    sys.exit(AS_EXPECTED if as_expected else NOT_AS_EXPECTED)
 
 
 def _parse_state(text: str | None) -> Any:
@@ -309,6 +311,6 @@ def _parse_state(text: str | None) -> Any:
         raise click.BadParameter('expected {"q": [...], "v": [...], "tau": [...]} with numbers', param_hint="--state") from error
     if not all(math.isfinite(value) for part in parts for value in part):
         raise click.BadParameter("every number must be finite", param_hint="--state")
-    if len({len(part) for part in parts}) != 1:
-        raise click.BadParameter("q, v and tau must have the same length", param_hint="--state")
+    if len(parts[1]) != len(parts[2]):
+        raise click.BadParameter("v and tau must have the same length", param_hint="--state")
     return States.at(*parts)

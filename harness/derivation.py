@@ -26,12 +26,25 @@ from harness.mechanism import Mechanism
 from harness.states import DEFAULT_ACCELERATION, DEFAULT_RATES
 
 if TYPE_CHECKING:
+    from harness.lagrange import EquationsOfMotion
     from harness.program import StraightLineProgram
     from harness.system import System
 
 MOST_INSTRUCTIONS_SIMPLIFIED = 200
+# (w, x, y, z) at which no chart is singular.
+ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
-_DERIVING_SOURCES = ("system.py", "lagrange.py", "program.py", "kernels.py", "mechanism.py", "derivation.py", "notation.py", "family.py")
+_DERIVING_SOURCES = (
+    "system.py",
+    "lagrange.py",
+    "program.py",
+    "kernels.py",
+    "mechanism.py",
+    "derivation.py",
+    "notation.py",
+    "family.py",
+    "charts.py",
+)
 
 
 def cache_directory() -> Path:
@@ -73,23 +86,21 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         InvalidSystem: as ``load_mechanism``.
     """
     from harness.kernels import program_of
-    from harness.lagrange import derive
     from harness.notation import printed
     from harness.system import TIME
 
-    system, docstring = load_system(path)
+    atlas, docstring = load_atlas(path)
+    system = atlas[0]
     file, _ = member_of(path) or (path, None)
     line = _line_of_declaration(file)
     started = time.perf_counter()
     try:
-        equations = derive(system)
-        program = program_of(system, equations)
-        text, mathml = "", ""
+        derived = [(chart, *_equations_and_program(chart)) for chart in atlas]
+        _, equations, program = derived[0]
         # Longer equations are not worth the time, and nobody would read them.
-        if len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED:
-            equations = equations.simplified()
-            program = program_of(system, equations)
-            text, mathml = printed(equations)
+        text, mathml = printed(equations) if _is_short(program) else ("", "")
+        free = any(attitude.position for attitude in system.attitudes)
+        in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
@@ -108,11 +119,30 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
         force_ranges=_force_ranges(program, system),
+        attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
+        other_charts=tuple(program for _, _, program in derived[1:]),
+        charts_in_body=in_body,
         program=program,
         equations_text=text,
         equations_mathml=mathml,
         derivation_seconds=seconds,
     )
+
+
+def _equations_and_program(system: System) -> tuple[EquationsOfMotion, StraightLineProgram]:
+    from harness.kernels import program_of
+    from harness.lagrange import derive
+
+    equations = derive(system)
+    program = program_of(system, equations)
+    if _is_short(program):
+        equations = equations.simplified()
+        program = program_of(system, equations)
+    return equations, program
+
+
+def _is_short(program: StraightLineProgram) -> bool:
+    return len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED
 
 
 def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[float, float], ...]:
@@ -121,6 +151,9 @@ def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[f
 
     n = len(system.coordinates)
     middle = [sum(system.ranges.get(q, (0.0, 0.0))) / 2 for q in system.coordinates]
+    for attitude in reversed(system.attitudes):
+        place = list(system.coordinates).index(attitude.angles[0])
+        middle[place : place + 3] = ANY_ROTATION
     values = [value for value, _ in system.parameters.values()]
     mass = BallKernel(program, len(values)).bind(values)(*middle, *[0.0] * (2 * n + 1))
     inertias = [abs(float(mass[position])) for position, (i, j) in enumerate(upper_triangle(n)) if i == j]
@@ -130,6 +163,19 @@ def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[f
 
 def load_system(path: Path) -> tuple[System, str]:
     """``SYSTEM``, or a family's member, and the module docstring of a system file.
+
+    Raises:
+        InvalidSystem: with the line at fault.
+    """
+    atlas, docstring = load_atlas(path)
+    return atlas[0], docstring
+
+
+def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:
+    """The system of a file in each of its charts, and the module docstring.
+
+    ``ATLAS`` lists the same system in several Euler angles, that of ``SYSTEM`` first; a file without one
+    has the chart of ``SYSTEM`` only.
 
     Raises:
         InvalidSystem: with the line at fault.
@@ -156,7 +202,18 @@ def load_system(path: Path) -> tuple[System, str]:
     if not (module.__doc__ and "Source:" in module.__doc__):
         problem = "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from"
         raise InvalidSystem(file, 1, problem)
-    return found, module.__doc__
+    atlas = tuple(getattr(module, "ATLAS", (found,)))
+    alike = [isinstance(chart, System) and _same_but_for_angles(chart, found) for chart in atlas]
+    if not atlas or atlas[0] is not found or not all(alike):
+        raise InvalidSystem(file, None, "ATLAS must list SYSTEM first, then systems with the same joints, parameters and total mass")
+    return atlas, module.__doc__
+
+
+def _same_but_for_angles(chart: System, system: System) -> bool:
+    same = ("parameters", "total_mass", "gravity")
+    return list(chart.coordinates.values()) == list(system.coordinates.values()) and all(
+        getattr(chart, name) == getattr(system, name) for name in same
+    )
 
 
 def _line_of_declaration(path: Path) -> int | None:

@@ -81,4 +81,4 @@ def run_file(path: Path, name: str) -> ModuleType:
 def raised_in(path: Path, error: BaseException) -> CannotRun:
     """``error`` with the line of ``path`` it came through."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    return CannotRun(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {error or 'no message'}")
+    return CannotRun(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {str(error) or 'no message'}")

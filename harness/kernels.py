@@ -3,9 +3,9 @@
 ``Float64Kernel`` runs on heyoka: SIMD machine code over batches of states. ``BallKernel`` runs on Arb:
 every result is an interval that certainly holds the exact value at the exact float64 inputs.
 
-Inputs of a system's program are, in this order: q (nv), v (nv), tau (nv), time (1), parameters. Its
+Inputs of a system's program are, in this order: q (nq), v (nv), tau (nv), time (1), parameters. Its
 outputs are ``mass`` (upper triangle by rows), ``velocity``, ``gravity`` and ``passive`` (nv each), so
-that M qdd = tau + passive - velocity - gravity.
+that M qdd = tau + passive - velocity - gravity, and ``regularity`` (1) where a chart can be singular.
 
 Sources: Biscani, Izzo, heyoka.py documentation, ``cfunc`` and ``diff_tensors``; Johansson, Arb:
 efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. Comput. 66 (2017).
@@ -35,24 +35,33 @@ def upper_triangle(n: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(n) for j in range(i, n)]
 
 
-def program_of(system: System, equations: EquationsOfMotion) -> StraightLineProgram:
-    """The program of a system's equations, with its parameters as run-time inputs."""
+def position_count(program: StraightLineProgram) -> int:
+    """nq of a system's program: time stands behind q, v and tau."""
+    return program.inputs.index("t") - 2 * len(program.outputs["velocity"])
+
+
+def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
+    """The program of a system's equations, with its parameters as run-time inputs.
+
+    Positions and velocities are those of the joints; see ``harness.charts`` for ball and free joints.
+    """
     import sympy as sp
 
+    from harness.charts import in_joint_coordinates
     from harness.system import TIME
 
-    n = len(equations.coordinates)
+    joint = in_joint_coordinates(equations, list(system.coordinates), system.attitudes, linear_velocity_in_body)
+    n = len(joint.velocities)
     forces = [sp.Symbol(f"tau{i}") for i in range(n)]
-    inputs = [*equations.coordinates, *equations.rates, *forces, TIME, *system.parameters]
-    return assemble(
-        inputs,
-        {
-            "mass": [equations.mass_matrix[i, j] for i, j in upper_triangle(n)],
-            "velocity": list(equations.velocity_terms),
-            "gravity": list(equations.gravity_terms),
-            "passive": list(equations.passive_forces),
-        },
-    )
+    outputs = {
+        "mass": [joint.mass_matrix[i, j] for i, j in upper_triangle(n)],
+        "velocity": list(joint.velocity_terms),
+        "gravity": list(joint.gravity_terms),
+        "passive": list(joint.passive_forces),
+    }
+    if system.attitudes:
+        outputs["regularity"] = [joint.regularity]
+    return assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
 
 
 class Float64Kernel:
@@ -84,6 +93,12 @@ class Float64Kernel:
         flat = np.asarray(self._derivatives(np.ascontiguousarray(np.vstack([inputs, accelerations]))))
         return flat.reshape(self.nv, len(self.program.inputs), -1)
 
+    def regularity(self, inputs: Array) -> Array:
+        """|regularity| of the program's chart, (n,): 0 where it is singular, 1 everywhere for a program without one."""
+        if "regularity" not in self.program.outputs:
+            return np.ones(inputs.shape[1])
+        return np.asarray(np.abs(np.asarray(self._regularity(inputs))[0]))
+
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
         import heyoka
@@ -93,7 +108,8 @@ class Float64Kernel:
 
     def _right_hand_side(self) -> list[Any]:
         inputs, outputs = self._symbols
-        forces = inputs[2 * self.nv : 3 * self.nv]
+        first = position_count(self.program) + self.nv
+        forces = inputs[first : first + self.nv]
         terms = zip(forces, outputs["passive"], outputs["velocity"], outputs["gravity"], strict=True)
         return [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
 
@@ -103,6 +119,13 @@ class Float64Kernel:
 
         inputs, outputs = self._symbols
         return heyoka.cfunc([expression for name in OUTPUTS for expression in outputs[name]], vars=inputs)
+
+    @cached_property
+    def _regularity(self) -> Any:
+        import heyoka
+
+        inputs, outputs = self._symbols
+        return heyoka.cfunc(outputs["regularity"], vars=inputs)
 
     @cached_property
     def _accelerations(self) -> Any:

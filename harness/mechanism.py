@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,14 +21,19 @@ class Mechanism:
     Attributes:
         name: file stem of the system, and of its models.
         description, source: from the system file's docstring.
-        coordinates, joints: names of the nv coordinates and of the joints that carry them.
+        coordinates, joints: names of the nv coordinates and of the joints that carry them; a ball or free
+            joint carries several.
         parameters: (name, value, unit) in the program's input order.
         gravity: acceleration of gravity [m/s^2] along -z; 0 where the mechanism feels none.
         total_mass: sum of all moving masses [kg].
         rotating: for each coordinate, whether it is an angle.
         position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
         force_ranges: (lowest, highest) applied force per coordinate [N or N m].
+        attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
+            rotation takes four numbers (w, x, y, z) of q and three of v.
         program: the equations of motion; see ``harness.kernels`` for its inputs and outputs.
+        other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
+            of free joints in the body's frame, () where there is no free joint.
         equations_text, equations_mathml: the equations for people.
         derivation_seconds: what deriving and assembling them cost.
     """
@@ -48,11 +54,34 @@ class Mechanism:
     equations_text: str
     equations_mathml: str
     derivation_seconds: float
+    attitudes: tuple[int, ...] = ()
+    other_charts: tuple[StraightLineProgram, ...] = ()
+    charts_in_body: tuple[StraightLineProgram, ...] = ()
 
     @property
     def nv(self) -> int:
         """Degrees of freedom."""
         return len(self.coordinates)
+
+    @property
+    def nq(self) -> int:
+        """Number of positions: one more than velocities for each ball or free joint."""
+        return len(self.coordinates) + len(self.attitudes)
+
+    @property
+    def joint_sizes(self) -> dict[str, tuple[int, int]]:
+        """Each joint's number of positions and of velocities, in the order of q and v."""
+        turning = {self.joints[place] for place in self.attitudes}
+        counts = Counter(self.joints)
+        return {joint: (count + (joint in turning), count) for joint, count in counts.items()}
+
+    def charts(self, linear_velocity_in_body: bool) -> tuple[StraightLineProgram, ...]:
+        """Programs of the same equations, of which one at least is regular everywhere it can be.
+
+        ``linear_velocity_in_body`` chooses the frame in which the linear velocity of free joints is given;
+        it makes no difference without free joints.
+        """
+        return self.charts_in_body if linear_velocity_in_body and self.charts_in_body else (self.program, *self.other_charts)
 
     @property
     def parameter_values(self) -> tuple[float, ...]:
@@ -61,8 +90,10 @@ class Mechanism:
     @property
     def key(self) -> Hashable:
         """Equal for mechanisms with equal equations, joints and parameter values."""
-        outputs = tuple(sorted((name, tuple(indices)) for name, indices in self.program.outputs.items()))
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, self.program.instructions, outputs
+        programs = (self.program, *self.other_charts, *self.charts_in_body)
+        outputs = tuple((name, tuple(indices)) for program in programs for name, indices in sorted(program.outputs.items()))
+        instructions = tuple(program.instructions for program in programs)
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, instructions, outputs
 
     def inputs(self, states: States) -> Array:
         """The program's inputs at ``states``, (number of inputs, n), one column a state."""
@@ -73,7 +104,8 @@ class Mechanism:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object that ``from_json`` turns back into an equal mechanism."""
-        return {**vars(self), "program": self.program.to_json()}
+        charts = {name: [program.to_json() for program in getattr(self, name)] for name in ("other_charts", "charts_in_body")}
+        return {**vars(self), **charts, "program": self.program.to_json()}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Mechanism:
@@ -83,7 +115,21 @@ class Mechanism:
             ValueError: a part is missing, of another type or contradicts the others.
         """
         try:
-            check_lists(data, ("coordinates", "joints", "parameters", "rotating", "position_ranges", "rate_ranges", "force_ranges"))
+            check_lists(
+                data,
+                (
+                    "coordinates",
+                    "joints",
+                    "parameters",
+                    "rotating",
+                    "position_ranges",
+                    "rate_ranges",
+                    "force_ranges",
+                    "attitudes",
+                    "other_charts",
+                    "charts_in_body",
+                ),
+            )
             mechanism = cls(
                 **{
                     **data,
@@ -96,6 +142,9 @@ class Mechanism:
                     ),
                     "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
                     "force_ranges": tuple((float(low), float(high)) for low, high in data["force_ranges"]),
+                    "attitudes": tuple(int(place) for place in data["attitudes"]),
+                    "other_charts": tuple(StraightLineProgram.from_json(chart) for chart in data["other_charts"]),
+                    "charts_in_body": tuple(StraightLineProgram.from_json(chart) for chart in data["charts_in_body"]),
                     "program": StraightLineProgram.from_json(data["program"]),
                 }
             )
@@ -111,9 +160,12 @@ class Mechanism:
         per_coordinate = ("joints", "rotating", "position_ranges", "rate_ranges", "force_ranges")
         if any(len(getattr(mechanism, name)) != nv for name in per_coordinate):
             raise ValueError("joints or ranges do not fit the coordinates")
-        sizes = {name: len(mechanism.program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
-        if set(sizes.values()) != {nv} or len(mechanism.program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
-            raise ValueError("the program's outputs do not fit the coordinates")
-        if len(mechanism.program.inputs) != 3 * nv + 1 + len(mechanism.parameters):
-            raise ValueError("the program's inputs do not fit coordinates and parameters")
+        if not all(0 <= place <= nv - 3 for place in mechanism.attitudes):
+            raise ValueError("an attitude does not fit the coordinates")
+        for program in (mechanism.program, *mechanism.other_charts, *mechanism.charts_in_body):
+            sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
+            if set(sizes.values()) != {nv} or len(program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
+                raise ValueError("the program's outputs do not fit the coordinates")
+            if len(program.inputs) != mechanism.nq + 2 * nv + 1 + len(mechanism.parameters):
+                raise ValueError("the program's inputs do not fit coordinates and parameters")
         return mechanism

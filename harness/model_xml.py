@@ -34,12 +34,14 @@ class Document:
         text: the file's content, character by character.
         root: the root element; comments and processing instructions are left out.
         lines: element to the line (1-based) its tag starts on.
+        comments: (line, text) of every comment.
     """
 
     path: Path
     text: str
     root: etree._Element
     lines: Mapping[etree._Element, int]
+    comments: tuple[tuple[int, str], ...] = ()
 
     def refuse(self, element: etree._Element, problem: str) -> NoReturn:
         """Raises InvalidModel at the line of ``element``."""
@@ -53,10 +55,14 @@ def read_document(path: Path, root_tag: str) -> Document:
         InvalidModel: not a readable file of well-formed XML in UTF-8 with that root, or beyond the
             limits above.
     """
-    text = _read_text(path)
+    return parse_document(path, _read_text(path), root_tag)
+
+
+def parse_document(path: Path, text: str, root_tag: str) -> Document:
+    """``read_document`` of a file at ``path`` that would hold ``text``; raises the same."""
     if not text.strip("\ufeff \t\r\n"):
         raise InvalidModel(path, None, f"is empty; expected a <{root_tag}> model")
-    lines, complaint = _scan(path, text)
+    lines, comments, complaint = _scan(path, text)
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
@@ -67,7 +73,7 @@ def read_document(path: Path, root_tag: str) -> Document:
         raise InvalidModel(path, error.lineno or None, f"is not well-formed XML: {problem}; correct it, or restore the file") from None
     if complaint is not None:
         raise complaint
-    document = Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)))
+    document = Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
     if root.tag != root_tag:
         document.refuse(root, f"the root element is <{shorten(root.tag)}>; expected <{root_tag}>, without a default namespace")
     return document
@@ -116,9 +122,10 @@ def _read_text(path: Path) -> str:
         raise InvalidModel(path, line, f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8") from None
 
 
-def _scan(path: Path, text: str) -> tuple[list[int], InvalidModel | None]:
-    """The line of every start tag in document order; expat's complaint where it cannot go on."""
+def _scan(path: Path, text: str) -> tuple[list[int], list[tuple[int, str]], InvalidModel | None]:
+    """The line of every start tag in document order, and every comment; expat's complaint where it cannot go on."""
     lines: list[int] = []
+    comments: list[tuple[int, str]] = []
     depth = 0
     parser = expat.ParserCreate("utf-8")
 
@@ -136,14 +143,15 @@ def _scan(path: Path, text: str) -> tuple[list[int], InvalidModel | None]:
     def doctype(*_declaration: object) -> None:
         raise InvalidModel(path, parser.CurrentLineNumber, "declares a DOCTYPE, which could define entities; remove it")
 
+    parser.CommentHandler = lambda comment: comments.append((parser.CurrentLineNumber, comment))
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
     try:
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
-        return lines, InvalidModel(path, error.lineno, f"is not well-formed XML: {expat.ErrorString(error.code)}; correct it")
-    return lines, None
+        return lines, comments, InvalidModel(path, error.lineno, f"is not well-formed XML: {expat.ErrorString(error.code)}; correct it")
+    return lines, comments, None
 
 
 def literal_tag(element: etree._Element) -> str:

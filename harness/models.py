@@ -1,6 +1,12 @@
 """Read and validate one MJCF or URDF file before any engine sees it: engines take much of it in silence.
 
-A URDF declares no springs of its own. These conventions, and no others, are read as force elements:
+An element or attribute is understood and checked (``harness.model_formats``), or is decoration that no
+acceleration feels and that a comment declares, or is refused by name. The comment names the elements and
+attributes, in MJCF and URDF alike, anywhere in the file::
+
+    <!-- decoration: geom asset rgba -->
+
+URDF states neither springs nor reflected inertias. These conventions, and no others, are read:
 
 - viscous damping of a joint, ``<dynamics damping>`` (http://wiki.ros.org/urdf/XML/joint);
 - a spring in a joint, ``<gazebo reference="JOINT">`` with ``<springStiffness>`` and ``<springReference>``:
@@ -8,67 +14,35 @@ A URDF declares no springs of its own. These conventions, and no others, are rea
   (gazebosim/sdf_tutorials, docs/urdf/sdf_extensions.md);
 - a spring and damper between points of two links, ``<drake:linear_spring_damper>``: force
   k (length - free length) + c d(length)/dt along the line between them. Source: Drake, "Parsing model
-  files", tag drake:linear_spring_damper, and drake::multibody::LinearSpringDamper.
+  files", tag drake:linear_spring_damper, and drake::multibody::LinearSpringDamper;
+- reflected inertia of a joint's rotor, ``<drake:rotor_inertia value>`` and ``<drake:gear_ratio value>``
+  (default 1) in the ``<actuator name>`` of a ``<transmission>`` with ``<type>``
+  transmission_interface/SimpleTransmission and ``<joint name>``: gear_ratio^2 rotor_inertia is added to the
+  joint's own inertia. As in Drake, the joint's effort limit must be above zero. Source: Drake, "Parsing
+  model files", tags drake:rotor_inertia and drake:gear_ratio, and "Reflected Inertia";
+- a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
+  Drake, "Parsing model files", tag drake:joint.
 
-MJCF states springs and dampers itself, and the engine that reads them applies them.
+MJCF states springs, dampers and ``armature`` itself, and the engine that reads them applies them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
 
-from harness.model_formats import Numbers, check_elements, check_inertia, not_negative, numbers, positive
-from harness.model_xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, read_document, resolve, shorten
+from harness.declared_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
+from harness.model_checks import check_elements, check_inertia, numbers
+from harness.model_values import Numbers, positive
+from harness.model_xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, parse_document, read_document, resolve
 
+__all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
+
+_DRAKE_JOINT = "drake:joint"
 ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
-_SINGLE_AXIS = ("revolute", "prismatic", "continuous")
-_POINT_SPRING = "drake:linear_spring_damper"
-
-Point = tuple[float, float, float]
-Elements = Mapping[str, etree._Element]
-
-
-@dataclass(frozen=True)
-class JointSpring:
-    """Force -stiffness (q - reference) in a joint [N/m and m, or N m/rad and rad]."""
-
-    joint: str
-    stiffness: float
-    reference: float
-    line: int
-
-
-@dataclass(frozen=True)
-class JointDamper:
-    """Force -damping v in a joint [N s/m or N m s/rad]."""
-
-    joint: str
-    damping: float
-    line: int
-
-
-@dataclass(frozen=True)
-class PointSpring:
-    """Spring and damper between a point of body A and a point of body B, each in its link's frame [m].
-
-    ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate.
-    """
-
-    body_a: str
-    point_a: Point
-    body_b: str
-    point_b: Point
-    free_length: float
-    stiffness: float
-    damping: float
-    line: int
-
-
-ForceElement = JointSpring | JointDamper | PointSpring
 
 
 @dataclass(frozen=True)
@@ -82,6 +56,8 @@ class ModelFile:
         gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
         root_line: line of the root element.
         force_elements: springs and dampers the harness must add, in document order; none for MJCF.
+        armatures: reflected inertias the harness must add, in document order; none for MJCF.
+        ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
     """
 
     path: Path
@@ -91,6 +67,8 @@ class ModelFile:
     gravity_line: int | None
     root_line: int
     force_elements: tuple[ForceElement, ...]
+    armatures: tuple[Armature, ...] = ()
+    ball_joint: str | None = None
 
 
 def read_model(path: Path, format: str) -> ModelFile:
@@ -102,9 +80,21 @@ def read_model(path: Path, format: str) -> ModelFile:
         InvalidModel: the file cannot be read, or is not a well-formed, physical model.
         ValueError: no such format.
     """
+    return _validated(read_document(path, _root_tag(format)), format)
+
+
+def parse_model(path: Path, text: str, format: str) -> ModelFile:
+    """``read_model`` of a file at ``path`` that would hold ``text``; raises the same."""
+    return _validated(parse_document(path, text, _root_tag(format)), format)
+
+
+def _root_tag(format: str) -> str:
     if format not in ROOT_TAGS:
         raise ValueError(f"model format {format!r}; expected one of {sorted(ROOT_TAGS)}")
-    document = read_document(path, ROOT_TAGS[format])
+    return ROOT_TAGS[format]
+
+
+def _validated(document: Document, format: str) -> ModelFile:
     check_elements(document, format)
     return _READERS[format](document)
 
@@ -171,9 +161,19 @@ def _read_urdf(document: Document) -> ModelFile:
     for joint in root.iterfind("joint"):
         add_named(document, joint, joints)
     moving_joints = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
+    balls: dict[str, etree._Element] = {}
+    for joint in (element for element in root.iterchildren("*") if literal_tag(element) == _DRAKE_JOINT):
+        if balls:
+            document.refuse(joint, f"second <{_DRAKE_JOINT}>; one ball joint can hang the root link on the world, and no other is read")
+        add_named(document, joint, balls)
+        if joint.get("name") in joints:
+            document.refuse(joint, f"joint {joint.get('name')!r} is declared twice; give each joint its own name")
+    moving_joints |= balls
     if not moving_joints:
         document.refuse(root, "has no moving joint; expected one for each coordinate of the system")
-    _check_urdf_tree(document, links, joints)
+    root_link = _check_urdf_tree(document, links, joints, root_moves=bool(balls))
+    for joint in balls.values():
+        _check_ball_joint(document, joint, root_link)
     return ModelFile(
         path=document.path,
         format="urdf",
@@ -181,12 +181,23 @@ def _read_urdf(document: Document) -> ModelFile:
         joint_lines={name: document.lines[joint] for name, joint in moving_joints.items()},
         gravity_line=None,
         root_line=document.lines[root],
-        force_elements=tuple(_force_elements(document, links, joints)),
+        force_elements=tuple(force_elements(document, links, joints)),
+        armatures=tuple(armatures(document, joints)),
+        ball_joint=next(iter(balls), None),
     )
 
 
-def _check_urdf_tree(document: Document, links: Elements, joints: Elements) -> None:
-    """One root, every link reached from it once, and mass wherever a joint can move it."""
+def _check_ball_joint(document: Document, joint: etree._Element, root_link: str) -> None:
+    for tag, expected in (("parent", "world"), ("child", root_link)):
+        part = joint.find(tag)
+        found = None if part is None else part.get("link")
+        if found != expected:
+            where = joint if part is None else part
+            document.refuse(where, f"{describe(joint)} has {tag} link {found!r}, expected {expected!r}: it hangs the root link on the world")
+
+
+def _check_urdf_tree(document: Document, links: Elements, joints: Elements, root_moves: bool) -> str:
+    """One root, whose name is returned, every link reached from it once, and mass wherever a joint can move it."""
     below: dict[str, list[etree._Element]] = {name: [] for name in links}
     carried_by: dict[str, etree._Element] = {}
     for joint in joints.values():
@@ -203,7 +214,7 @@ def _check_urdf_tree(document: Document, links: Elements, joints: Elements) -> N
         document.refuse(links[name], f"link {name!r} hangs on no joint, nor does {roots[0]!r}; expected one root, join the other to it")
 
     reached = {roots[0]}
-    level = [(roots[0], False)]
+    level = [(roots[0], root_moves)]
     depth = 0
     while level:
         depth += 1
@@ -218,6 +229,7 @@ def _check_urdf_tree(document: Document, links: Elements, joints: Elements) -> N
         if name not in reached:
             joint = carried_by[name]
             document.refuse(joint, f"{describe(joint)} is part of a cycle that link {roots[0]!r} does not reach; expected a tree")
+    return roots[0]
 
 
 def _check_moving_link(document: Document, link: etree._Element, is_leaf: bool) -> None:
@@ -225,92 +237,6 @@ def _check_moving_link(document: Document, link: etree._Element, is_leaf: bool) 
         document.refuse(link, f"{describe(link)} moves but has no <inertial>; add one with mass and inertia")
     if is_leaf:
         numbers(document, link.find("inertial/mass"), "value", Numbers(check=positive))
-
-
-def _force_elements(document: Document, links: Elements, joints: Elements) -> Iterator[ForceElement]:
-    sprung: set[str] = set()
-    for element in document.root.iterchildren("*"):
-        tag = literal_tag(element)
-        if tag == "joint":
-            yield from _joint_damper(document, element)
-        elif tag == "gazebo":
-            for spring in _joint_spring(document, element, joints):
-                if spring.joint in sprung:
-                    document.refuse(element, f"joint {spring.joint!r} has a second spring; expected one, with the sum of the stiffnesses")
-                sprung.add(spring.joint)
-                yield spring
-        elif tag == _POINT_SPRING:
-            yield _point_spring(document, element, links)
-
-
-def _joint_damper(document: Document, joint: etree._Element) -> Iterator[JointDamper]:
-    dynamics = joint.find("dynamics")
-    if dynamics is None:
-        return
-    if not {"damping", "friction"} & set(dynamics.attrib):
-        document.refuse(dynamics, f"<dynamics> of {describe(joint)} has no damping; add it, or remove the element")
-    if "damping" not in dynamics.attrib:
-        return
-    (damping,) = numbers(document, dynamics, "damping", Numbers(check=not_negative))
-    if joint.get("type") in _SINGLE_AXIS:
-        yield JointDamper(joint.get("name"), damping, document.lines[dynamics])
-    elif damping:
-        document.refuse(dynamics, f"{describe(joint)} is {joint.get('type')} and damped; a damper needs a joint that is {_either()}")
-
-
-def _joint_spring(document: Document, gazebo: etree._Element, joints: Elements) -> Iterator[JointSpring]:
-    parts = {tag: gazebo.find(tag) for tag in ("springStiffness", "springReference")}
-    if all(part is None for part in parts.values()):
-        return
-    values: list[float] = []
-    for tag, part in parts.items():
-        if part is None:
-            document.refuse(gazebo, f"the spring of {describe(gazebo)} has no <{tag}>; add it")
-        try:
-            values.extend(Numbers().read(part.text or ""))
-        except ValueError as complaint:
-            document.refuse(part, f"<{tag}>{shorten(part.text or '')}</{tag}> {complaint}")
-    name = resolve(document, gazebo, "reference", joints)
-    kind = joints[name].get("type")
-    if kind not in _SINGLE_AXIS:
-        document.refuse(gazebo, f"{describe(joints[name])} is {kind}; a spring needs a joint that is {_either()}")
-    yield JointSpring(name, values[0], values[1], document.lines[gazebo])
-
-
-def _point_spring(document: Document, element: etree._Element, links: Elements) -> PointSpring:
-    parts: dict[str, etree._Element] = {}
-    for part in element.iterchildren("*"):
-        if literal_tag(part) in parts:
-            document.refuse(part, f"second <{literal_tag(part)}> in one spring; expected one, keep the right one")
-        parts[literal_tag(part)] = part
-
-    def part_named(suffix: str) -> etree._Element:
-        tag = f"{_POINT_SPRING}_{suffix}"
-        if tag not in parts:
-            document.refuse(element, f"<{_POINT_SPRING}> has no <{tag}>; add it")
-        return parts[tag]
-
-    def point(suffix: str) -> Point:
-        x, y, z = numbers(document, part_named(suffix), "value", Numbers(3))
-        return x, y, z
-
-    def scalar(suffix: str, rule: Numbers) -> float:
-        return numbers(document, part_named(suffix), "value", rule)[0]
-
-    return PointSpring(
-        body_a=resolve(document, part_named("body_A"), "name", links),
-        point_a=point("p_AP"),
-        body_b=resolve(document, part_named("body_B"), "name", links),
-        point_b=point("p_BQ"),
-        free_length=scalar("free_length", Numbers(check=positive)),
-        stiffness=scalar("stiffness", Numbers(check=not_negative)),
-        damping=scalar("damping", Numbers(check=not_negative)),
-        line=document.lines[element],
-    )
-
-
-def _either() -> str:
-    return " or ".join(_SINGLE_AXIS)
 
 
 _READERS = {"mjcf": _read_mjcf, "urdf": _read_urdf}

@@ -1,7 +1,7 @@
 """A new mechanism's three files: a working example that agrees, with the places to edit marked ``EDIT:``.
 
-The example is a chain of uniform bars on pins. Each file has a template of its own in ``templates/`` that
-is written from the bars' masses and lengths; no file is made from another.
+The example is a chain of plates on pins. Each file has a template of its own in ``templates/``, written from
+the plates' numbers; no file is made from another.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import keyword
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -24,18 +24,32 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class Bar:
-    """A uniform bar: mass [kg], length [m], stiffness [N m/rad] and damping [N m s/rad] of the pin it hangs on."""
+class Plate:
+    """A rigid plate that hangs on a pin, its centre of mass half way to the next pin.
+
+    Attributes:
+        mass: [kg]. length: from its pin to the next one [m]. inertia: about the centre of mass [kg m^2].
+        stiffness, damping: of its pin [N m/rad, N m s/rad].
+    """
 
     mass: float
     length: float
+    inertia: float
     stiffness: float
     damping: float
 
 
-def bars(count: int) -> list[Bar]:
-    """Bars that grow lighter towards the tip; their lengths, halved, and inertias m L^2/12 are exact in float64."""
-    return [Bar(mass=0.75 * (count - i), length=0.5, stiffness=2.5, damping=0.05) for i in range(count)]
+def chain(count: int) -> list[Plate]:
+    """Plates of which each has half the mass of the one above it.
+
+    They are wide and ever lighter, because a long chain of equal bars is ill-conditioned: that would be a
+    test of engines, not an example.
+    """
+    whole = Plate(mass=6.0, length=0.25, inertia=1.5, stiffness=20.0, damping=0.5)
+    return [
+        replace(whole, mass=whole.mass * half, inertia=whole.inertia * half, stiffness=whole.stiffness * half, damping=whole.damping * half)
+        for half in (0.5**i for i in range(count))
+    ]
 
 
 def write_example(name: str, degrees_of_freedom: int, directory: Path) -> list[Path]:
@@ -48,10 +62,11 @@ def write_example(name: str, degrees_of_freedom: int, directory: Path) -> list[P
     root = directory.resolve()
     _check_directory(directory, root)
     _check_name(name)
+    plates = chain(degrees_of_freedom)
     texts = {
-        root / "systems" / f"{name}.py": _render("system.py.jinja", name, bars(degrees_of_freedom)),
+        root / "systems" / f"{name}.py": _render("system.py.jinja", name, plates),
         **{
-            root / model_format / f"{name}{suffix}": _render(f"model{suffix}.jinja", name, bars(degrees_of_freedom))
+            root / model_format / f"{name}{suffix}": _render(f"model{suffix}.jinja", name, plates)
             for model_format, suffix in MODEL_SUFFIXES.items()
         },
     }
@@ -99,11 +114,11 @@ def _check_name(name: str) -> None:
         raise InvalidRequest(f"{name!r} is a Python module, which systems/{name}.py would hide from its neighbours; choose another name")
 
 
-def _render(template: str, name: str, chain: Sequence[Bar]) -> str:
+def _render(template: str, name: str, plates: Sequence[Plate]) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     # The shortest decimal that reads back as the same float64.
     environment.filters["number"] = lambda value: repr(float(value)).removesuffix(".0")
     source = files("harness").joinpath("templates", template).read_text("utf-8")
-    return environment.from_string(source).render(name=name, bars=chain)
+    return environment.from_string(source).render(name=name, plates=plates)

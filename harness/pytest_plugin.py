@@ -17,6 +17,7 @@ from harness.library import BUILT_IN_NAME
 
 if TYPE_CHECKING:
     from harness.library import Library
+    from harness.minimal import Finding
     from harness.records import Record
     from harness.run import CrossCheck
     from harness.workers import Workers
@@ -132,6 +133,11 @@ class _Regression:
             self._known[record.system, record.subject] = record
         return self._known[system, subject]
 
+    def superfluous(self, system: str, subject: str) -> list[Finding]:
+        """Superfluous parts of the model of a pair whose record is known."""
+        assert self._check is not None
+        return [finding for finding in self._check.superfluous if (finding.system, finding.subject) == (system, subject)]
+
     def _start(self) -> None:
         from harness.run import CrossCheck, Settings
         from harness.workers import Workers
@@ -167,7 +173,7 @@ class SystemFile(pytest.File):
 
 
 class CrossCheckItem(pytest.Item):
-    """One subject on one system: passes where the verdict is the expected one."""
+    """One subject on one system: passes where the verdict is the expected one and the model holds nothing superfluous."""
 
     def __init__(self, *, regression: _Regression, system: str, subject: str, **options: Any) -> None:
         super().__init__(**options)
@@ -180,14 +186,28 @@ class CrossCheckItem(pytest.Item):
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
             raise NotAsExpected(record)
+        superfluous = self.regression.superfluous(self.system, self.subject)
+        if superfluous:
+            raise Superfluous(superfluous)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        if isinstance(excinfo.value, NotAsExpected):
+        if isinstance(excinfo.value, NotAsExpected | Superfluous):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         return self.path, None, f"{self.system}[{self.subject}]"
+
+
+class Superfluous(Exception):
+    """A model that agrees but holds more than its scene needs; prints each part with its line."""
+
+    def __init__(self, findings: list[Finding]) -> None:
+        super().__init__(findings)
+        self.findings = findings
+
+    def __str__(self) -> str:
+        return "\n".join(["superfluous parts of the model:", *(f"  {finding}" for finding in self.findings)])
 
 
 class NotAsExpected(Exception):

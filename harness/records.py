@@ -15,10 +15,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidInput
 from harness.verdict import Verdict
+
+if TYPE_CHECKING:
+    from harness.minimal import Finding
 
 _VERDICTS = [verdict.value for verdict in Verdict]
 
@@ -141,11 +144,11 @@ def half_decade(backward_error: float) -> str:
     return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
 
 
-def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = ()) -> str:
+def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), superfluous: Iterable[Finding] | None = None) -> str:
     """{"harness": versions, "run", "records", "systems"} as strictly valid JSON, ASCII only.
 
     Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the
-    strings "inf", "-inf" and "nan".
+    strings "inf", "-inf" and "nan". "superfluous" lists the findings of that kind where they were looked for.
     """
     about = asdict(run)
     document = {
@@ -154,16 +157,20 @@ def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (
         "records": [asdict(record) | {"as_expected": record.as_expected} for record in records],
         "systems": [asdict(card) for card in cards],
     }
+    if superfluous is not None:
+        document["superfluous"] = [asdict(finding) for finding in superfluous]
     return dumps(document, indent=2) + "\n"
 
 
-def write_json(path: Path | str, run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = ()) -> None:
+def write_json(
+    path: Path | str, run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), superfluous: Iterable[Finding] | None = None
+) -> None:
     """Write ``to_json`` to ``path``, whole or not at all.
 
     Raises:
         InvalidInput: the file cannot be written.
     """
-    write_atomically(path, to_json(run, records, cards))
+    write_atomically(path, to_json(run, records, cards, superfluous))
 
 
 def write_atomically(path: Path | str, text: str) -> None:

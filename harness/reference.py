@@ -26,6 +26,7 @@ import numpy as np
 
 from harness.kernels import Array, BallKernel, Float64Kernel, upper_triangle
 from harness.mechanism import Mechanism
+from harness.program import StraightLineProgram
 from harness.states import States
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -68,6 +69,10 @@ class Reference:
     def __len__(self) -> int:
         return len(self.high)
 
+    def __getitem__(self, selection: Any) -> Reference:
+        """The references that a slice or an index array selects."""
+        return Reference(*(getattr(self, field.name)[selection] for field in fields(Reference)))
+
     @property
     def data_roundoff(self) -> Array:
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
@@ -80,13 +85,15 @@ class Reference:
 
 
 class ReferenceKernel:
-    """Certified accelerations of one mechanism; compile once, evaluate many batches."""
+    """Certified accelerations of one mechanism; compile once, evaluate many batches.
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
+    Each state is evaluated in the chart that is most regular there.
+    """
+
+    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
         self.mechanism = mechanism
-        self._float64 = Float64Kernel(mechanism.program)
-        self._balls = BallKernel(mechanism.program, len(mechanism.parameters))
-        self._bound: dict[int, Callable[..., tuple[Any, ...]]] = {}
+        self._charts = [_ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
 
     def evaluate(self, states: States) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped."""
@@ -94,16 +101,41 @@ class ReferenceKernel:
         return Reference.concatenate(parts)
 
     def _evaluate(self, states: States) -> Reference:
+        if len(self._charts) == 1 or not len(states):
+            return self._charts[0].evaluate(states)
+        with np.errstate(all="ignore"):
+            regularity = np.array([chart.float64.regularity(self.mechanism.inputs(states)) for chart in self._charts])
+        best = np.nan_to_num(regularity, nan=-1.0).argmax(axis=0)
+        parts, places = [], []
+        for number, chart in enumerate(self._charts):
+            chosen = np.flatnonzero(best == number)
+            if len(chosen):
+                parts.append(chart.evaluate(states[chosen]))
+                places.append(chosen)
+        return Reference.concatenate(parts)[np.argsort(np.concatenate(places))]
+
+
+class _ChartKernel:
+    """The reference of one mechanism by one of its programs."""
+
+    def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
+        self.mechanism = mechanism
+        self.float64 = Float64Kernel(program)
+        self._balls = BallKernel(program, len(mechanism.parameters))
+        self._bound: dict[int, Callable[..., tuple[Any, ...]]] = {}
+
+    def evaluate(self, states: States) -> Reference:
+        """The reference of a batch that fits into memory at once."""
         n, nv = len(states), self.mechanism.nv
-        high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
+        high, low, radii, mass = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv, nv))
         bits = np.zeros(n, dtype=np.int64)
         with np.errstate(all="ignore"):
             pending = np.arange(n)
             precision = FIRST_PRECISION
             while True:
-                high[pending], low[pending], radii[pending] = self._certify(states[pending], precision)
+                high[pending], low[pending], radii[pending], mass[pending] = self._certify(states[pending], precision)
                 bits[pending] = precision
-                norm_factor, sensitivity, instability = self._norms(states, high)
+                norm_factor, sensitivity, instability = self._norms(states, high, mass)
                 radius = energy_norm(np.abs(norm_factor), radii)
                 pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
                 precision *= 2
@@ -112,14 +144,15 @@ class ReferenceKernel:
             certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
         return Reference(high, low, radius, norm_factor, sensitivity, instability, certified, bits)
 
-    def _certify(self, states: States, precision: int) -> tuple[Array, Array, Array]:
-        """(high, low, radius), (n, nv) each, of the accelerations at one precision."""
+    def _certify(self, states: States, precision: int) -> tuple[Array, Array, Array, Array]:
+        """(high, low, radius), (n, nv) each, of the accelerations at one precision, and M rounded, (n, nv, nv)."""
         import flint
 
         nv = self.mechanism.nv
         pairs = upper_triangle(nv)
         n = len(states)
         results = np.empty((n, 3, nv))
+        mass = np.empty((n, nv, nv))
         previous, flint.ctx.prec = flint.ctx.prec, precision
         try:
             if precision not in self._bound:
@@ -129,7 +162,9 @@ class ReferenceKernel:
             for index, row in enumerate(rows):
                 values = evaluate(*row)
                 velocity, gravity, passive = (values[len(pairs) + k * nv : len(pairs) + (k + 1) * nv] for k in range(3))
-                force = [flint.arb(row[2 * nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
+                force = [flint.arb(row[self.mechanism.nq + nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
+                for (i, j), entry in zip(pairs, values, strict=False):
+                    mass[index, i, j] = mass[index, j, i] = float(entry)
                 solution = _solve(values[: len(pairs)], pairs, force, nv)
                 for i, ball in enumerate(solution):
                     midpoint = float(ball)
@@ -138,15 +173,15 @@ class ReferenceKernel:
                     results[index, 2, i] = float(ball.rad())
         finally:
             flint.ctx.prec = previous
-        return results[:, 0], results[:, 1], results[:, 2]
+        return results[:, 0], results[:, 1], results[:, 2], mass
 
-    def _norms(self, states: States, accelerations: Array) -> tuple[Array, Array, Array]:
-        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations."""
+    def _norms(self, states: States, accelerations: Array, mass: Array) -> tuple[Array, Array, Array]:
+        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and mass matrices."""
         nv = self.mechanism.nv
         inputs = self.mechanism.inputs(states)
-        terms = self._float64.terms(inputs)
-        scale, factor = _scaled_cholesky(terms["mass"])
-        derivatives = self._float64.input_derivatives(inputs, np.ascontiguousarray(accelerations.T))
+        terms = self.float64.terms(inputs)
+        scale, factor = _scaled_cholesky(mass)
+        derivatives = self.float64.input_derivatives(inputs, np.ascontiguousarray(accelerations.T))
         columns = derivatives * np.maximum(np.abs(inputs), SMALLEST_SCALE)[None]
         sensitivity = _norm_over_first_axis(_forward_substitute(factor, columns / scale[:, None])).sum(axis=0)
         norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
@@ -155,7 +190,7 @@ class ReferenceKernel:
         sensitivity = sensitivity + energy_norm(norm_factor, states.v) ** 2 * of_torques
         separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
         of_terms = _norm_over_first_axis(_forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
-        correlation = terms["mass"] / scale.T[:, :, None] / scale.T[:, None, :]
+        correlation = mass / scale.T[:, :, None] / scale.T[:, None, :]
         instability = 16 * nv * _condition_number(correlation) * (energy_norm(norm_factor, accelerations) + of_terms)
         return norm_factor, sensitivity, instability
 

@@ -16,12 +16,22 @@ from typing import Any
 from harness import tasks
 from harness.compare import compare
 from harness.description import describe_system
-from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
+from harness.engines import (
+    EQUATIONS,
+    Subject,
+    Unsupported,
+    installed_version,
+    linear_velocity_in_body,
+    load_engine,
+    select_subjects,
+    subjects,
+)
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.expected import Expectation, load_expectations
 from harness.judgement import Answers, judge
 from harness.library import Library
 from harness.mechanism import Mechanism
+from harness.minimal import Finding
 from harness.models import ModelFile
 from harness.records import Record, SystemCard
 from harness.reference import Reference
@@ -88,7 +98,8 @@ class _System:
 
     mechanism: Mechanism
     bulk: list[States]
-    references: dict[int, Reference] = field(default_factory=dict)
+    frames: set[bool]
+    references: dict[tuple[bool, int], Reference] = field(default_factory=dict)
     seconds: list[float] = field(default_factory=list)
     failure: str = ""
     pairs: dict[Subject, _Pair] = field(default_factory=dict)
@@ -100,6 +111,7 @@ class CrossCheck:
     Attributes:
         problems: systems, models and engines that could not be used, in the order found.
         crashed: whether an engine's process died or ran out of time.
+        superfluous: parts of models that their scenes do not need; those of a pair are there before its record.
         cards: what to show of each system, complete when ``records()`` is exhausted.
         expected_records: how many records ``records()`` will yield.
 
@@ -126,6 +138,7 @@ class CrossCheck:
                 for path in settings.library.orphaned_models()
             ]
         self.crashed = False
+        self.superfluous: list[Finding] = []
         self.cards: list[SystemCard] = []
 
     @property
@@ -162,11 +175,17 @@ class CrossCheck:
         systems: dict[str, _System] = {}
         work: list[Task] = []
         for name, mechanism in mechanisms.items():
-            if self.settings.state is not None and self.settings.state.q.shape[1] != mechanism.nv:
-                given = self.settings.state.q.shape[1]
-                raise InvalidRequest(f"--state has {given} numbers each for q, v and tau; {name} has {mechanism.nv} degrees of freedom")
-            system = systems[name] = _System(mechanism, self._bulk(mechanism))
-            work += [Task((name, None, index), tasks.certify, (mechanism, states)) for index, states in enumerate(system.bulk)]
+            state = self.settings.state
+            if state is not None and (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
+                given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
+                raise InvalidRequest(f"--state has {given}; {name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
+            frames = {self._in_body(mechanism, subject) for subject in self.subjects}
+            system = systems[name] = _System(mechanism, self._bulk(mechanism), frames)
+            for in_body in sorted(frames):
+                work += [
+                    Task((name, None, (in_body, index)), tasks.certify, (mechanism, in_body, states))
+                    for index, states in enumerate(system.bulk)
+                ]
         for name, system in systems.items():
             for subject in self.subjects:
                 pair = system.pairs[subject] = _Pair(subject)
@@ -185,10 +204,16 @@ class CrossCheck:
             system = systems[name]
             if subject is None:
                 self._take_reference(system, index, outcome)
+            elif outcome.task.function is tasks.find_superfluous:
+                self._take_superfluous(system.pairs[subject], outcome)
             else:
                 self._take_answer(system.pairs[subject], index, outcome)
             yield from self._completed(name, system)
         self.cards += [describe_system(system.mechanism, system.seconds) for system in systems.values()]
+
+    def _in_body(self, mechanism: Mechanism, subject: Subject) -> bool:
+        """Whether a subject's answers need the reference with linear velocities in the body's frame."""
+        return bool(mechanism.charts_in_body) and linear_velocity_in_body(load_engine(self.settings.library, subject.engine))
 
     def _bulk(self, mechanism: Mechanism) -> list[States]:
         if self.settings.state is not None:
@@ -204,6 +229,9 @@ class CrossCheck:
                 self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-")
             )
             work.append(Task((name, pair.subject, None), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
+        # The replay of one state is about that state alone.
+        if model is not None and self.settings.state is None:
+            work.append(Task((name, pair.subject, None), tasks.find_superfluous, (assignment,)))
         pair.pending = len(work)
         return work
 
@@ -220,12 +248,12 @@ class CrossCheck:
             crash = replay.task.key.crash
             yield Outcome(replay.task.key.task, crash=replace(crash, note=replay.crash.note if replay.crash else ""))
 
-    def _take_reference(self, system: _System, index: int, outcome: Outcome) -> None:
+    def _take_reference(self, system: _System, place: tuple[bool, int], outcome: Outcome) -> None:
         failure = self._failure_of(outcome)
         if failure:
             system.failure = f"the reference failed: {failure}"
         else:
-            system.references[index], seconds = outcome.value
+            system.references[place], seconds = outcome.value
             system.seconds.append(seconds)
 
     def _take_answer(self, pair: _Pair, index: int | None, outcome: Outcome) -> None:
@@ -242,6 +270,15 @@ class CrossCheck:
             pair.answers[index], seconds = outcome.value
             pair.seconds.append(seconds)
 
+    def _take_superfluous(self, pair: _Pair, outcome: Outcome) -> None:
+        pair.pending -= 1
+        failure = self._failure_of(outcome)
+        if failure:
+            # What is wrong with the model as it is, the pair's own answers tell.
+            pair.failure = pair.failure or f"looking for superfluous parts failed: {failure}"
+        else:
+            self.superfluous += outcome.value
+
     def _failure_of(self, outcome: Outcome) -> str:
         """Why a task gave no value, "" if it did; what the caller must fix is added to ``problems``."""
         if outcome.crash is not None:
@@ -257,15 +294,16 @@ class CrossCheck:
 
     def _completed(self, name: str, system: _System) -> Iterator[Record]:
         """Records of the pairs that have all they wait for, and forget them."""
-        if len(system.references) < len(system.bulk) and not system.failure:
+        if len(system.references) < len(system.bulk) * len(system.frames) and not system.failure:
             return
         for pair in [pair for pair in system.pairs.values() if not pair.pending]:
             del system.pairs[pair.subject]
             yield self._record(name, system, pair)
 
     def _record(self, name: str, system: _System, pair: _Pair) -> Record:
-        bulk = [(index, answers) for index, answers in sorted(pair.answers.items()) if index in system.references]
-        parts = [(system.bulk[index], compare(system.references[index], answers)) for index, answers in bulk]
+        in_body = self._in_body(system.mechanism, pair.subject)
+        bulk = [(index, answers) for index, answers in sorted(pair.answers.items()) if (in_body, index) in system.references]
+        parts = [(system.bulk[index], compare(system.references[in_body, index], answers)) for index, answers in bulk]
         answers = Answers(parts, pair.found, pair.seconds, pair.failure or system.failure, pair.unsupported, pair.failed_at)
         return self._told(answers, name, pair.subject)
 

@@ -11,6 +11,8 @@ from typing import Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
+from harness.charts import Attitude
+
 TIME: sp.Symbol = dynamicsymbols._t
 FULL_TURN = (-math.pi, math.pi)
 _EMPTY: Mapping[Any, Any] = MappingProxyType({})
@@ -26,6 +28,8 @@ class System:
         kinetic: kinetic energy T [J]; any polynomial of degree at most 2 in the rates, possibly
             depending on time explicitly.
         potential: potential energy V [J] of gravity and springs; no rates.
+        attitudes: for each ball or free joint, the Euler angles that describe its rotation; its coordinates
+            stand together, those of the position first, and name the one joint.
         generalised_forces: non-conservative generalised force Q per coordinate [N or N m]; the applied
             forces tau are added to every coordinate by the harness and do not appear here.
         parameters: symbol to (value, unit). Values are the float64 numbers the model files hold.
@@ -49,6 +53,7 @@ class System:
     gravity: sp.Symbol | None = None
     generalised_forces: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
     ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
+    attitudes: tuple[Attitude, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("kinetic", "potential", "total_mass"):
@@ -79,13 +84,25 @@ class System:
                 raise ValueError(f"coordinate {q} is not a dynamicsymbols() function of time")
             if not (isinstance(joint, str) and joint):
                 raise ValueError(f"coordinate {q} has joint {joint!r}; expected a joint name")
-        joints = list(self.coordinates.values())
+        self._check_attitudes()
+        carried = {q for attitude in self.attitudes for q in attitude.coordinates}
+        joints = [joint for q, joint in self.coordinates.items() if q not in carried] + [attitude.joint for attitude in self.attitudes]
         for joint in joints:
             if joints.count(joint) > 1:
                 raise ValueError(f"joint {joint!r} carries two coordinates; each needs its own")
         for q in self.generalised_forces:
             if q not in self.coordinates:
                 raise ValueError(f"generalised force on {q}, which is no coordinate; expected one of {list(self.coordinates)}")
+
+    def _check_attitudes(self) -> None:
+        order = list(self.coordinates)
+        for attitude in self.attitudes:
+            for q in attitude.coordinates:
+                if self.coordinates.get(q) != attitude.joint:
+                    raise ValueError(f"{q} is an angle or position of joint {attitude.joint!r}; expected coordinates to map it there")
+            first = order.index(attitude.coordinates[0])
+            if tuple(order[first : first + len(attitude.coordinates)]) != attitude.coordinates:
+                raise ValueError(f"the coordinates of joint {attitude.joint!r} do not stand together, positions first, in their order")
 
     def _check_parameters(self) -> None:
         for symbol, entry in self.parameters.items():

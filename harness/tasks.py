@@ -18,14 +18,15 @@ from typing import TypeVar
 from harness.audit import audit
 from harness.compare import Comparison, compare
 from harness.derivation import load_mechanism
-from harness.engines import EQUATIONS, Model, Subject, load_engine
+from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine
 from harness.errors import InvalidModel
 from harness.kernels import Array
 from harness.library import Library
 from harness.mechanism import Mechanism
+from harness.minimal import SEED, STATES, Finding, superfluous
 from harness.models import ModelFile, read_model
 from harness.reference import Reference, ReferenceKernel
-from harness.states import States, strategy
+from harness.states import States, sample, strategy
 from harness.verdict import Verdict
 
 Note = Callable[[str], None]
@@ -70,9 +71,9 @@ def read(path: Path, model_format: str, note: Note) -> ModelFile:
     return read_model(path, model_format)
 
 
-def certify(mechanism: Mechanism, states: States, note: Note) -> tuple[Reference, float]:
+def certify(mechanism: Mechanism, linear_velocity_in_body: bool, states: States, note: Note) -> tuple[Reference, float]:
     """References of ``states`` and seconds per state."""
-    kernel = _reference_kernel(mechanism)
+    kernel = _reference_kernel(mechanism, linear_velocity_in_body)
     kernel.evaluate(states[:1])
     started = time.perf_counter()
     reference = kernel.evaluate(states)
@@ -114,7 +115,8 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     from hypothesis.internal.conjecture import providers
 
     model = load_audited(assignment)
-    kernel = _reference_kernel(assignment.mechanism)
+    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    kernel = _reference_kernel(assignment.mechanism, in_body)
     tried: list[tuple[States, Comparison]] = []
 
     def judge(state: States) -> None:
@@ -151,6 +153,20 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     )
 
 
+def find_superfluous(assignment: Assignment, note: Note) -> list[Finding]:
+    """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
+    mechanism, model = assignment.mechanism, assignment.model
+
+    def is_sound() -> bool:
+        states = sample(mechanism, STATES, SEED)
+        in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+        answers = load_audited(assignment).forward_dynamics(states.q, states.v, states.tau)
+        comparison = compare(_reference_kernel(mechanism, in_body).evaluate(states), answers)
+        return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(comparison.verdicts)
+
+    return superfluous(assignment.library, mechanism.name, assignment.subject, model, mechanism, is_sound)
+
+
 class _DoesNotAgree(Exception):
     """Tells hypothesis that a state fails."""
 
@@ -183,8 +199,9 @@ def _load_and_audit(assignment: Assignment) -> Model:
     return loaded
 
 
-def _reference_kernel(mechanism: Mechanism) -> ReferenceKernel:
-    return _kept(_KERNELS, mechanism.key, lambda: ReferenceKernel(mechanism))
+def _reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
+    in_body = linear_velocity_in_body and bool(mechanism.charts_in_body)
+    return _kept(_KERNELS, (mechanism.key, in_body), lambda: ReferenceKernel(mechanism, in_body))
 
 
 _MODELS: OrderedDict[Hashable, Model] = OrderedDict()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
@@ -15,6 +16,9 @@ from rich.text import Text
 from harness.explanation import explain
 from harness.records import Record
 from harness.verdict import AGREEMENT
+
+if TYPE_CHECKING:
+    from harness.minimal import Finding
 
 _PIPE_WIDTH = 160
 
@@ -71,6 +75,14 @@ def print_unexpected(records: list[Record]) -> None:
         click.echo("\n" + explain(record))
     agreeing = len(records) - len(unexpected)
     click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def print_superfluous(findings: Sequence[Finding]) -> None:
+    """A line for each part of a model that its scene does not need."""
+    if findings:
+        click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
+    for finding in sorted(findings, key=lambda finding: (finding.path, finding.subject, finding.line)):
+        click.echo(f"  {finding}")
 
 
 def _number(value: float | None) -> str:

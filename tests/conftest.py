@@ -151,6 +151,7 @@ def _mechanism_of(system: System) -> Mechanism:
         rotating=system.rotating,
         position_ranges=tuple(system.ranges.get(q) for q in system.coordinates),
         rate_ranges=tuple(system.ranges.get(v, DEFAULT_RATES) for v in system.rates),
+        force_ranges=tuple((-10.0, 10.0) for _ in system.coordinates),
         program=program_of(system, equations),
         equations_text="",
         equations_mathml="",
@@ -191,6 +192,29 @@ def built_in_system(built_in_name: str) -> System:
 @pytest.fixture(scope="session")
 def built_in_exact(built_in_system: System) -> Exact:
     return Exact(built_in_system, derive(built_in_system))
+
+
+def _turns_freely(name: str) -> bool:
+    """Whether a system has a ball or free joint, whose positions and velocities are not those of its text."""
+    path = Library.built_in().system_path(name)
+    return path.is_file() and "Attitude(" in path.read_text()
+
+
+@pytest.fixture(scope="session", params=[name for name in Library.built_in().system_names() if not _turns_freely(name)])
+def plain_name(request: pytest.FixtureRequest) -> str:
+    """Runs a test once for every system whose joints carry its coordinates themselves."""
+    return str(request.param)
+
+
+@pytest.fixture(scope="session")
+def plain_exact(plain_name: str) -> Exact:
+    system = load_system(Library.built_in().system_path(plain_name))[0]
+    return Exact(system, derive(system))
+
+
+@pytest.fixture(scope="session")
+def plain_mechanism(plain_name: str) -> Mechanism:
+    return load_mechanism(Library.built_in(), plain_name)
 
 
 @pytest.fixture(scope="session")

@@ -146,7 +146,7 @@ def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: 
         (["check", "collar", "--mjcf", "x.xml"], ["x.xml", "no such file"]),
         (["check", "collar", "--state", "{"], ["--state"]),
         (["check", "collar", "--state", '{"q": [1], "v": [1], "tau": [1, 2]}'], ["same length"]),
-        (["check", "arm_2r", "--state", '{"q": [1], "v": [1], "tau": [1]}'], ["1 numbers each", "arm_2r has 2 degrees of freedom"]),
+        (["check", "arm_2r", "--state", '{"q": [1], "v": [1], "tau": [1]}'], ["1 numbers for q", "arm_2r has 2 and 2 degrees of freedom"]),
         (["check", "collar", "--state", '{"q": [NaN], "v": [1], "tau": [1]}'], ["finite"]),
         (["check", "--states", "0"], ["--states"]),
         (["check", "--scheduler", "tcp://127.0.0.1:9", "collar"], ["tcp://127.0.0.1:9"]),

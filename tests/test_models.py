@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.model_xml import MAXIMUM_BYTES, MAXIMUM_DEPTH
-from harness.models import JointDamper, JointSpring, ModelFile, PointSpring, read_model
+from harness.models import Armature, JointDamper, JointSpring, ModelFile, PointSpring, read_model
 
 SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 
 MJCF = """\
 <?xml version="1.0"?>
 <mujoco>
-  <option timestep="0.001"/>
+  <compiler angle="radian"/>
   <option gravity="0 0 -9.81"/>
   <worldbody>
     <body name="cart">
@@ -127,12 +127,30 @@ def test_what_is_read_from_urdf(read: Reader) -> None:
     )
 
 
+def test_reflected_inertia_is_read(read: Reader) -> None:
+    def with_rotor(parts: str) -> str:
+        return URDF.replace("</robot>", TRANSMISSION + parts + "</actuator></transmission></robot>")
+
+    geared = read(with_rotor(ROTOR + '<drake:gear_ratio value="62"/>'), "urdf")
+    assert geared.armatures == (Armature("pin", 2e-4, 62.0, 42),)
+    assert geared.armatures[0].reflected_inertia == 62**2 * 2e-4
+    assert read(with_rotor(ROTOR), "urdf").armatures[0].gear_ratio == 1
+    assert read(URDF, "urdf").armatures == ()
+    unlimited = with_rotor(ROTOR).replace('effort="1e9"', 'effort="0"')
+    error = refusal(read, unlimited, "urdf")
+    assert error.line == 26 and "with which Drake leaves out its transmission" in error.problem
+
+
+def test_at_least_sixty_malformed_inputs_of_each_format() -> None:
+    assert min(len(MALFORMED_MJCF), len(MALFORMED_URDF)) >= 60
+
+
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ('<option timestep="1"/>\n<option gravity="0 0 0"/>', 3),
-        ('<option gravity="0 0 0"/>\n<option timestep="1"/>', 2),
-        ('\n<option timestep="1"/>', 3),
+        ('<option><flag contact="disable"/></option>\n<option gravity="0 0 0"/>', 3),
+        ('<option gravity="0 0 0"/>\n<option><flag contact="disable"/></option>', 2),
+        ('\n<option><flag contact="disable"/></option>', 3),
         ("", 1),
     ],
 )
@@ -169,11 +187,16 @@ MALFORMED_MJCF = {
     "null byte": ("cart", "ca\0rt", 6, "not well-formed"),
     "include": ("<tendon>", '<include file="/etc/passwd"/>\n<tendon>', 18, "<include> reads another file"),
     "replicate": ("frame", "replicate", 9, "makes bodies and joints that this file does not spell out"),
-    "no worldbody": ("worldbody", "world", 2, "no joint in any body"),
+    "no worldbody": ("worldbody", "world", 5, "<world> in <mujoco> is unknown; did you mean 'worldbody'?"),
     "joint twice": ('name="pin"', 'name="slide"', 11, "repeats the name of line 7"),
     "joint without name": ('name="slide" ', "", 7, "has no name"),
     "joint with empty name": ('name="slide" ', 'name="" ', 7, "has no name"),
-    "joint in the world": ("<worldbody>", '<worldbody>\n<joint name="floor"/>', 6, "stands in <worldbody>"),
+    "joint in the world": (
+        "<worldbody>",
+        '<worldbody>\n<joint name="floor"/>',
+        6,
+        "<joint> in <worldbody> does not belong there; expected in <body> or",
+    ),
     "joint type": ('type="slide"', 'type="slider"', 7, "did you mean 'slide'?"),
     "axis zero": ('axis="1 0 0"', 'axis="0 0 0"', 7, "is zero; expected a unit vector"),
     "axis not unit": ('axis="0 -1 0"', 'axis="0 -1 1"', 11, "has length 1.41421"),
@@ -210,11 +233,81 @@ MALFORMED_MJCF = {
     "inertia indefinite": ("0.03 0.03 0.001 0 0 0", "0.03 0.03 0.001 0 0 0.02", 13, "expected none below zero"),
     "inertia full triangle": ("0.03 0.03 0.001 0 0 0", "0.03 0.03 0.001 0.01 0 0", 13, "expected the two smaller"),
     "fullinertia short": ("0.03 0.03 0.001 0 0 0", "0.03 0.03 0.001", 13, "expected 6"),
+    "attribute misspelt": ('damping="0.2"', 'dampng="0.2"', 11, "dampng=\"0.2\" is unknown; did you mean 'damping'?"),
+    "attribute in capitals": ('mass="10"', 'mass="10" Mass="10"', 8, "did you mean 'mass'?"),
+    "attribute of another reader": ('name="cart"', 'name="cart" colour="red"', 6, 'colour="red" is not understood; expected one of'),
+    "attribute with a prefix": ('name="cart"', 'name="cart" xmlns:a="urn:a" a:b="1"', 6, "is not understood"),
+    "element misspelt": (
+        '<inertial pos="0 0 -0.3"',
+        '<innertial pos="0 0 -0.3"',
+        13,
+        '<innertial> in <body name="bar"> is unknown; did you mean',
+    ),
+    "element in its own namespace": ('<joint name="slide"', '<joint xmlns="urn:x" name="slide"', 7, "in a default namespace"),
+    "element of another reader": ("<tendon>", "<springs/><tendon>", 18, "<springs> in <mujoco> is not understood"),
+    "text": ('<body name="bar" quat="1 0 0 0">', '<body name="bar">damping 0.2', 10, "holds the text 'damping 0.2', which no reader reads"),
+    "actuator": ("<tendon>", '<actuator><motor joint="pin"/></actuator><tendon>', 18, "<actuator> adds forces of its own"),
+    "sensor": ("<tendon>", '<sensor><jointpos joint="pin"/></sensor><tendon>', 18, "<sensor> is not felt"),
+    "equality": ("<tendon>", '<equality><joint joint1="pin"/></equality><tendon>', 18, "<equality> is a constraint"),
+    "contact": ("<tendon>", '<contact><exclude body1="cart" body2="bar"/></contact><tendon>', 18, "<contact> is a constraint"),
+    "keyframe": ("<tendon>", '<keyframe><key qpos="0 0"/></keyframe><tendon>', 18, "<keyframe> holds states"),
+    "plugin": ("<tendon>", '<extension><plugin plugin="p"/></extension><tendon>', 18, "runs code"),
+    "deformable": ("<tendon>", "<deformable/><tendon>", 18, "is deformable"),
+    "size": ("<tendon>", '<size njmax="1"/><tendon>', 18, "is not felt"),
+    "mocap": ('name="cart"', 'name="cart" mocap="true"', 6, "moved from outside"),
+    "gravity taken away": ('name="cart"', 'name="cart" gravcomp="1"', 6, "takes gravity away from one body"),
+    "joint range": ('springref="0"', 'range="-1 1"', 7, 'range="-1 1" is a limit'),
+    "joint limited": ('springref="0"', 'limited="true"', 7, "is a limit"),
+    "joint spring and damper at once": ('springref="0"', 'springdamper="1 1"', 7, "does not spell out"),
+    "joint yield": ('springref="0"', 'springyield="1"', 7, "lets a spring yield"),
+    "joint force range": ('springref="0"', 'actuatorfrcrange="-1 1"', 7, "belongs to actuators"),
+    "tendon range": ('springlength="2.5"', 'range="0 1"', 19, "is a limit"),
+    "tendon around a geom": ('springlength="2.5"/>', '><geom geom="g"/></spatial>', 19, "wraps the tendon"),
+    "tendon through nothing": ('springlength="2.5"/>', "><site/></spatial>", 19, "no attribute 'site'"),
+    "fluid density": ('<option gravity="0 0 -9.81"/>', '<option density="1.2"/>', 4, 'density="1.2" is a fluid'),
+    "fluid viscosity": ('<option gravity="0 0 -9.81"/>', '<option viscosity="1"/>', 4, "is a fluid"),
+    "wind": ('<option gravity="0 0 -9.81"/>', '<option wind="1 0 0"/>', 4, "is a fluid"),
+    "timestep": ('<option gravity="0 0 -9.81"/>', '<option timestep="0.001"/>', 4, 'timestep="0.001" is not felt by any acceleration'),
+    "integrator": ('<option gravity="0 0 -9.81"/>', '<option integrator="RK4"/>', 4, "is not felt"),
+    "gravity misspelt": ('gravity="', 'gravty="', 4, "did you mean 'gravity'?"),
+    "stage misspelt": ("<tendon>", '<option><flag contacts="disable"/></option><tendon>', 18, "did you mean 'contact'?"),
+    "stage neither on nor off": ("<tendon>", '<option><flag contact="off"/></option><tendon>', 18, "expected one of 'enable', 'disable'"),
+    "stage that stops bodies": ("<tendon>", '<option><flag sleep="enable"/></option><tendon>', 18, "computes what no acceleration needs"),
+    "masses from geoms": ('angle="radian"', 'inertiafromgeom="true"', 3, "changes masses or inertias behind"),
+    "total mass": ('angle="radian"', 'settotalmass="1"', 3, "changes masses or inertias behind"),
+    "fused bodies": ('angle="radian"', 'fusestatic="true"', 3, "makes other bodies"),
+    "angle unit": ('angle="radian"', 'angle="degrees"', 3, "did you mean 'degree'?"),
+    "geom": (
+        "<frame",
+        '<geom size="1"/><frame',
+        9,
+        "<geom> is decoration; remove it, or declare it by the comment <!-- decoration: geom -->",
+    ),
+    "geom that touches": ("<frame", '<!-- decoration: geom --><geom size="1"/><frame', 9, "can touch, which is no decoration"),
+    "material": ("<tendon>", "<asset/><tendon>", 18, "<asset> is decoration"),
+    "visual": ("<tendon>", "<visual/><tendon>", 18, "<visual> is decoration"),
+    "statistic": ("<tendon>", '<statistic extent="1"/><tendon>', 18, "<statistic> is decoration"),
+    "colour of a site": (
+        "<frame",
+        '<site rgba="1 0 0 1"/><frame',
+        9,
+        "is decoration; remove it, or declare it by the comment <!-- decoration: rgba -->",
+    ),
+    "decoration that is none": ("<worldbody>", "<!--\ndecoration: geom joint -->\n<worldbody>", 5, "declares 'joint' as decoration"),
+    "decoration misspelt": ("<worldbody>", "<!-- decoration: goem -->\n<worldbody>", 5, "did you mean 'geom'?"),
     "bad number in defaults": ("<worldbody>", '<default><joint damping="?"/></default><worldbody>', 5, "'?'"),
 }
 
+INERTIAL = """
+    <inertial>
+      <origin xyz="0 0 0"/>
+      <mass value="10"/>
+      <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+    </inertial>"""
 SECOND_SPRING = """
   <gazebo reference="slide"><springStiffness>1</springStiffness><springReference>0</springReference></gazebo>"""
+TRANSMISSION = '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="pin"/><actuator name="a">'
+ROTOR = '<drake:rotor_inertia value="2e-4"/>'
 MALFORMED_URDF = {
     "root": ("robot", "model", 1, "root element is <model>; expected <robot>"),
     "drake undeclared": (' xmlns:drake="http://drake.mit.edu"', "", 33, "not well-formed"),
@@ -236,9 +329,16 @@ MALFORMED_URDF = {
     "axis zero": ('xyz="1 0 0"', 'xyz="0 0 0"', 19, "is zero"),
     "axis not unit": ('xyz="0 -1 0"', 'xyz="0 -2 0"', 25, "has length 2"),
     "axis long": ('xyz="1 0 0"', 'xyz="1 0 0 0"', 19, "holds 4 numbers; expected 3"),
-    "no limit": ('<axis xyz="1 0 0"/>\n    <limit', '<axis xyz="1 0 0"/>\n    <bound', 16, "has no <limit>"),
+    "no limit": (
+        '<axis xyz="1 0 0"/>\n    <limit',
+        '<axis xyz="1 0 0"/>\n    <bound',
+        20,
+        '<bound> in <joint name="slide"> is not understood',
+    ),
+    "no limit at all": ('<limit lower="-1e9" upper="1e9" effort="1e9" velocity="1e9"/>', "", 22, "has no <limit>"),
     "limit without effort": (' effort="1e9"', "", 20, "no attribute 'effort'"),
-    "no inertial": ("inertial>", "other>", 3, "moves but has no <inertial>"),
+    "no inertial": (INERTIAL, "", 3, "moves but has no <inertial>"),
+    "inertial misspelt": ("inertial>", "innertial>", 4, "<innertial> in <link name=\"cart\"> is unknown; did you mean 'inertial'?"),
     "no mass": ('<mass value="10"/>', "", 4, "has no <mass>"),
     "no inertia": ('<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>', "", 4, "has no <inertia>"),
     "mass without value": ('<mass value="10"/>', "<mass/>", 6, "no attribute 'value'"),
@@ -255,7 +355,7 @@ MALFORMED_URDF = {
     "dynamics of nothing": (' damping="0.2" friction="0"', "", 27, "has no damping"),
     "damping negative": ('damping="0.2"', 'damping="-0.2"', 27, "is negative"),
     "dry friction": ('friction="0"', 'friction="0.1"', 27, "dry friction"),
-    "damping of a floating joint": ("revolute", "floating", 27, "is floating and damped"),
+    "damping of a floating joint": ("revolute", "floating", 27, "is floating; a damper needs a joint"),
     "spring on an unknown joint": ('reference="slide"', 'reference="slyde"', 29, "did you mean 'slide'?"),
     "spring on a link": ('reference="slide"', 'reference="bar"', 29, "names nothing in this file"),
     "spring on nothing": (' reference="slide"', "", 29, "has no attribute 'reference'"),
@@ -266,13 +366,87 @@ MALFORMED_URDF = {
     "spring reference empty": (">0<", "><", 31, "holds 0 numbers"),
     "spring twice": ("</gazebo>", "</gazebo>" + SECOND_SPRING, 33, "second spring"),
     "point spring on an unknown link": ('_B name="bar"', '_B name="bra"', 36, "did you mean 'bar'?"),
-    "point spring without a body": ("damper_body_A", "damper_body_C", 33, "has no <drake:linear_spring_damper_body_A>"),
-    "point spring without stiffness": ("damper_stiffness", "damper_stifness", 33, "has no <drake:linear_spring_damper_stiffness>"),
+    "point spring without a body": ("damper_body_A", "damper_body_C", 34, "did you mean 'drake:linear_spring_damper_body_B'?"),
+    "point spring without body A": (
+        '<drake:linear_spring_damper_body_A name="world"/>',
+        "",
+        33,
+        "has no <drake:linear_spring_damper_body_A>",
+    ),
+    "point spring without stiffness": ("damper_stiffness", "damper_stifness", 39, "did you mean 'drake:linear_spring_damper_stiffness'?"),
     "point spring part twice": ("damper_p_BQ", "damper_p_AP", 37, "second <drake:linear_spring_damper_p_AP>"),
     "point short": ('value="0 0 -0.6"', 'value="0 -0.6"', 37, "holds 2 numbers; expected 3"),
     "free length zero": ('length value="2.5"', 'length value="0"', 38, "not positive"),
     "point spring negative": ('stiffness value="120"', 'stiffness value="-120"', 39, "is negative"),
-    "point damping without value": ('damping value="0"', 'damping valu="0"', 40, "has no attribute 'value'"),
+    "point damping without value": ('damping value="0"', 'damping valu="0"', 40, "did you mean 'value'?"),
+    "point damping empty": ('damping value="0"', "damping", 40, "has no attribute 'value'"),
+    "dynamics misspelt": ("<dynamics", "<dynamic", 27, "<dynamic> in <joint name=\"pin\"> is unknown; did you mean 'dynamics'?"),
+    "damping misspelt": ('damping="0.2"', 'dampng="0.2"', 27, "did you mean 'damping'?"),
+    "limit misspelt": ("upper=", "uper=", 20, "did you mean 'upper'?"),
+    "link with a type": ('<link name="bar"', '<link name="bar" type="x"', 10, "is not understood; expected one of 'name'"),
+    "element of another reader": ("</robot>", "<xacro/></robot>", 42, '<xacro> in <robot name="template"> is not understood'),
+    "text in a mass": ('<mass value="10"/>', "<mass>10</mass>", 6, "has no attribute 'value'"),
+    "text in a link": ('<link name="world"/>', '<link name="world">fixed</link>', 2, "holds the text 'fixed'"),
+    "mimic": ('<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="slide"/>', 25, "<mimic> ties one joint to another"),
+    "safety controller": ('<axis xyz="0 -1 0"/>', '<safety_controller k_velocity="1"/>', 25, "<safety_controller> is not felt"),
+    "calibration": ('<axis xyz="0 -1 0"/>', '<calibration rising="0"/>', 25, "<calibration> is not felt"),
+    "visual": ('<link name="world"/>', '<link name="world"><visual/></link>', 2, "declare it by the comment <!-- decoration: visual -->"),
+    "collision": ('<link name="world"/>', '<link name="world"><collision/></link>', 2, "<collision> is decoration"),
+    "material": ("</robot>", '<material name="m"/></robot>', 42, "<material> is decoration"),
+    "decoration that is none": ("</robot>", "<!-- decoration: gazebo --></robot>", 42, "declares 'gazebo' as decoration"),
+    "other Gazebo extension": ("</gazebo>", "<plugin/></gazebo>", 32, "<plugin> in <gazebo> is a Gazebo extension that is not read"),
+    "other Drake extension": ("</robot>", "<drake:collision_filter_group/></robot>", 42, "is a Drake extension that is not read"),
+    "Drake acceleration limit": ('effort="1e9"', 'effort="1e9" drake:acceleration="1"', 20, "is not understood"),
+    "transmission of nothing": ("</robot>", TRANSMISSION + "</actuator></transmission></robot>", 42, "has no <drake:rotor_inertia>"),
+    "transmission without type": (
+        "</robot>",
+        TRANSMISSION.replace("<type>transmission_interface/SimpleTransmission</type>", "") + ROTOR + "</actuator></transmission></robot>",
+        42,
+        "has no <type>; expected <type>transmission_interface/SimpleTransmission</type>",
+    ),
+    "other transmission": (
+        "</robot>",
+        TRANSMISSION.replace("Simple", "Differential") + ROTOR + "</actuator></transmission></robot>",
+        42,
+        "is of type 'transmission_interface/DifferentialTransmission'",
+    ),
+    "transmission of no joint": (
+        "</robot>",
+        TRANSMISSION.replace("pin", "pim") + "</actuator></transmission></robot>",
+        42,
+        "did you mean 'pin'?",
+    ),
+    "two transmissions": ("</robot>", 2 * (TRANSMISSION + ROTOR + "</actuator></transmission>") + "</robot>", 42, "second transmission"),
+    "transmission twice geared": (
+        "</robot>",
+        TRANSMISSION + ROTOR + 2 * '<drake:gear_ratio value="62"/>' + "</actuator></transmission></robot>",
+        42,
+        "second <drake:gear_ratio>",
+    ),
+    "rotor inertia negative": (
+        "</robot>",
+        TRANSMISSION + ROTOR.replace("2e-4", "-2e-4") + "</actuator></transmission></robot>",
+        42,
+        "is negative",
+    ),
+    "rotor inertia misspelt": (
+        "</robot>",
+        TRANSMISSION + ROTOR.replace("inertia", "inertias") + "</actuator></transmission></robot>",
+        42,
+        "did you mean 'drake:rotor_inertia'?",
+    ),
+    "mechanical reduction": (
+        "</robot>",
+        TRANSMISSION + ROTOR + "<mechanicalReduction>62</mechanicalReduction></actuator></transmission></robot>",
+        42,
+        "write the ratio as <drake:gear_ratio>",
+    ),
+    "hardware interface": (
+        "</robot>",
+        TRANSMISSION + ROTOR + "<hardwareInterface>x</hardwareInterface></actuator></transmission></robot>",
+        42,
+        "<hardwareInterface> is decoration",
+    ),
     "bushing": ("</robot>", "<drake:linear_bushing_rpy/></robot>", 42, "is a force element that is not read"),
 }
 
@@ -384,12 +558,20 @@ VALID_VARIANTS = {
         '<link name="eye"/><joint name="weld" type="fixed"><axis xyz="0 0 0"/><parent link="world"/><child link="eye"/></joint></robot>',
     ),
     "massless link between two joints": ("urdf", '<mass value="10"/>', '<mass value="0"/>'),
-    "other Gazebo extensions": (
-        "urdf",
-        "</robot>",
-        '<gazebo><plugin name="p"/></gazebo><gazebo reference="bar"><mu1>1</mu1></gazebo></robot>',
+    "declared decoration in MJCF": (
+        "mjcf",
+        "<worldbody>",
+        '<!-- decoration: geom asset rgba, visual --><option><flag contact="disable"/></option><visual><map znear="1"/></visual>'
+        '<asset><material name="steel"/></asset><worldbody><geom size="1"/><site name="s" rgba="1 0 0 1"/>',
     ),
-    "joint elements elsewhere": ("urdf", "</robot>", '<transmission><joint name="pin"/></transmission></robot>'),
+    "declared decoration in URDF": (
+        "urdf",
+        '<link name="world"/>',
+        '<!-- decoration: visual\nmaterial --><material name="red"/><link name="world"><visual><geometry><box size="1 1 1"/></geometry>'
+        "</visual></link>",
+    ),
+    "stages switched off": ("mjcf", "<worldbody>", '<option><flag limit="disable" island="enable"/></option><worldbody>'),
+    "classes": ("mjcf", "<worldbody>", '<default><default class="c"><joint damping="1"/></default></default><worldbody>'),
 }
 
 
@@ -430,3 +612,38 @@ def test_a_damaged_model_is_read_or_refused(
         assert read_model(path, model_format).joint_lines
     except InvalidModel as error:
         assert error.problem and "\n" not in str(error)
+
+
+BALL = """<robot name="top" xmlns:drake="http://drake.mit.edu">
+  <link name="top"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <drake:joint name="pivot" type="ball"><parent link="world"/><child link="top"/></drake:joint>
+</robot>
+"""
+
+
+def test_a_ball_joint_hangs_the_root_link_on_the_world(tmp_path: Path) -> None:
+    path = tmp_path / "top.urdf"
+    path.write_text(BALL)
+    model = read_model(path, "urdf")
+    assert model.ball_joint == "pivot"
+    assert model.joint_lines == {"pivot": 3}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fragment"),
+    [
+        ('type="ball"', 'type="universal"', "universal"),
+        ('parent link="world"', 'parent link="top"', "expected 'world'"),
+        ('child link="top"', 'child link="tip"', "expected 'top'"),
+        ("<parent", "<parnt", "parnt"),
+        ('<mass value="2"/>', '<mass value="0"/>', "mass"),
+        ("</robot>", '<drake:joint name="b" type="ball"><parent link="world"/><child link="top"/></drake:joint></robot>', "second"),
+        (' name="pivot"', "", "name"),
+    ],
+)
+def test_a_wrong_ball_joint_is_refused(tmp_path: Path, old: str, new: str, fragment: str) -> None:
+    path = tmp_path / "top.urdf"
+    assert old in BALL
+    path.write_text(BALL.replace(old, new))
+    with pytest.raises(InvalidModel, match=fragment):
+        read_model(path, "urdf")

@@ -16,14 +16,15 @@ from typing import Any
 import flint
 import numpy as np
 import pytest
+import sympy as sp
 
+from harness.charts import body_rates, sines_and_cosines
 from harness.kernels import Float64Kernel, upper_triangle
 from harness.mechanism import Mechanism
 from harness.program import StraightLineProgram, assemble
-from harness.reference import UNIT_ROUNDOFF, Reference
+from harness.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.states import States, sample
 from harness.system import TIME, System
-from harness.tasks import certify
 
 COUNT = 6
 BITS = 320
@@ -31,7 +32,7 @@ BITS = 320
 AT_ZERO = flint.arb(2) ** -160
 # Applied forces with so few bits add without rounding.
 FORCE_BITS = 20
-NO_PREVIOUS_STATES = 5
+OTHER_SEED = 5
 
 _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
     "add": lambda a, b: a + b,
@@ -94,29 +95,48 @@ def size(values: Sequence[Any]) -> flint.arb:
 
 
 class Energies:
-    """T, V and the generalised forces Q, straight from the system file: no derivation in between."""
+    """T, V and the generalised forces Q, straight from the system file, as functions of joint positions and velocities.
+
+    Only a ball or free joint needs a change of variables: Euler angles from the quaternion, and their rates from the
+    angular velocity in the body's frame.
+    """
 
     def __init__(self, system: System) -> None:
-        import sympy as sp
-
         q = [sp.Symbol(f"q{i}", real=True) for i in range(len(system.coordinates))]
-        v = [sp.Symbol(f"v{i}", real=True) for i in range(len(system.coordinates))]
-        plain = dict(zip(system.rates, v, strict=True))
-        position = dict(zip(system.coordinates, q, strict=True))
-        forces = [system.generalised_forces.get(x, sp.S.Zero) for x in system.coordinates]
-        outputs = {"kinetic": [system.kinetic], "potential": [system.potential], "forces": forces}
+        velocities = [sp.Symbol(f"u{i}", real=True) for i in range(len(system.coordinates))]
+        coordinates, positions, transform = list(system.coordinates), [[symbol] for symbol in q], sp.eye(len(q))
+        of_angles: dict[sp.Expr, sp.Expr] = {}
+        for attitude in system.attitudes:
+            first = coordinates.index(attitude.angles[0])
+            angles, quaternion = q[first : first + 3], sp.symbols(f"quaternion{first}_0:4", real=True)
+            positions[first : first + 3] = [list(quaternion), [], []]
+            transform[first : first + 3, first : first + 3] = body_rates(attitude.sequence, angles).inv()
+            pairs, _ = sines_and_cosines(attitude.sequence, sp.Quaternion(*quaternion).to_rotation_matrix())
+            for angle, (sine, cosine) in zip(angles, pairs, strict=True):
+                of_angles |= {sp.sin(angle): sine, sp.cos(angle): cosine}
+
+        rates = [sp.Symbol(f"v{i}", real=True) for i in range(len(q))]
+        plain, position = dict(zip(system.rates, rates, strict=True)), dict(zip(coordinates, q, strict=True))
+        of_rates = dict(zip(rates, transform * sp.Matrix(velocities), strict=True))
+
+        def in_velocities(expression: Any) -> Any:
+            return sp.sympify(expression).xreplace(plain).xreplace(position).xreplace(of_rates).xreplace(of_angles)
+
+        forces = sp.Matrix([system.generalised_forces.get(x, sp.S.Zero) for x in coordinates])
+        outputs = {"kinetic": [system.kinetic], "potential": [system.potential], "forces": transform.T * forces}
         self.conservative = not any(forces)
         self._parameters = [flint.arb(float(value)) for value, _ in system.parameters.values()]
         self._program = assemble(
-            [*q, *v, TIME, *system.parameters],
-            {name: [entry.xreplace(plain).xreplace(position) for entry in entries] for name, entries in outputs.items()},
+            [*(symbol for part in positions for symbol in part), *velocities, TIME, *system.parameters],
+            {name: [in_velocities(entry) for entry in entries] for name, entries in outputs.items()},
         )
 
     def kinetic(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> Any:
         return evaluate(self._program, [*q, *v, time, *self._parameters], ["kinetic"])["kinetic"][0]
 
     def potential(self, q: Sequence[Any], time: Any) -> Any:
-        return evaluate(self._program, [*q, *[flint.arb(0)] * len(q), time, *self._parameters], ["potential"])["potential"][0]
+        rest = [flint.arb(0)] * (len(self._program.inputs) - len(q) - 1 - len(self._parameters))
+        return evaluate(self._program, [*q, *rest, time, *self._parameters], ["potential"])["potential"][0]
 
     def forces(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> list[Any]:
         return evaluate(self._program, [*q, *v, time, *self._parameters], ["forces"])["forces"]
@@ -146,7 +166,7 @@ class Case:
     @cached_property
     def other_forces(self) -> Any:
         """A second set of applied forces, (COUNT, nv)."""
-        return few_bits(sample(self.mechanism, COUNT, NO_PREVIOUS_STATES).tau)
+        return few_bits(sample(self.mechanism, COUNT, OTHER_SEED).tau)
 
     @cached_property
     def _references(self) -> dict[str, Reference]:
@@ -158,14 +178,9 @@ class Case:
             "other": States(base.q, base.v, self.other_forces, base.time),
             "both": States(base.q, base.v, base.tau + self.other_forces, base.time),
         }
-        reference, _ = certify(self.mechanism, States.concatenate(list(variants.values())), lambda text: None)
+        reference = ReferenceKernel(self.mechanism).evaluate(States.concatenate(list(variants.values())))
         assert reference.certified.all()
-        parts = np.arange(len(reference)).reshape(len(variants), -1)
-        fields = vars(reference)
-        return {
-            name: Reference(**{field: values[rows] for field, values in fields.items()})
-            for name, rows in zip(variants, parts, strict=True)
-        }
+        return {name: reference[number * COUNT : (number + 1) * COUNT] for number, name in enumerate(variants)}
 
     def accelerations(self, variant: str, index: int) -> list[flint.arb]:
         reference = self._references[variant]
@@ -179,18 +194,42 @@ class Case:
         radius = flint.arb(float(reference.radius[index])) * (1 + flint.arb(2) ** -40)
         highs = reference.high[index].tolist()
         return radius + dot(
-            [mass[i][i].sqrt() for i in range(len(mass))], [abs(flint.arb(high)) * flint.arb(2) ** -106 + flint.arb(2) ** -1075 for high in highs]
+            [mass[i][i].sqrt() for i in range(len(mass))],
+            [abs(flint.arb(high)) * flint.arb(2) ** -106 + flint.arb(2) ** -1075 for high in highs],
         )
 
-    def inputs(self, index: int, *, q: Sequence[Any] | None = None, v: Sequence[Any] | None = None) -> list[Any]:
-        """The inputs of the mechanism's program at one state, other positions or velocities where given."""
+    def state(self, index: int) -> tuple[list[Any], list[Any], list[Any], Any]:
+        """q, v, tau and time of one state."""
         state = self.states[index : index + 1]
-        positions = q if q is not None else balls(state.q[0])
-        rates = v if v is not None else balls(state.v[0])
-        return [*positions, *rates, *balls(state.tau[0]), *balls(state.time), *balls(self.mechanism.parameter_values)]
+        return balls(state.q[0]), balls(state.v[0]), balls(state.tau[0]), flint.arb(float(state.time[0]))
 
-    def mass(self, inputs: Sequence[Any]) -> list[list[Any]]:
-        flat = evaluate(self.mechanism.program, inputs, ["mass"])["mass"]
+    def velocity_terms(self, index: int, v: Sequence[Any]) -> list[Any]:
+        """Those of one state, at other velocities."""
+        return evaluate(self.mechanism.program, self._inputs(index, self.state(index)[0], v), ["velocity"])["velocity"]
+
+    def position_rates(self, index: int) -> list[Any]:
+        """q' at one state: a quaternion turns with half of its product with the angular velocity in the body's frame."""
+        q, v, _, _ = self.state(index)
+        rates: list[Any] = []
+        for coordinate in range(self.mechanism.nv):
+            first = max((place for place in self.mechanism.attitudes if place <= coordinate < place + 3), default=None)
+            if first is None:
+                rates.append(v[coordinate])
+            elif first == coordinate:
+                w, x, y, z = q[len(rates) : len(rates) + 4]
+                a, b, c = v[first : first + 3]
+                doubled = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
+                rates.extend(rate / 2 for rate in doubled)
+        return rates
+
+    def _inputs(self, index: int, q: Sequence[Any], v: Sequence[Any]) -> list[Any]:
+        _, _, tau, time = self.state(index)
+        return [*q, *v, *tau, time, *balls(self.mechanism.parameter_values)]
+
+    def mass(self, index: int, q: Sequence[Any] | None = None) -> list[list[Any]]:
+        """M at one state, or at other positions."""
+        position, v, _, _ = self.state(index)
+        flat = evaluate(self.mechanism.program, self._inputs(index, q or position, v), ["mass"])["mass"]
         entries = dict(zip(upper_triangle(self.mechanism.nv), flat, strict=True))
         return [[entries[min(i, j), max(i, j)] for j in range(self.mechanism.nv)] for i in range(self.mechanism.nv)]
 
@@ -210,11 +249,6 @@ def times(matrix: list[list[Any]], vector: Sequence[Any]) -> list[Any]:
     return [dot(row, vector) for row in matrix]
 
 
-def has_a_position_per_velocity(mechanism: Mechanism) -> bool:
-    """Not so with a quaternion among the positions, whose rates are not the velocities."""
-    return len(mechanism.program.inputs) == 3 * mechanism.nv + 1 + len(mechanism.parameters)
-
-
 @pytest.fixture(autouse=True)
 def precision() -> Iterator[None]:
     previous = flint.ctx.prec, flint.ctx.cap
@@ -228,20 +262,12 @@ def case(built_in_mechanism: Mechanism, built_in_system: System) -> Case:
     return Case(built_in_mechanism, built_in_system)
 
 
-@pytest.fixture
-def plain_case(case: Case) -> Case:
-    """A case whose velocities are the rates of its positions."""
-    if not has_a_position_per_velocity(case.mechanism):
-        pytest.skip("positions hold a quaternion, whose rates are not the velocities")
-    return case
-
-
 def test_mass_matrix_is_positive_definite(case: Case) -> None:
     """Certainly so in balls, by the pivots of L D L'; and within rounding in the compiled kernel."""
     nv = case.mechanism.nv
     compiled = Float64Kernel(case.mechanism.program).terms(case.mechanism.inputs(case.states))["mass"]
     for index in range(COUNT):
-        mass = case.mass(case.inputs(index))
+        mass = case.mass(index)
         exact = np.array([[float(entry) for entry in row] for row in mass])
         scale = np.sqrt(np.outer(exact.diagonal(), exact.diagonal()))
         rest = [list(row) for row in mass]
@@ -255,30 +281,26 @@ def test_mass_matrix_is_positive_definite(case: Case) -> None:
         assert (compiled[index] == compiled[index].T).all()
 
 
-def test_mass_matrix_is_that_of_the_kinetic_energy(plain_case: Case) -> None:
+def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
     """T2 = v' M v / 2, T from the system file."""
-    case = plain_case
     for index in range(COUNT):
-        inputs = case.inputs(index)
-        q, v, time = inputs[: case.mechanism.nv], inputs[case.mechanism.nv : 2 * case.mechanism.nv], inputs[3 * case.mechanism.nv]
+        q, v, _, time = case.state(index)
         ahead, back, rest = (case.energies.kinetic(q, rates, time) for rates in (v, [-rate for rate in v], [0 * rate for rate in v]))
-        twice = dot(v, times(case.mass(inputs), v))
+        twice = dot(v, times(case.mass(index), v))
         assert abs(ahead + back - 2 * rest - twice) <= AT_ZERO * (abs(ahead) + abs(back) + abs(rest))
 
 
-def test_power_balance_of_the_certified_acceleration(plain_case: Case) -> None:
-    """dh/dt = sum (Q + tau) v - dL/dt along q' = v, v' = the certified qdd.
+def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
+    """dh/dt = sum (Q + tau) v - dL/dt along the motion with v' = the certified qdd.
 
     h is Jacobi's energy function, T + V where T is quadratic in the rates. An error of qdd does the power v' M dqdd.
     """
-    case, nv = plain_case, plain_case.mechanism.nv
     energies = case.energies
     for index in range(COUNT):
-        inputs = case.inputs(index)
-        q, v, tau, time = inputs[:nv], inputs[nv : 2 * nv], inputs[2 * nv : 3 * nv], inputs[3 * nv]
-        mass = case.mass(inputs)
+        q, v, tau, time = case.state(index)
+        mass = case.mass(index)
         passing = flint.arb_series([time, 1])
-        growth = slope(energies.jacobi(line(q, v), line(v, case.accelerations("base", index)), passing))
+        growth = slope(energies.jacobi(line(q, case.position_rates(index)), line(v, case.accelerations("base", index)), passing))
         lagrangian = slope(energies.kinetic(q, v, passing)) - slope(energies.potential(q, passing))
         power = dot([given + applied for given, applied in zip(energies.forces(q, v, time), tau, strict=True)], v)
         allowed = dot(v, times(mass, v)).sqrt() * case.uncertainty("base", index, mass)
@@ -286,71 +308,56 @@ def test_power_balance_of_the_certified_acceleration(plain_case: Case) -> None:
         assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
 
 
-def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: Case) -> None:
+def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(case: Case) -> None:
     """M' - 2C is skew, and C v is the part of the velocity terms that is quadratic in v.
 
     C is made here, from exact derivatives of M, and M' is one along v: neither is the derivation's own.
     Source: Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, section 7.3.
     """
-    case, nv = plain_case, plain_case.mechanism.nv
+    nv = case.mechanism.nv
+    if case.mechanism.attitudes:
+        pytest.skip("Christoffel symbols belong to velocities that are rates of coordinates; angular velocities are none")
     for index in range(COUNT // 2):
-        inputs = case.inputs(index)
-        q, v = inputs[:nv], inputs[nv : 2 * nv]
-        slopes = [
-            [[slope(entry) for entry in row] for row in case.mass(case.inputs(index, q=line(q, [i == j for j in range(nv)])))]
-            for i in range(nv)
-        ]
+        q, v, _, _ = case.state(index)
+        slopes = [[[slope(entry) for entry in row] for row in case.mass(index, line(q, [i == j for j in range(nv)]))] for i in range(nv)]
         matrix = [
             [sum(((slopes[i][k][j] + slopes[j][k][i] - slopes[k][i][j]) * v[i] for i in range(nv)), flint.arb(0)) / 2 for j in range(nv)]
             for k in range(nv)
         ]
-        growth = [[slope(entry) for entry in row] for row in case.mass(case.inputs(index, q=line(q, v)))]
+        growth = [[slope(entry) for entry in row] for row in case.mass(index, line(q, v))]
         skew = [[growth[i][j] - 2 * matrix[i][j] for j in range(nv)] for i in range(nv)]
         largest = size([entry for row in (*matrix, *growth) for entry in row])
         assert all(abs(skew[i][j] + skew[j][i]) <= AT_ZERO * largest for i in range(nv) for j in range(nv))
 
-        ahead, back, rest = (
-            evaluate(case.mechanism.program, case.inputs(index, v=rates), ["velocity"])["velocity"]
-            for rates in (v, [-rate for rate in v], [0 * rate for rate in v])
-        )
+        ahead, back, rest = (case.velocity_terms(index, rates) for rates in (v, [-rate for rate in v], [0 * rate for rate in v]))
         for given, *parts in zip(times(matrix, v), ahead, back, rest, strict=True):
             assert abs(given - (parts[0] + parts[1]) / 2 + parts[2]) <= AT_ZERO * (size(parts) + largest * size(v))
 
 
 def test_time_reversal(case: Case) -> None:
     """M (qdd(q, v) - qdd(q, -v)) = Q(q, v) - Q(q, -v), which is zero for a conservative system: it runs back as it came."""
-    nv = case.mechanism.nv
-    if not has_a_position_per_velocity(case.mechanism) and not case.energies.conservative:
-        pytest.skip("Q is given for the rates of a chart, not for the velocities")
     for index in range(COUNT):
-        inputs = case.inputs(index)
-        mass = case.mass(inputs)
-        forces = [flint.arb(0)] * nv
-        if has_a_position_per_velocity(case.mechanism):
-            q, v, time = inputs[:nv], inputs[nv : 2 * nv], inputs[3 * nv]
-            back = [-rate for rate in v]
-            momenta = abs(case.energies.kinetic(q, v, time) - case.energies.kinetic(q, back, time))
-            if not momenta <= AT_ZERO * case.energies.kinetic(q, v, time):
-                pytest.skip("kinetic energy has terms linear in the rates, as in a magnetic field: time reversal turns them round")
-            ahead, behind = case.energies.forces(q, v, time), case.energies.forces(q, back, time)
-            forces = [a - b for a, b in zip(ahead, behind, strict=True)]
+        q, v, _, time = case.state(index)
+        back, mass = [-rate for rate in v], case.mass(index)
+        kinetic = case.energies.kinetic(q, v, time)
+        if not abs(kinetic - case.energies.kinetic(q, back, time)) <= AT_ZERO * kinetic:
+            pytest.skip("kinetic energy has terms linear in the rates, as in a magnetic field: time reversal turns them round")
+        forces = [a - b for a, b in zip(case.energies.forces(q, v, time), case.energies.forces(q, back, time), strict=True)]
+        assert not case.energies.conservative or all(force == 0 for force in forces)
         change = [a - b for a, b in zip(case.accelerations("base", index), case.accelerations("reversed", index), strict=True)]
         allowed = case.uncertainty("base", index, mass) + case.uncertainty("reversed", index, mass)
         for i, (found, expected) in enumerate(zip(times(mass, change), forces, strict=True)):
             assert abs(found - expected) <= mass[i][i].sqrt() * allowed + AT_ZERO * abs(expected), case.states.as_json(index)
-        if case.energies.conservative:
-            assert all(force == 0 for force in forces)
 
 
 def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
     """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau."""
     for index in range(COUNT):
-        mass = case.mass(case.inputs(index))
+        mass = case.mass(index)
         base, other, both, free = (case.accelerations(name, index) for name in ("base", "other", "both", "free"))
         unknown = {name: case.uncertainty(name, index, mass) for name in ("base", "other", "both", "free")}
         superposed = times(mass, [sum_ - a - b + c for sum_, a, b, c in zip(both, base, other, free, strict=True)])
         forces = {"base": case.states.tau[index], "other": case.other_forces[index]}
-        assert all(abs(forces["base"] + forces["other"]) > 0)
         for i, rest in enumerate(superposed):
             assert abs(rest) <= mass[i][i].sqrt() * sum(unknown.values(), flint.arb(0))
         for name, moved in (("base", base), ("other", other)):

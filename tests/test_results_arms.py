@@ -147,9 +147,9 @@ TABLES = {
             Row(moments=(0, 0, 0.35)),
             Row(alpha=-QUARTER, d=0.2435, mass=17.4, centre=(0.068, 0.006, -0.016), moments=(0.13, 0.524, 0.539)),
             Row(a=0.4318, d=-0.0934, mass=4.8, centre=(0, -0.07, 0.014), moments=(0.066, 0.0125, 0.066)),
-            Row(alpha=QUARTER, a=-0.0203, d=0.4331, mass=2.0, centre=(0, 0, -0.03), moments=(0.03, 0.035, 0.025)),
-            Row(alpha=-QUARTER, mass=1.5, moments=(0.025, 0.022, 0.02)),
-            Row(alpha=QUARTER, mass=2.5, centre=(0, 0, 0.08), moments=(0.03, 0.035, 0.05)),
+            Row(alpha=QUARTER, a=-0.0203, d=0.4331, mass=0.82, centre=(0, 0, -0.019), moments=(1.8e-3, 1.8e-3, 1.3e-3)),
+            Row(alpha=-QUARTER, mass=0.34, moments=(0.3e-3, 0.3e-3, 0.4e-3)),
+            Row(alpha=QUARTER, mass=0.09, centre=(0, 0, 0.032), moments=(0.15e-3, 0.15e-3, 0.04e-3)),
         ),
     ),
     # Frames 3 and 4 in the elbow, 5 and 6 in the wrist; y2 and y6 point down, y4 up at zero.
@@ -224,13 +224,8 @@ CONSTANTS = {
     "I19": "0.000300", "I20": "-0.000202", "I21": "-0.000100", "I22": "-0.000058", "I23": "0.000040",
     "g1": "-37.2", "g2": "-8.44", "g3": "1.02", "g4": "0.249", "g5": "-0.0282",
 }  # fmt: skip
-# The paper's wrist, and its moment of link 3 about z3, which no body has and the model therefore does not.
-PUBLISHED = {
-    "m4": 0.82, "m5": 0.34, "m6": 0.09, "z4": -0.019, "z6": 0.032, "Iyy3": 0.086,
-    "Ixx4": 1.8e-3, "Iyy4": 1.8e-3, "Izz4": 1.3e-3,
-    "Ixx5": 0.3e-3, "Iyy5": 0.4e-3, "Izz5": 0.3e-3,
-    "Ixx6": 0.15e-3, "Iyy6": 0.15e-3, "Izz6": 0.04e-3,
-}  # fmt: skip
+# The paper's moment of link 3 about z3, which no body has and the model therefore does not.
+PUBLISHED = {"Iyy3": 0.086}
 
 
 def printed_terms(q: Sequence[float]) -> dict[tuple[int, int] | int, dict[str, float]]:

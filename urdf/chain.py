@@ -16,7 +16,7 @@ BAR = """
     <parent link="{above}"/>
     <child link="link_{i}"/>{pin}
     <axis xyz="0 -1 0"/>
-    <limit lower="-1e9" upper="1e9" effort="1e9" velocity="1e9"/>
+    <limit effort="0" velocity="0"/>
   </joint>"""
 
 

@@ -48,7 +48,11 @@ class Model(Protocol):
         """What the engine holds; None where there is no model file to audit."""
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        """qdd, (n, nv), at q, v, tau of shape (n, nv) each; columns follow the joints given to ``load``."""
+        """qdd, (n, nv), at q of shape (n, nq) and v, tau (n, nv); columns follow the joints given to ``load``.
+
+        A rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both behind the
+        position of a free joint.
+        """
 
 
 class Engine(Protocol):
@@ -57,13 +61,16 @@ class Engine(Protocol):
     Attributes:
         requires: importable module and distribution name of the program behind it.
         formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``.
+
+    An engine that gives the linear velocity of a free joint in the body's own frame says so by an
+    attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant.
     """
 
     requires: tuple[str, str]
     formats: tuple[str, ...]
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
-        """Load once; ``gravity`` [m/s^2, along -z] is for formats that hold none.
+        """Load once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.
 
         Raises:
             Unsupported: the engine cannot express the mechanism.
@@ -114,6 +121,11 @@ def load_engine(library: Library, name: str) -> Engine:
     if engine is None:
         raise InvalidInput(own if own.is_file() else built_in, None, "defines no ENGINE; see CONTRIBUTING, add an engine")
     return engine
+
+
+def linear_velocity_in_body(engine: Engine) -> bool:
+    """In which frame the engine gives the linear velocity of a free joint."""
+    return bool(getattr(engine, "linear_velocity_in_body", False))
 
 
 def installed_version(engine: Engine) -> str | None:

@@ -14,18 +14,25 @@ from harness.states import States
 
 
 class LagrangeModel:
-    """A mechanism's float64 kernel."""
+    """A mechanism's float64 kernels, each state in the chart that is most regular there."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._kernel = Float64Kernel(mechanism.program)
+        self._charts = [Float64Kernel(program) for program in mechanism.charts(linear_velocity_in_body=False)]
 
     def loaded(self) -> None:
         return None
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         inputs = self._mechanism.inputs(States.at(q, v, tau))
-        return np.ascontiguousarray(self._kernel.accelerations(inputs).T)
+        if len(self._charts) == 1:
+            return np.ascontiguousarray(self._charts[0].accelerations(inputs).T)
+        best = np.argmax([chart.regularity(inputs) for chart in self._charts], axis=0)
+        accelerations = np.empty_like(v)
+        for number, chart in enumerate(self._charts):
+            chosen = best == number
+            accelerations[chosen] = chart.accelerations(np.ascontiguousarray(inputs[:, chosen])).T
+        return accelerations
 
 
 class LagrangeEngine:

@@ -41,8 +41,14 @@ class MujocoModel:
     @cached_property
     def _addresses(self) -> tuple[list[int], list[int]]:
         """Position and velocity addresses of the joints, in their order."""
-        joints = [self._model.joint(name) for name in self._joints]
-        return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+        held = self.loaded().joints
+        positions: list[int] = []
+        velocities: list[int] = []
+        for name in dict.fromkeys(self._joints):
+            joint = self._model.joint(name)
+            positions += range(int(joint.qposadr[0]), int(joint.qposadr[0]) + held[name][0])
+            velocities += range(int(joint.dofadr[0]), int(joint.dofadr[0]) + held[name][1])
+        return positions, velocities
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         import mujoco.batch

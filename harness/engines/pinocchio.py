@@ -4,7 +4,8 @@
 about a joint is what is left of one about the origin, and loses digits that ``aba`` keeps.
 
 ABA applies no springs and dampers; those the URDF declares are added to the applied forces by
-``harness.force_elements``. A URDF holds no gravity, so the harness gives it.
+``harness.force_elements``. The reflected inertias it declares become the model's armature, which ABA
+adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 documentation.
 """
@@ -43,9 +44,17 @@ class PinocchioModel:
 
     @cached_property
     def _addresses(self) -> tuple[list[int], list[int]]:
-        """Position and velocity indices of the joints, in their order."""
-        joints = [self._model.joints[self._model.getJointId(name)] for name in self._joints]
-        return [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
+        """Position and velocity indices of the joints, in their order; Pinocchio's quaternions end with w."""
+        positions: list[int] = []
+        velocities: list[int] = []
+        for name in dict.fromkeys(self._joints):
+            joint = self._model.joints[self._model.getJointId(name)]
+            indices = list(range(joint.idx_q, joint.idx_q + joint.nq))
+            if joint.nq > joint.nv:
+                indices[-4:] = [indices[-1], *indices[-4:-1]]
+            positions += indices
+            velocities += range(joint.idx_v, joint.idx_v + joint.nv)
+        return positions, velocities
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         import pinocchio
@@ -63,6 +72,7 @@ class PinocchioModel:
 class PinocchioEngine:
     requires = ("pinocchio", "pin")
     formats = ("urdf",)
+    linear_velocity_in_body = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PinocchioModel:
         import pinocchio
@@ -71,10 +81,14 @@ class PinocchioEngine:
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:
-                model = pinocchio.buildModelFromXML(file.text)
+                # Pinocchio passes over Drake's ball joint, and hangs the root link by whatever joint it is given.
+                root = () if file.ball_joint is None else (pinocchio.JointModelSpherical(), file.ball_joint)
+                model = pinocchio.buildModelFromXML(file.text, *root)
             except Exception as error:
                 raise ValueError(captured.text() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
+        for armature in file.armatures:
+            model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
         return PinocchioModel(model, joints, ForceElements(model, file.force_elements))
 
 

@@ -5,8 +5,9 @@ positive q2 tips the boom towards +x and positive q3 pushes the wrist out. d2 is
 parameter of Paul, who has theta3 = 0 and d6 = 0; the height of the shoulder is not felt. Every link frame is parallel
 to the base frame at zero; Paul's frames 1 and 4, with (x, y, z) along (x, -z, y), are turned by a quarter turn.
 The moments of inertia are about the origins of the link frames, with no products there. Of link 1 only the moment
-about the column is felt: its 9.29 kg are left out. Links 1 to 3 are Paul's; links 4 to 6 are this file's own, for the reason given in
-puma_560: the published hand has 0.0003 kg m^2 about its last axis, a metre from the shoulder. Actuators are left out.
+about the column is felt: its 9.29 kg are left out. Links 1 to 3 are Paul's; links 4 to 6 are this file's own, with a wide
+load: the published wrist's smallest moments make less than 1e-4 of the data roundoff, so that nothing is seen of them.
+Actuators are left out.
 Source: Paul, Robot Manipulators: Mathematics, Programming, and Control, 1981, tables 6.4 and 6.5, after Bejczy, Robot
 arm dynamics and control, JPL TM 33-669, 1974; d2: Paul, Stanford AIM-177. Centres of mass in metres.
 """
