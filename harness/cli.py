@@ -1,4 +1,4 @@
-"""Command line: ``harness list``, ``show``, ``check``, ``report``.
+"""Command line: ``harness list``, ``show``, ``new``, ``check``, ``report``.
 
 Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so; 2 bad usage or an
 invalid model or system file; 3 an engine crashed or timed out.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -56,7 +57,10 @@ def _tell(problems: Sequence[Exception]) -> None:
 
 
 library_option = click.option(
-    "--library", "library_path", type=click.Path(), help="Folder with systems/, mjcf/ and urdf/ instead of the built-in one."
+    "--library",
+    "library_path",
+    metavar="DIR",
+    help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
 )
 seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states.")
 json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
@@ -79,9 +83,10 @@ def list_command(library_path: str | None, json_path: str | None) -> None:
     """Mechanisms with their degrees of freedom, and the engines available."""
     from harness.derivation import load_mechanism
     from harness.engines import engine_names, installed_version, load_engine
-    from harness.library import Library
+    from harness.library import Library, installed_libraries
 
     library = Library.at(library_path)
+    installed = list(installed_libraries())
     problems: list[InvalidInput] = []
     systems: dict[str, tuple[int, str]] = {}
     for name in library.select(()):
@@ -100,6 +105,7 @@ def list_command(library_path: str | None, json_path: str | None) -> None:
             "engines": [
                 {"name": name, "formats": engine.formats, "version": installed_version(engine)} for name, engine in engines.items()
             ],
+            "libraries": installed,
         }
         write_atomically(json_path, json.dumps(listed, indent=2) + "\n")
     width = max(map(len, [*systems, *engines]))
@@ -108,36 +114,58 @@ def list_command(library_path: str | None, json_path: str | None) -> None:
     click.echo()
     for name, engine in engines.items():
         click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
+    click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
     _tell(problems)
 
 
 @main.command()
 @click.argument("name")
+@click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page with a picture to this file.")
 @library_option
+@time_limit_option
 @_told
-def show(name: str, library_path: str | None) -> None:
-    """Equations, parameters and models of one mechanism."""
-    from harness.derivation import load_mechanism
-    from harness.library import MODEL_SUFFIXES, Library
-    from harness.models import read_model
+def show(name: str, html_path: str | None, library_path: str | None, time_limit: float) -> None:
+    """Equations, parameters, joints of both models, and what each engine holds."""
+    from harness.library import Library
+    from harness.show import as_text, look_at
+    from harness.workers import Workers
 
     library = Library.at(library_path)
     library.select([name])
-    mechanism = load_mechanism(library, name)
-    click.echo(f"{name}: {mechanism.description}\nSource: {mechanism.source}\n")
-    click.echo("Equations of motion (' is d/dt, tau the applied force):")
-    click.echo(mechanism.equations_text.replace("\n", "\n  ").join(("  ", "")) if mechanism.equations_text else "  too long to read")
-    click.echo("\nParameters:")
-    for symbol, value, unit in mechanism.parameters:
-        click.echo(f"  {symbol:<8} {value:<12g} {unit}")
-    click.echo("\nCoordinates:")
-    for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True):
-        click.echo(f"  {coordinate:<8} joint {joint:<12} {'any angle' if bounds is None else f'{bounds[0]:g} to {bounds[1]:g}'}")
-    click.echo("\nModels:")
-    for model_format in MODEL_SUFFIXES:
-        model = read_model(library.model_path(name, model_format), model_format)
-        joints = ", ".join(f"{joint} (line {line})" for joint, line in model.joint_lines.items())
-        click.echo(f"  {model_format}: {click.format_filename(model.path)}, joints {joints}")
+    exhibit = look_at(library, name, html_path is not None, Workers(1, time_limit=time_limit))
+    for line in as_text(exhibit):
+        click.echo(line)
+    if html_path is not None:
+        from harness.page import render
+        from harness.records import write_atomically
+
+        write_atomically(html_path, render(exhibit, library.name))
+        click.echo(f"\npage: {click.format_filename(html_path)}")
+    _tell(exhibit.problems)
+    if exhibit.crashed:
+        sys.exit(CRASHED)
+
+
+@main.command()
+@click.argument("name")
+@click.option(
+    "--dof", type=click.IntRange(1, 12), default=1, show_default=True, help="Degrees of freedom: plates of the chain that is the example."
+)
+@click.option(
+    "--library",
+    "library_path",
+    metavar="DIR",
+    default=".",
+    help="Folder of the library, made where it is missing; the current one by default.",
+)
+@_told
+def new(name: str, dof: int, library_path: str) -> None:
+    """Write the three files of a mechanism NAME: a working example with the places to edit marked."""
+    from harness.new import write_example
+
+    for path in write_example(name, dof, Path(library_path)):
+        click.echo(f"written: {click.format_filename(path)}")
+    click.echo(f"edit what is marked EDIT:, and watch it with\n  {shlex.join(['harness', 'check', name, '--library', library_path])}")
 
 
 @main.command()

@@ -131,7 +131,9 @@ def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
         bodies = [
             PlacedBody(
                 loaded.body(body).name or f"body {body}",
-                WORLD if loaded.body_weldid[loaded.body_parentid[body]] == 0 else solid.index(loaded.body_weldid[loaded.body_parentid[body]]),
+                WORLD
+                if loaded.body_weldid[loaded.body_parentid[body]] == 0
+                else solid.index(loaded.body_weldid[loaded.body_parentid[body]]),
                 *_mass_and_centre([(loaded.body_mass[part], data.xipos[part]) for part in moving if loaded.body_weldid[part] == body]),
             )
             for body in solid
@@ -199,9 +201,7 @@ def _placer_of_urdf(model: ModelFile, mechanism: Mechanism) -> _Placer:
         return Placement(
             tuple(bodies),
             tuple(joints),
-            tuple(
-                tuple(_vector(_point(loaded, data, *end)) for end in ((s.body_a, s.point_a), (s.body_b, s.point_b))) for s in springs
-            ),
+            tuple(tuple(_vector(_point(loaded, data, *end)) for end in ((s.body_a, s.point_a), (s.body_b, s.point_b))) for s in springs),
         )
 
     return placed

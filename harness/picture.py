@@ -148,7 +148,9 @@ class _Sheet:
 
     def ground(self, placement: Placement) -> None:
         """Hatching under the joints that stand on the world."""
-        places = {self.at(_first(placement, n).anchor) for n, b in enumerate(placement.bodies) if b.parent == WORLD and _is_held(placement, n)}
+        places = {
+            self.at(_first(placement, n).anchor) for n, b in enumerate(placement.bodies) if b.parent == WORLD and _is_held(placement, n)
+        }
         for x, y in places:
             self.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
             for step in range(-14, 17, 6):
@@ -197,7 +199,7 @@ class _Sheet:
         """A hinge seen along its axis, with the arrow of positive angles."""
         self.circle(place, radius, "joint", colour, f"{joint.name}, hinge")
         sense = -1 if float(np.dot(joint.axis, self.view.towards)) > 0 else 1
-        sweep = [math.radians(angle) for angle in range(-60, 41, 10)][:: -sense]
+        sweep = [math.radians(angle) for angle in range(-60, 41, 10)][::-sense]
         path = [(place[0] + (radius + 8) * math.cos(a), place[1] + (radius + 8) * math.sin(a)) for a in sweep]
         self.line(path[:-1], "sense", colour)
         self.arrow(path[-2], path[-1], "sense", colour)
@@ -209,7 +211,9 @@ class _Sheet:
             if _is_heavy(placement, number):
                 (x, y), r = self.at(body.centre), 4.5 + 4 * (body.mass / heaviest) ** (1 / 3)
                 self.circle((x, y), r, "centre", _colour(number), f"{body.name}, {body.mass:g} kg")
-                quarters = f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
+                quarters = (
+                    f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
+                )
                 self.parts.append(f'<path class="quarters" d="{quarters}"{_coloured(_colour(number), "fill")}/>')
                 self.taken.append((x - r, y - r, x + r, y + r))
 
@@ -294,7 +298,7 @@ def _colour(body: int) -> str:
 
 
 def _coloured(colour: str, attribute: str = "stroke") -> str:
-    return f' {attribute}="{colour}"' if colour else ""
+    return f' style="{attribute}:{colour}"' if colour else ""
 
 
 def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> float:

@@ -277,7 +277,8 @@ class CrossCheck:
             # What is wrong with the model as it is, the pair's own answers tell.
             pair.failure = pair.failure or f"looking for superfluous parts failed: {failure}"
         else:
-            self.superfluous += outcome.value
+            # Engines that read the same file find the same parts.
+            self.superfluous += [finding for finding in outcome.value if finding not in self.superfluous]
 
     def _failure_of(self, outcome: Outcome) -> str:
         """Why a task gave no value, "" if it did; what the caller must fix is added to ``problems``."""

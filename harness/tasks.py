@@ -144,7 +144,8 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     providers.is_local_module_file = lambda path: False  # type: ignore[assignment, attr-defined]
     failure: int | None = None
     try:
-        hypothesis.seed(seed)(settings(hypothesis.given(strategy(assignment.mechanism))(judge)))()
+        # In the other order, the seed would switch the database off.
+        settings(hypothesis.seed(seed)(hypothesis.given(strategy(assignment.mechanism))(judge)))()
     except _DoesNotAgree:
         # Hypothesis runs the smallest failing example last, to show it.
         failure = len(tried) - 1

@@ -12,17 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness import tasks
 from harness.attributes import Watch, find_elements, scaled
 from harness.derivation import load_mechanism
 from harness.engines import Subject, load_engine, subjects
 from harness.library import Library
 from harness.models import ModelFile, read_model
-from harness.run import CrossCheck, Settings
+from harness.records import Record
+from harness.run import DEFAULT_STATES, CrossCheck, Settings
 from harness.states import sample
 from harness.workers import Outcome, Task, Workers
 
 LIBRARY = Library.built_in()
-PAIRS = [(name, subject) for name in LIBRARY.system_names() for subject in subjects(LIBRARY) if subject.format != "equations"]
+# The members of a family hold the same numbers; the smallest stands for all.
+NAMES = [LIBRARY.names_in(path)[0] for path in sorted(LIBRARY.systems.glob("*.py")) if LIBRARY.names_in(path)]
+PAIRS = [(name, subject) for name in NAMES for subject in subjects(LIBRARY) if subject.format != "equations"]
 CHANGE = 1e-11
 VISIBLE_CHANGE = 1e-3
 
@@ -30,8 +34,8 @@ VISIBLE_CHANGE = 1e-3
 class InThisProcess(Workers):
     """Runs tasks here and now: no engine of this test crashes."""
 
-    def run(self, tasks: object) -> Iterator[Outcome]:
-        for task in tasks:  # type: ignore[attr-defined]
+    def run(self, work: object) -> Iterator[Outcome]:
+        for task in work:  # type: ignore[attr-defined]
             assert isinstance(task, Task)
             try:
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
@@ -50,12 +54,37 @@ def watch(name: str, subject: Subject, path: Path) -> Watch:
     return Watch(read_model(path, subject.format), answer)
 
 
-def check(name: str, subject: Subject, path: Path) -> tuple[CrossCheck, str]:
-    settings = Settings(library=LIBRARY, names=[name], subjects=[str(subject)], stand_ins={subject.format: path}, examples=None)
+class BulkOnly(Settings):
+    """The sampled states of a default run without those that hypothesis searches for."""
+
+    @property
+    def searched(self) -> int:
+        return 0
+
+
+def check(name: str, subject: Subject, path: Path, kind: type[Settings] = Settings) -> tuple[CrossCheck, Record]:
+    states = DEFAULT_STATES if kind is Settings else DEFAULT_STATES - Settings(library=LIBRARY).searched
+    stand_ins = {subject.format: path}
+    settings = kind(library=LIBRARY, names=[name], subjects=[str(subject)], stand_ins=stand_ins, states=states, examples=None)
     cross_check = CrossCheck(settings, InThisProcess())
     (record,) = cross_check.records()
     assert (record.system, record.subject) == (name, str(subject))
-    return cross_check, record.verdict
+    return cross_check, record
+
+
+def is_seen(name: str, subject: Subject, path: Path) -> bool:
+    """Whether a default run turns red; most changes show before the search begins."""
+    for kind in (BulkOnly, Settings):
+        cross_check, record = check(name, subject, path, kind)
+        if record.verdict in ("disagrees", "unstable") and not record.as_expected and not cross_check.problems:
+            return True
+    return False
+
+
+@pytest.fixture(autouse=True)
+def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every changed model would be searched for them again."""
+    monkeypatch.setattr(tasks, "find_superfluous", lambda assignment, note: [])
 
 
 @pytest.mark.parametrize(("name", "subject"), PAIRS, ids=[f"{name}-{subject}" for name, subject in PAIRS])
@@ -76,9 +105,8 @@ def test_a_change_of_1e_11_of_any_live_number_is_seen(name: str, subject: Subjec
                     break
                 live += 1
                 changed.write_text(scaled(text, numbers, 1 + CHANGE))
-                cross_check, verdict = check(name, subject, changed)
-                if cross_check.problems or verdict not in ("disagrees", "unstable"):
-                    unseen.append(f"line {number.line}: {number.value} gives {verdict} {cross_check.problems}")
+                if not is_seen(name, subject, changed):
+                    unseen.append(f"line {number.line}: {number.value}")
                 break
     assert not unseen
     # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers.
@@ -87,6 +115,6 @@ def test_a_change_of_1e_11_of_any_live_number_is_seen(name: str, subject: Subjec
 
 def test_the_unchanged_models_agree() -> None:
     for name, subject in PAIRS:
-        cross_check, verdict = check(name, subject, LIBRARY.model_path(name, subject.format))
-        assert verdict == "agrees"
+        cross_check, record = check(name, subject, LIBRARY.model_path(name, subject.format))
+        assert record.as_expected
         assert not cross_check.problems
