@@ -53,11 +53,14 @@ def joint_rows(model: ModelFile) -> list[JointRow]:
 def point_springs(model: ModelFile) -> list[str]:
     """A line of text for each spring that does not stand in a joint."""
     if model.format == "urdf":
-        springs = [element for element in model.force_elements if isinstance(element, PointSpring)]
         return [
-            f"line {spring.line}: spring from {spring.body_a} at {_numbers(spring.point_a)} to {spring.body_b} at {_numbers(spring.point_b)}, "
-            f"stiffness {spring.stiffness!r}, damping {spring.damping!r}, free length {spring.free_length!r}"
-            for spring in springs
+            f"line {spring.line}: spring from {spring.body_a} at {_numbers(spring.point_a)} "
+            f"to {spring.body_b} at {_numbers(spring.point_b)}, "
+            + ", ".join(
+                f"{name.replace('_', ' ')} {_numbers((getattr(spring, name),))}" for name in ("stiffness", "damping", "free_length")
+            )
+            for spring in model.force_elements
+            if isinstance(spring, PointSpring)
         ]
     document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
     return [f"line {document.lines[tendon]}: {_summary(tendon)}" for tendon in document.root.iterfind("tendon/*")]

@@ -193,7 +193,9 @@ def _check_ball_joint(document: Document, joint: etree._Element, root_link: str)
         found = None if part is None else part.get("link")
         if found != expected:
             where = joint if part is None else part
-            document.refuse(where, f"{describe(joint)} has {tag} link {found!r}, expected {expected!r}: it hangs the root link on the world")
+            document.refuse(
+                where, f"{describe(joint)} has {tag} link {found!r}, expected {expected!r}: it hangs the root link on the world"
+            )
 
 
 def _check_urdf_tree(document: Document, links: Elements, joints: Elements, root_moves: bool) -> str:

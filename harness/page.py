@@ -9,13 +9,13 @@ from markupsafe import Markup
 
 from harness.picture import choose_view, draw
 from harness.report.html import equations
-from harness.show import Exhibit, audit_rows, coordinates, joint_table, number
+from harness.show import Exhibit, audit_rows, coordinates, joint_table, number, whereabouts
 
 
 def render(exhibit: Exhibit, library: str) -> str:
     """The whole page."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"number": number, "equations": equations}
+    environment.filters |= {"number": number, "equations": equations, "whereabouts": whereabouts}
     package = files("harness")
     pictures: list[Markup] = []
     view = None

@@ -17,8 +17,11 @@ from harness.geometry import WORLD, PlacedJoint, Placement, Vector
 from harness.kernels import Array
 from harness.report.charts import COLOURS
 
-WIDTH, HEIGHT = 460.0, 430.0
+WIDTH = 460.0
+_LEAST_HEIGHT, _MOST_HEIGHT = 260.0, 460.0
 _MARGIN = 62.0
+# Axes, gravity and scale stand below the drawing.
+_FOOT = 40.0
 _FLAT = 1e-6
 # Drawn in full up to here; beyond it the symbols would cover each other.
 _MOST_NAMED_BODIES = 8
@@ -84,7 +87,7 @@ def draw(placement: Placement, others: Sequence[Placement], view: View, gravity:
     sheet.scale_bar()
     title = escape(f"Joints {', '.join(joint.name for joint in placement.joints)}; {view.name}")
     return (
-        f'<svg class="mechanism" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" xmlns="http://www.w3.org/2000/svg"><title>{title}</title>'
+        f'<svg class="mechanism" viewBox="0 0 {WIDTH:g} {sheet.height:g}" role="img" xmlns="http://www.w3.org/2000/svg"><title>{title}</title>'
         + "".join(sheet.parts)
         + "</svg>"
     )
@@ -98,19 +101,21 @@ class _Sheet:
     shown: Sequence[Vector]
     parts: list[str] = field(default_factory=list)
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+    tips: dict[str, Point] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         flat = np.array([self.view.flat(point) for point in self.shown])
         low, high = flat.min(axis=0), flat.max(axis=0)
         spans = np.maximum(high - low, 1e-12 + 0.15 * float(np.max(high - low)))
-        room = np.array([WIDTH, HEIGHT - 40]) - 2 * _MARGIN
+        room = np.array([WIDTH, _MOST_HEIGHT - _FOOT]) - 2 * _MARGIN
         self.scale = float(min(room / spans)) if np.max(high - low) > 0 else 100.0
+        self.height = max(_LEAST_HEIGHT, min(_MOST_HEIGHT, self.scale * spans[1] + 2 * _MARGIN + _FOOT))
         self.middle = (low + high) / 2
 
     def at(self, point: Vector) -> Point:
         """Where a point of the world lies on the sheet."""
         x, y = self.view.flat(point)
-        return WIDTH / 2 + self.scale * (x - self.middle[0]), (HEIGHT - 40) / 2 - self.scale * (y - self.middle[1])
+        return WIDTH / 2 + self.scale * (x - self.middle[0]), (self.height - _FOOT) / 2 - self.scale * (y - self.middle[1])
 
     def along(self, axis: Vector) -> Point:
         """A unit axis on the sheet, foreshortened."""
@@ -126,10 +131,16 @@ class _Sheet:
         place = f'cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius:.1f}"'
         self.parts.append(f'<circle class="{kind}" {place}{_coloured(colour)}>{inner}</circle>')
 
+    def take(self, ends: Sequence[Point]) -> None:
+        """Keep labels off a line."""
+        for t in np.linspace(0, 1, 2 + int(math.dist(*ends) / 8)):
+            x, y = (start + t * (end - start) for start, end in zip(*ends, strict=True))
+            self.taken.append((x - 4, y - 4, x + 4, y + 4))
+
     def arrow(self, start: Point, end: Point, kind: str, colour: str = "") -> None:
         length = math.dist(start, end)
         x, y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-        head = [(end[0] - 7 * x - side * 3.5 * y, end[1] - 7 * y + side * 3.5 * x) for side in (1, -1)]
+        head = [(end[0] - 6 * x - side * 3.5 * y, end[1] - 6 * y + side * 3.5 * x) for side in (1, -1)]
         self.line([start, end], kind, colour)
         self.line([head[0], end, head[1]], kind, colour)
 
@@ -142,6 +153,8 @@ class _Sheet:
             for end in ends:
                 if math.dist(self.at(hub), self.at(end)) > 0.5:
                     self.line([self.at(hub), self.at(end)], "shadow" if shadow else "link", "" if shadow else _colour(number))
+                    if not shadow:
+                        self.take([self.at(hub), self.at(end)])
         for joint in placement.joints:
             if not shadow and joint.kind == "slide" and math.dist(self.at(joint.anchor), self.at(joint.moved)) > 0.5:
                 self.line([self.at(joint.anchor), self.at(joint.moved)], "rail", _colour(joint.body))
@@ -153,6 +166,7 @@ class _Sheet:
         }
         for x, y in places:
             self.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
+            self.taken.append((x - 18, y, x + 18, y + 18))
             for step in range(-14, 17, 6):
                 self.line([(x + step, y + 11), (x + step - 5, y + 17)], "ground")
             self.line([(x, y), (x - 8, y + 11), (x + 8, y + 11), (x, y)], "ground")
@@ -168,41 +182,46 @@ class _Sheet:
                 self.line([start, *sides, end], "spring")
 
     def joints(self, placement: Placement) -> None:
-        """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense."""
-        crowd: dict[tuple[int, int], int] = {}
-        for joint in placement.joints:
-            place, axis = self.at(joint.moved), self.along(joint.axis)
-            key = round(place[0]), round(place[1])
-            crowd[key] = before = crowd.get(key, 0) + 1
-            seen = math.hypot(*axis)
-            size = 18.0 + 9.0 * (before - 1)
-            colour = _colour(joint.body)
-            if joint.kind in ("ball", "free"):
-                self.circle(place, 8, "joint", colour, f"{joint.name}, {joint.kind}")
-                self.circle(place, 3, "dot", colour)
-            elif joint.kind == "hinge" and seen < 0.2:
-                self._turning(joint, place, 6.0 + 4.0 * (before - 1), colour)
-            elif seen < 0.2:
-                self.line([(place[0] + dx, place[1] + dy) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7), (-7, -7))], "joint", colour)
-            else:
-                tail, tip = ((place[0] + sign * size * axis[0], place[1] + sign * size * axis[1]) for sign in (-1, 1))
-                if joint.kind == "hinge":
-                    self.line([tail, tip], "capsule-edge", colour)
-                    self.line([tail, tip], "capsule")
-                else:
-                    self.line([tail, tip], "bar", colour)
-                far = (place[0] + (size + 16) * axis[0] / seen, place[1] + (size + 16) * axis[1] / seen)
-                self.arrow(tip, far, "sense", colour)
-            self.taken.append((place[0] - 9, place[1] - 9, place[0] + 9, place[1] + 9))
+        """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense.
+
+        Of joints in one place the outer ones are drawn larger, and the inner ones over them.
+        """
+        places = [tuple(map(round, self.at(joint.moved))) for joint in placement.joints]
+        for number, joint in enumerate(placement.joints):
+            inside = places[number + 1 :].count(places[number])
+            self._joint(joint, self.at(joint.moved), 16.0 + 10.0 * inside, 6.0 + 4.0 * inside)
+
+    def _joint(self, joint: PlacedJoint, place: Point, size: float, radius: float) -> None:
+        axis, colour, tip = self.along(joint.axis), _colour(joint.body), place
+        seen = math.hypot(*axis)
+        if joint.kind in ("ball", "free"):
+            self.circle(place, radius + 2, "joint", colour, f"{joint.name}, {joint.kind}")
+            self.circle(place, 3, "dot", colour)
+        elif joint.kind == "hinge" and seen < 0.2:
+            self._turning(joint, place, radius, colour)
+        elif seen < 0.2:
+            self.line([(place[0] + dx, place[1] + dy) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7), (-7, -7))], "joint", colour)
+        else:
+            tail, end = ((place[0] + sign * size * axis[0], place[1] + sign * size * axis[1]) for sign in (-1, 1))
+            tip = (place[0] + (size + 18) * axis[0] / seen, place[1] + (size + 18) * axis[1] / seen)
+            for kind in ("capsule-edge", "capsule") if joint.kind == "hinge" else ("bar",):
+                self.line([tail, end], kind, colour if kind != "capsule" else "")
+            self.arrow(end, tip, "sense", colour)
+            self.take([tail, tip])
+        self.tips[joint.name] = tip
+        self.taken.append((place[0] - 9, place[1] - 9, place[0] + 9, place[1] + 9))
 
     def _turning(self, joint: PlacedJoint, place: Point, radius: float, colour: str) -> None:
         """A hinge seen along its axis, with the arrow of positive angles."""
         self.circle(place, radius, "joint", colour, f"{joint.name}, hinge")
-        sense = -1 if float(np.dot(joint.axis, self.view.towards)) > 0 else 1
-        sweep = [math.radians(angle) for angle in range(-60, 41, 10)][::-sense]
+        # Downwards on the sheet is a right-handed turn about an axis that points away.
+        sweep = [math.radians(angle) for angle in range(-70, 31, 20)]
+        if float(np.dot(joint.axis, self.view.towards)) > 0:
+            sweep = [-angle for angle in sweep]
         path = [(place[0] + (radius + 8) * math.cos(a), place[1] + (radius + 8) * math.sin(a)) for a in sweep]
         self.line(path[:-1], "sense", colour)
         self.arrow(path[-2], path[-1], "sense", colour)
+        self.taken.append((place[0], place[1] - radius - 10, place[0] + radius + 12, place[1] + radius + 10))
 
     def centres(self, placement: Placement) -> None:
         """Quartered circles, larger for heavier bodies."""
@@ -219,7 +238,7 @@ class _Sheet:
 
     def names(self, placement: Placement) -> None:
         for joint in placement.joints:
-            self.label(joint.name, self.at(joint.moved), "name", _colour(joint.body))
+            self.label(joint.name, self.tips[joint.name], "name", _colour(joint.body))
         heavy = [number for number in range(len(placement.bodies)) if _is_heavy(placement, number)]
         for number in heavy if len(heavy) <= _MOST_NAMED_BODIES else []:
             body = placement.bodies[number]
@@ -229,27 +248,28 @@ class _Sheet:
         """Text near a point, at the first place around it where nothing stands yet."""
         width, height = 6.6 * len(text) + 2, 14.0
         best: tuple[float, tuple[float, float, float, float]] | None = None
-        for distance in (13, 22, 32, 44, 58, 74):
+        for distance in (10, 16, 24, 34, 46, 60, 76):
             for angle in (0, 180, -30, 30, 150, 210, 90, -90):
                 x, y = place[0] + distance * math.cos(math.radians(angle)), place[1] + distance * math.sin(math.radians(angle))
                 left = x if math.cos(math.radians(angle)) > 0.1 else x - width if math.cos(math.radians(angle)) < -0.1 else x - width / 2
                 box = (left, y - height / 2, left + width, y + height / 2)
-                inside = box[0] > 2 and box[2] < WIDTH - 2 and box[1] > 2 and box[3] < HEIGHT - 48
+                inside = box[0] > 2 and box[2] < WIDTH - 2 and box[1] > 2 and box[3] < self.height - 48
                 cost = sum(_overlap(box, other) for other in self.taken) + (0 if inside else 1e6) + distance
                 if best is None or cost < best[0]:
                     best = cost, box
         assert best is not None
-        left, top, right, bottom = best[1]
         self.taken.append(best[1])
-        self.parts.append(f'<text class="{kind}" x="{left:.1f}" y="{bottom - 3.5:.1f}"{_coloured(colour, "fill")}>{escape(text)}</text>')
+        self.parts.append(
+            f'<text class="{kind}" x="{best[1][0]:.1f}" y="{best[1][3] - 3.5:.1f}"{_coloured(colour, "fill")}>{escape(text)}</text>'
+        )
 
     def axes(self, gravity: float) -> None:
         """The world's axes and gravity, in the lower left corner."""
-        corner = (46.0, HEIGHT - 34)
+        corner = (46.0, self.height - 34)
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("z", (0.0, 0.0, 1.0))):
             self._direction(corner, axis, 26, name, "axes")
         if gravity:
-            self._direction((110.0, HEIGHT - 46), (0.0, 0.0, -1.0), 26, "g", "gravity")
+            self._direction((110.0, self.height - 46), (0.0, 0.0, -1.0), 26, "g", "gravity")
 
     def _direction(self, start: Point, axis: Vector, length: float, name: str, kind: str) -> None:
         """An arrow; a circle with a dot where it points at the viewer, with a cross where it points away."""
@@ -274,7 +294,7 @@ class _Sheet:
         longest = 100 / self.scale
         power = 10.0 ** math.floor(math.log10(longest))
         length = next(step * power for step in (5, 2, 1) if step * power <= longest)
-        right, y = WIDTH - 20, HEIGHT - 22
+        right, y = WIDTH - 20, self.height - 22
         left = right - length * self.scale
         self.line([(left, y - 4), (left, y), (right, y), (right, y - 4)], "axes")
         self.parts.append(f'<text class="axes" text-anchor="end" x="{right:.1f}" y="{y - 9:.1f}">{length:g} m</text>')

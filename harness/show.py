@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from harness.audit import audit
 from harness.derivation import load_mechanism
 from harness.engines import EQUATIONS, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.errors import InvalidInput, InvalidModel
+from harness.family import member_of
 from harness.geometry import Placement, place
 from harness.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.library import MODEL_SUFFIXES, Library
@@ -79,10 +81,7 @@ def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -
         with workers:
             outcomes = {outcome.task.key: outcome for outcome in workers.run(work)}
         exhibit.crashed = any(outcome.crash is not None for outcome in outcomes.values())
-        exhibit.holdings = [
-            replace(holding, **_told(outcomes[holding.subject], exhibit)) if holding.subject in outcomes else holding
-            for holding in exhibit.holdings
-        ]
+        exhibit.holdings = [_told(holding, outcomes.get(holding.subject), exhibit) for holding in exhibit.holdings]
         # Any engine's picture will do; the first format that gave one is shown.
         drawn = [outcomes[model_format].value for model_format in exhibit.models if model_format in outcomes]
         exhibit.placements = next((placements for placements in drawn if placements is not None), None)
@@ -114,24 +113,32 @@ def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
             yield Task(subject, hold, (Assignment(library, subject, exhibit.mechanism, model),))
 
 
-def _told(outcome: Outcome, exhibit: Exhibit) -> dict[str, LoadedModel | str | None]:
-    """What became of loading; adds to the exhibit's problems what the author must mend."""
+def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holding:
+    """The holding after its task, if it had one; adds to the exhibit's problems what the author must mend."""
+    if outcome is None:
+        return holding
     if outcome.crash is not None:
-        return {"remark": str(outcome.crash)}
+        return replace(holding, remark=str(outcome.crash))
     if isinstance(outcome.exception, InvalidInput):
         exhibit.problems.append(outcome.exception)
-        return {"remark": outcome.exception.problem}
+        return replace(holding, remark=outcome.exception.problem)
     if outcome.exception is not None:
-        return {"remark": f"{type(outcome.exception).__name__}: {outcome.exception}"}
+        return replace(holding, remark=f"{type(outcome.exception).__name__}: {outcome.exception}")
     loaded = outcome.value
     if loaded is None:
-        return {"remark": "does not say what it holds"}
+        return replace(holding, remark="does not say what it holds")
     try:
-        audit(loaded, exhibit.models[outcome.task.key.format], exhibit.mechanism)
+        audit(loaded, exhibit.models[holding.subject.format], exhibit.mechanism)
     except InvalidInput as problem:
         exhibit.problems.append(problem)
-        return {"loaded": loaded, "remark": problem.problem}
-    return {"loaded": loaded, "remark": "as the system says"}
+        return replace(holding, loaded=loaded, remark=problem.problem)
+    return replace(holding, loaded=loaded, remark="as the system says")
+
+
+def whereabouts(path: Path) -> str:
+    """The model's file; for a member of a family the file that writes it."""
+    member = member_of(path)
+    return str(path) if member is None else f"{member[0]} for size {member[1]}"
 
 
 def number(value: float) -> str:
@@ -187,7 +194,7 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     yield "\nCoordinates:"
     yield from _columns(coordinates(mechanism))
     yield "\nModels:"
-    yield from (f"  {model_format}: {model.path}" for model_format, model in exhibit.models.items())
+    yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
     if exhibit.joints:
         yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
         yield from _columns(joint_table(exhibit))

@@ -7,14 +7,16 @@ import pickle
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.model_xml import MAXIMUM_BYTES, MAXIMUM_DEPTH
-from harness.models import Armature, JointDamper, JointSpring, ModelFile, PointSpring, read_model
+from harness.models import Armature, JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
 
 SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 
@@ -139,6 +141,25 @@ def test_reflected_inertia_is_read(read: Reader) -> None:
     unlimited = with_rotor(ROTOR).replace('effort="1e9"', 'effort="0"')
     error = refusal(read, unlimited, "urdf")
     assert error.line == 26 and "with which Drake leaves out its transmission" in error.problem
+
+
+def test_reflected_inertia_is_what_mujoco_calls_armature() -> None:
+    library = Library.built_in()
+    edits = {
+        ("mujoco", "mjcf"): ('name="pin"', 'name="pin" armature="2.25"'),
+        ("pinocchio", "urdf"): (
+            "</robot>",
+            TRANSMISSION + '<drake:rotor_inertia value="0.25"/><drake:gear_ratio value="3"/></actuator></transmission></robot>',
+        ),
+    }
+    answers = []
+    for (engine, model_format), (old, new) in edits.items():
+        path = library.model_path("bar_pendulum", model_format)
+        text = path.read_text().replace(old, new, 1).replace('effort="0"', 'effort="1"')
+        text = text.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ')
+        loaded = load_engine(library, engine).load(parse_model(path, text, model_format), ["pin"], 9.81)
+        answers.append(loaded.forward_dynamics(np.array([[1.0]]), np.array([[2.0]]), np.array([[3.0]])))
+    assert answers[0] == pytest.approx(answers[1], rel=1e-14)
 
 
 def test_at_least_sixty_malformed_inputs_of_each_format() -> None:

@@ -124,9 +124,7 @@ def exact_sensitivity(exact: Any, arguments: list[Any]) -> mpmath.mpf:
         return total + (v.T * mass * v)[0] * mpmath.fsum(turning)
 
 
-def test_data_roundoff_is_what_half_an_ulp_in_every_input_does(
-    plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any
-) -> None:
+def test_data_roundoff_is_what_half_an_ulp_in_every_input_does(plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any) -> None:
     states = random_states(plain_mechanism, 3 if len(plain_mechanism.parameters) < 20 else 1)
     reference = plain_reference.evaluate(states)
     for index in range(len(states)):
