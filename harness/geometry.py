@@ -5,7 +5,7 @@ MJCF is placed by MuJoCo, URDF by Pinocchio. Everything is in the world's frame 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,11 +81,11 @@ def place(model: ModelFile, mechanism: Mechanism, note: Callable[[str], None]) -
     }
     resting = placer(middle, {})
     step = SLIDE_SHOWN * _extent(resting, singles)
-    steps = {}
+    steps: dict[str, list[float]] = {}
     for joint in resting.joints:
-        wanted = step if joint.kind == "slide" else ANGLE_SHOWN
+        wanted = {"slide": [step], "hinge": [ANGLE_SHOWN], "ball": [ANGLE_SHOWN] * 3, "free": [step] * 3 + [ANGLE_SHOWN] * 3}[joint.kind]
         bounds = singles.get(joint.name)
-        steps[joint.name] = wanted if bounds is None else min(wanted, bounds[1] - middle[joint.name])
+        steps[joint.name] = wanted if bounds is None else [min(wanted[0], bounds[1] - middle[joint.name])]
     return resting, placer(middle, steps)
 
 
@@ -99,7 +99,7 @@ def _vector(values: Any) -> Vector:
     return x, y, z
 
 
-_Placer = Callable[[Mapping[str, float], Mapping[str, float]], Placement]
+_Placer = Callable[[Mapping[str, float], Mapping[str, Sequence[float]]], Placement]
 
 
 def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
@@ -114,14 +114,14 @@ def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
     }  # fmt: skip
     moving = [body for body in range(1, loaded.nbody) if loaded.body_weldid[body] != 0]
 
-    def placed(positions: Mapping[str, float], steps: Mapping[str, float]) -> Placement:
+    def placed(positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
         data = mujoco.MjData(loaded)
         for name, value in positions.items():
             data.joint(name).qpos[:] = value
         velocity = np.zeros(loaded.nv)
-        for name, value in steps.items():
+        for name, step in steps.items():
             address = loaded.joint(name).dofadr[0]
-            velocity[address : address + len(data.joint(name).qvel)] = value
+            velocity[address : address + len(step)] = step
         mujoco.mj_integratePos(loaded, data.qpos, velocity, 1.0)
         mujoco.mj_kinematics(loaded, data)
         mujoco.mj_comPos(loaded, data)
@@ -170,14 +170,14 @@ def _placer_of_urdf(model: ModelFile, mechanism: Mechanism) -> _Placer:
 
     loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity)._model
 
-    def placed(positions: Mapping[str, float], steps: Mapping[str, float]) -> Placement:
+    def placed(positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
         data = loaded.createData()
         configuration, velocity = pinocchio.neutral(loaded), np.zeros(loaded.nv)
         for name, value in positions.items():
             configuration[loaded.joints[loaded.getJointId(name)].idx_q] = value
-        for name, value in steps.items():
+        for name, step in steps.items():
             joint = loaded.joints[loaded.getJointId(name)]
-            velocity[joint.idx_v : joint.idx_v + joint.nv] = value
+            velocity[joint.idx_v : joint.idx_v + joint.nv] = step
         configuration = pinocchio.integrate(loaded, configuration, velocity)
         pinocchio.computeJointJacobians(loaded, data, configuration)
         bodies, joints = [], []

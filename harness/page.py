@@ -7,9 +7,10 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from harness.picture import choose_view, draw
+from harness.picture import draw
 from harness.report.html import equations
 from harness.show import Exhibit, audit_rows, coordinates, joint_table, number, whereabouts
+from harness.views import choose_view
 
 
 def render(exhibit: Exhibit, library: str) -> str:

@@ -1,74 +1,29 @@
 """A mechanism as an SVG drawing: joints, links and centres of mass, seen along one direction.
 
-A planar mechanism is seen along its hinges, a spatial one from a corner. Colours are CSS variables and
-classes of the page that holds the drawing (``templates/show.css``), so that it follows a dark scheme.
+Classes get their looks from the page that holds the drawing (``templates/show.css``), so that it follows
+a dark scheme.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
 import numpy as np
 
 from harness.geometry import WORLD, PlacedJoint, Placement, Vector
-from harness.kernels import Array
 from harness.report.charts import COLOURS
+from harness.views import Point, View
 
 WIDTH = 460.0
 _LEAST_HEIGHT, _MOST_HEIGHT = 260.0, 460.0
 _MARGIN = 62.0
 # Axes, gravity and scale stand below the drawing.
 _FOOT = 40.0
-_FLAT = 1e-6
-# Drawn in full up to here; beyond it the symbols would cover each other.
-_MOST_NAMED_BODIES = 8
-
-Point = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class View:
-    """A direction to look along: unit vectors to the right, up, and towards the viewer; a name for the caption."""
-
-    name: str
-    right: Array
-    up: Array
-
-    @property
-    def towards(self) -> Array:
-        return np.cross(self.right, self.up)
-
-    def flat(self, vector: Vector | Array) -> Point:
-        """What is seen of a vector."""
-        return float(np.dot(vector, self.right)), float(np.dot(vector, self.up))
-
-
-def _view(name: str, right: Sequence[float], up: Sequence[float]) -> View:
-    return View(name, np.array(right) / np.linalg.norm(right), np.array(up) / np.linalg.norm(up))
-
-
-PLANES = (_view("x-z plane", (1, 0, 0), (0, 0, 1)), _view("x-y plane", (1, 0, 0), (0, 1, 0)), _view("y-z plane", (0, 1, 0), (0, 0, 1)))
-CORNER = _view("seen from a corner: x to the right and front, y to the right and back", (0.8, 0.6, 0), (-0.27, 0.36, 0.893))
-
-
-def choose_view(placements: Iterable[Placement]) -> View:
-    """The plane the mechanism moves in, where it extends most if there are several; a corner for spatial ones."""
-    placements = list(placements)
-    points = np.array([point for placement in placements for point in placement.points()])
-
-    def in_plane(view: View) -> bool:
-        if any(joint.kind not in ("hinge", "slide") for joint in placements[0].joints):
-            return False
-        along = [(joint.kind, abs(float(np.dot(joint.axis, view.towards)))) for joint in placements[0].joints]
-        return all(amount > 1 - _FLAT if kind == "hinge" else amount < _FLAT for kind, amount in along)
-
-    def extent(view: View) -> float:
-        return float(sum(np.ptp(points @ direction) for direction in (view.right, view.up)))
-
-    return max((view for view in PLANES if in_plane(view)), key=extent, default=CORNER)
+# Beyond this number of bodies their names are left out and the symbols are smaller, so as not to cover each other.
+_MANY = 8
 
 
 def draw(placement: Placement, others: Sequence[Placement], view: View, gravity: float, ghost: Placement | None = None) -> str:
@@ -176,20 +131,24 @@ class _Sheet:
             for start, end in zip(map(self.at, spring), map(self.at, spring[1:]), strict=False):
                 length = math.dist(start, end) or 1.0
                 x, y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-                turns = max(4, int(length / 12))
+                turns = max(4, int(length / 22))
                 bends = [(start[0] + x * length * t, start[1] + y * length * t) for t in np.linspace(0.1, 0.9, 2 * turns)]
                 sides = [(bx - y * 6 * (-1) ** n, by + x * 6 * (-1) ** n) for n, (bx, by) in enumerate(bends)]
                 self.line([start, *sides, end], "spring")
+                self.take([start, end])
 
     def joints(self, placement: Placement) -> None:
         """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense.
 
         Of joints in one place the outer ones are drawn larger, and the inner ones over them.
         """
+        small = _symbol_size(placement)
         places = [tuple(map(round, self.at(joint.moved))) for joint in placement.joints]
         for number, joint in enumerate(placement.joints):
-            inside = places[number + 1 :].count(places[number])
-            self._joint(joint, self.at(joint.moved), 16.0 + 10.0 * inside, 6.0 + 4.0 * inside)
+            inside = 1.0 * places[number + 1 :].count(places[number])
+            # A ring round the centre of mass that would hide it.
+            inside += 1.5 * any(math.dist(self.at(body.centre), self.at(joint.moved)) < 3 for body in placement.bodies if body.mass > 0)
+            self._joint(joint, self.at(joint.moved), small * (16.0 + 10.0 * inside), small * (6.0 + 4.0 * inside))
 
     def _joint(self, joint: PlacedJoint, place: Point, size: float, radius: float) -> None:
         axis, colour, tip = self.along(joint.axis), _colour(joint.body), place
@@ -228,7 +187,7 @@ class _Sheet:
         heaviest = max((body.mass for body in placement.bodies), default=0.0)
         for number, body in enumerate(placement.bodies):
             if _is_heavy(placement, number):
-                (x, y), r = self.at(body.centre), 4.5 + 4 * (body.mass / heaviest) ** (1 / 3)
+                (x, y), r = self.at(body.centre), _symbol_size(placement) * (4.5 + 4 * (body.mass / heaviest) ** (1 / 3))
                 self.circle((x, y), r, "centre", _colour(number), f"{body.name}, {body.mass:g} kg")
                 quarters = (
                     f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
@@ -239,16 +198,15 @@ class _Sheet:
     def names(self, placement: Placement) -> None:
         for joint in placement.joints:
             self.label(joint.name, self.tips[joint.name], "name", _colour(joint.body))
-        heavy = [number for number in range(len(placement.bodies)) if _is_heavy(placement, number)]
-        for number in heavy if len(heavy) <= _MOST_NAMED_BODIES else []:
-            body = placement.bodies[number]
-            self.label(f"{body.name}, {body.mass:g} kg", self.at(body.centre), "name body", _colour(number))
+        for number, body in enumerate(placement.bodies):
+            if _is_heavy(placement, number) and len(placement.bodies) <= _MANY:
+                self.label(f"{body.name}, {body.mass:g} kg", self.at(body.centre), "name body", _colour(number))
 
     def label(self, text: str, place: Point, kind: str, colour: str) -> None:
         """Text near a point, at the first place around it where nothing stands yet."""
         width, height = 6.6 * len(text) + 2, 14.0
         best: tuple[float, tuple[float, float, float, float]] | None = None
-        for distance in (10, 16, 24, 34, 46, 60, 76):
+        for distance in (14, 20, 28, 38, 50, 64, 80):
             for angle in (0, 180, -30, 30, 150, 210, 90, -90):
                 x, y = place[0] + distance * math.cos(math.radians(angle)), place[1] + distance * math.sin(math.radians(angle))
                 left = x if math.cos(math.radians(angle)) > 0.1 else x - width if math.cos(math.radians(angle)) < -0.1 else x - width / 2
@@ -311,6 +269,10 @@ def _is_held(placement: Placement, body: int) -> bool:
 def _is_heavy(placement: Placement, body: int) -> bool:
     # Below this a mass is only there because some reader wants one.
     return placement.bodies[body].mass > 1e-9 * sum(other.mass for other in placement.bodies)
+
+
+def _symbol_size(placement: Placement) -> float:
+    return 1.0 if len(placement.bodies) <= _MANY else 0.6
 
 
 def _colour(body: int) -> str:

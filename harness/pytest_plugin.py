@@ -42,7 +42,9 @@ def _seconds(text: str) -> float:
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("harness", "cross-check of physics engines")
     group.addoption(
-        "--harness-library", metavar="DIR", help=f"run the cross-check over this library ('{BUILT_IN_NAME}' for the textbook mechanisms)"
+        "--harness-library",
+        metavar="DIR",
+        help=f"cross-check this library, a folder or an installed one's name ('{BUILT_IN_NAME}' for the textbook mechanisms)",
     )
     group.addoption(
         "--harness-states", type=_above_zero, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)"
@@ -80,8 +82,10 @@ def pytest_configure(config: pytest.Config) -> None:
         config.args.append(str(library.systems))
 
 
-def _relative_to(config: pytest.Config, directory: str) -> Path:
-    return config.invocation_params.dir / directory
+def _relative_to(config: pytest.Config, chosen: str) -> Path | str:
+    """The folder where pytest was started and ``chosen`` leads to; the name itself where there is none such."""
+    directory = config.invocation_params.dir / chosen
+    return directory if directory.exists() else chosen
 
 
 class _Regression:

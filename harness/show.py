@@ -152,7 +152,7 @@ def audit_rows(exhibit: Exhibit) -> list[list[str]]:
     joints = ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in mechanism.joint_sizes.items())
     rows = [
         ["", "joints with nq/nv", "gravity", "moving mass", ""],
-        ["the system", joints, f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0", number(mechanism.total_mass), ""],
+        ["the system", joints, f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0", _sum(mechanism.total_mass), ""],
     ]
     for holding in exhibit.holdings:
         held = ["", "", ""]
@@ -161,10 +161,15 @@ def audit_rows(exhibit: Exhibit) -> list[list[str]]:
                 ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in holding.loaded.joints.items()),
                 # An engine that feels none may say so by a negative zero.
                 " ".join(number(component + 0.0) for component in holding.loaded.gravity),
-                number(holding.loaded.total_mass),
+                _sum(holding.loaded.total_mass),
             ]
         rows.append([str(holding.subject), *held, holding.remark])
     return rows
+
+
+def _sum(mass: float) -> str:
+    """Without the last two digits, in which sums differ by the order of their terms."""
+    return f"{mass:.15g}"
 
 
 def joint_table(exhibit: Exhibit) -> list[list[str]]:
@@ -195,6 +200,8 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     yield from _columns(coordinates(mechanism))
     yield "\nModels:"
     yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
+    if not exhibit.models:
+        yield "  none that can be read"
     if exhibit.joints:
         yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
         yield from _columns(joint_table(exhibit))

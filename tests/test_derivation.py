@@ -178,7 +178,12 @@ def test_a_pickle_in_the_cache_is_never_run(cache: Path, tmp_path: Path, wrap: A
 @given(st.data())
 @settings(max_examples=100)
 def test_any_flipped_bit_is_noticed(data: st.DataObject) -> None:
-    load_mechanism(Library.built_in(), NAME)
+    entries = list((cache_directory() / "mechanisms").glob(f"{NAME}-*.json"))
+    if len(entries) != 1:
+        # Other tests leave entries of other libraries' systems of this name.
+        for left in entries:
+            left.unlink()
+        load_mechanism(Library.built_in(), NAME)
     (entry,) = (cache_directory() / "mechanisms").glob(f"{NAME}-*.json")
     sound = bytearray(entry.read_bytes())
     place = data.draw(st.integers(0, len(sound) - 1))

@@ -22,6 +22,9 @@ LINK = re.compile(r"\]\((?!https?://|#)([^)#]+)")
 def walk_through(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with every file that CONTRIBUTING spells out."""
     folder = tmp_path_factory.mktemp("walk-through")
+    [new] = [command for command in SHELL_BLOCK.findall(CONTRIBUTING) if command.startswith("harness new")]
+    subprocess.run([sys.executable, "-m", *new.split()], cwd=folder, check=True, timeout=60)
+    assert sorted(path.name for path in folder.rglob("inverted_bar.*")) == ["inverted_bar.py", "inverted_bar.urdf", "inverted_bar.xml"]
     for block in NAMED_BLOCK.finditer(CONTRIBUTING):
         path = folder / block["path"]
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from typing import Any
 import mpmath
 import pytest
 import sympy as sp
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
@@ -187,6 +187,8 @@ def check_equations(system: System, exact: Any) -> None:
             mass, force = exact.mass_and_force(arguments)
             assert mass == mass.T
             # Cholesky factors exist for positive definite matrices alone; mpmath raises ValueError for others.
+            # The angles of a ball or free joint are singular somewhere, and so is M there.
+            assume(not system.attitudes or abs(mpmath.det(mass)) > 0)
             mpmath.cholesky(mass)
             mine = mass * mpmath.matrix(accelerations) - force
             size = 1 + mpmath.mnorm(force) + mpmath.mnorm(mass) * mpmath.fsum(accelerations, absolute=True)

@@ -1,4 +1,4 @@
-"""``harness new`` writes a mechanism that agrees from the start, and ``harness show`` shows it."""
+"""``harness new`` writes a mechanism that agrees from the start, and nothing else."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import Library
+from harness.new import write_example
 
 SIZES = (1, 2, 3, 6)
 
@@ -47,22 +51,47 @@ def test_nothing_is_overwritten_and_no_bad_name_is_taken(tmp_path: Path) -> None
     assert system.read_text() == "mine\n"
 
 
-@pytest.mark.parametrize("name", ["cart_pendulum", "stanford_arm", "heavy_top", "chain_3"])
-def test_show_tells_joints_and_what_engines_hold(tmp_path: Path, name: str) -> None:
-    done = harness("show", name, "--html", "page.html", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    for fragment in ("Equations of motion", "Parameters:", "After loading:", "mujoco/mjcf", "as the system says"):
-        assert fragment in done.stdout
-    page = (tmp_path / "page.html").read_text()
-    assert "<svg" in page
-    assert 'src="http' not in page and 'href="http' not in page
+@pytest.mark.parametrize(
+    ("name", "fragment"),
+    [
+        ("class", "identifier"),
+        ("café", "identifier"),
+        ("sympy", "Python module"),
+        ("json", "Python module"),
+        ("twin_7", "has a system called"),
+        ("twin_9", "has a system called"),
+    ],
+)
+def test_names_that_would_collide_are_refused(tmp_path: Path, name: str, fragment: str) -> None:
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "systems" / "twin.py").write_text("SIZES = (7,)\n")
+    with pytest.raises(InvalidRequest, match=fragment):
+        write_example(name, 1, tmp_path)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["systems", "twin.py"]
 
 
-def test_show_copes_with_a_missing_model(tmp_path: Path) -> None:
-    directory = written(tmp_path, (1,))
-    (directory / "urdf" / "mechanism_of_1.urdf").unlink()
-    done = harness("show", "mechanism_of_1", "--library", ".", cwd=directory)
-    assert done.returncode == 2
-    assert "mechanism_of_1.urdf" in done.stderr
-    assert "Equations of motion" in done.stdout
-    assert "Traceback" not in done.stderr
+def test_the_harness_itself_is_left_alone() -> None:
+    built_in = Library.built_in()
+    for directory in (built_in.models, built_in.systems, built_in.systems.parent):
+        with pytest.raises(InvalidInput, match="library of your own"):
+            write_example("never_written", 1, directory)
+
+
+def test_all_three_files_are_written_or_none(tmp_path: Path) -> None:
+    (tmp_path / "urdf").write_text("a file where a folder should be")
+    with pytest.raises(InvalidInput, match="nothing was made"):
+        write_example("partial", 1, tmp_path)
+    assert list(tmp_path.rglob("partial.*")) == []
+
+
+@pytest.mark.parametrize("size", [*SIZES, 12])
+def test_the_example_is_python_of_our_own_style(tmp_path: Path, size: int) -> None:
+    system, *models = write_example("example", size, tmp_path)
+    settings = Path(__file__).resolve().parents[1] / "pyproject.toml"
+    for command in (["check", "--config", 'lint.isort.known-first-party=["harness"]'], ["format", "--check"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "ruff", *command, "--config", str(settings), str(system)], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stdout
+    for model in models:
+        assert "EDIT:" in model.read_text()
