@@ -1,0 +1,163 @@
+"""The smallest change of each number of a model file that turns the check red, beside what theory promises.
+
+A relative change epsilon of a number moves the accelerations by epsilon |D|, D their derivative by its
+logarithm. The check is red from AGREEMENT data roundoffs on, so at one state theory promises
+
+    epsilon = AGREEMENT * data roundoff / |D|,
+
+and over many states the least of these. D is taken from the engine itself, by central differences; the
+change that is really caught is searched for by planting it in the file.
+
+Source: DESIGN's numerics; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harness.attributes import Number, Watch, find_elements, scaled
+from harness.compare import compare
+from harness.derivation import load_mechanism
+from harness.engines import Subject, linear_velocity_in_body, load_engine
+from harness.kernels import Array
+from harness.library import Library
+from harness.minimal import CHANGE, NOISE
+from harness.models import ModelFile, read_model
+from harness.reference import Reference, ReferenceKernel, energy_norm
+from harness.states import sample
+from harness.verdict import AGREEMENT, Verdict
+
+# Of the central differences: their error is about u / DIFFERENCE, or DIFFERENCE^2.
+DIFFERENCE = 1e-5
+# Two neighbours in the search for the smallest change that is caught are this far apart.
+RESOLUTION = 2.0**0.25
+# The search gives up this far above theory.
+FURTHEST = 2.0**20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Caught:
+    """A live number of a model file, and the smallest relative change of it that is caught.
+
+    Attributes:
+        system, subject, file: names.
+        number: its value and where it stands.
+        changed: the numbers that change together: itself, or all of its element where physics forbids it to change alone.
+        smallest: relative change; inf where none up to ``FURTHEST`` times theory is caught.
+        theory: what ``AGREEMENT`` data roundoffs divided by the number's share of them promise.
+    """
+
+    system: str
+    subject: str
+    file: str
+    number: Number
+    changed: tuple[Number, ...]
+    smallest: float
+    theory: float
+
+    @property
+    def ratio(self) -> float:
+        """How far above theory."""
+        return self.smallest / self.theory
+
+
+@dataclass
+class FaultWalk:
+    """One model in one engine, its certified reference, and its live numbers.
+
+    Attributes:
+        library, name, subject: what is walked.
+        states: number of sampled states at which a change may show; seed: of them.
+
+    Raises:
+        harness.errors.InvalidInput: the system or its model cannot be used.
+        harness.engines.Unsupported: the engine cannot express the mechanism; ValueError: it refuses the model.
+    """
+
+    library: Library
+    name: str
+    subject: Subject
+    states: int
+    seed: int = 0
+    model: ModelFile = field(init=False)
+    _reference: Reference = field(init=False)
+    _watch: Watch = field(init=False)
+
+    def __post_init__(self) -> None:
+        mechanism = load_mechanism(self.library, self.name)
+        self.model = read_model(self.library.model_path(self.name, self.subject.format), self.subject.format)
+        engine = load_engine(self.library, self.subject.engine)
+        states = sample(mechanism, self.states, self.seed)
+        self._reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
+
+        def answer(model: ModelFile) -> Array:
+            return engine.load(model, mechanism.joints, mechanism.gravity).forward_dynamics(states.q, states.v, states.tau)
+
+        self._watch = Watch(self.model, answer)
+
+    def caught(self) -> Iterator[Caught]:
+        """Every live number, in the order of the file."""
+        for element in find_elements(self.model.text, self.subject.format):
+            numbers = [number for attribute in element.attributes for number in attribute.numbers if number.value != 0]
+            for number in numbers:
+                changed = self._changed_with(number, numbers)
+                if changed is not None:
+                    yield self._look_for(number, changed)
+
+    def _changed_with(self, number: Number, neighbours: Sequence[Number]) -> Sequence[Number] | None:
+        """The numbers that change when ``number`` does; None where no acceleration feels it."""
+        for numbers in ([number], neighbours):
+            movement = self._watch.movement(scaled(self.model.text, numbers, 1 + CHANGE))
+            if movement is not None:
+                return numbers if movement > NOISE else None
+        return None
+
+    def _look_for(self, number: Number, changed: Sequence[Number]) -> Caught:
+        theory = self._theory(changed)
+        low, high = theory, theory
+        while high < FURTHEST * theory and not self._is_caught(changed, high):
+            low, high = high, 2 * high
+        while low == high and self._is_caught(changed, low / 2):
+            low, high = low / 2, low / 2
+        if low == high:
+            low /= 2
+        while high / low > RESOLUTION:
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if self._is_caught(changed, middle) else (middle, high)
+        return Caught(
+            system=self.name,
+            subject=str(self.subject),
+            file=self.model.path.name,
+            number=number,
+            changed=tuple(changed),
+            smallest=high if high < FURTHEST * theory else math.inf,
+            theory=theory,
+        )
+
+    def _theory(self, changed: Sequence[Number]) -> float:
+        steps = [(factor, self._watch.accelerations(scaled(self.model.text, changed, 1 + factor))) for factor in (DIFFERENCE, -DIFFERENCE)]
+        # Where physics forbids one direction, the difference is one-sided.
+        answered = [(factor, moved) for factor, moved in steps if moved is not None]
+        if len(answered) == 1:
+            answered.append((0.0, self._watch.healthy))
+        (first, up), (second, down) = answered
+        with np.errstate(all="ignore"):
+            derivative = energy_norm(self._reference.norm_factor, (up - down) / (first - second))
+            promised = AGREEMENT * self._reference.data_roundoff / derivative
+        return float(np.nanmin(promised))
+
+    def _is_caught(self, changed: Sequence[Number], change: float) -> bool:
+        moved = None
+        for factor in (1 + change, 1 - change):
+            if moved is None:
+                moved = self._watch.accelerations(scaled(self.model.text, changed, factor))
+        return moved is not None and bool((compare(self._reference, moved).verdicts != Verdict.AGREES.value).any())
+
+
+def walk(library: Library, name: str, subject: Subject, states: int, seed: int, note: Callable[[str], None]) -> list[Caught]:
+    """Every live number of one model, as a task for ``harness.workers``."""
+    return list(FaultWalk(library, name, subject, states, seed).caught())
