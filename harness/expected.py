@@ -1,7 +1,8 @@
 """Verdicts that are expected to be other than ``agrees``: one file, each entry with its reason.
 
 ``expected_verdicts.toml`` of a library holds ``[[expected]]`` tables with ``system``, ``subject``,
-``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains.
+``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with
+the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from harness.errors import InvalidInput
-from harness.library import Library, nearest
-from harness.verdict import GRAVITY
+from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.verdict import GRAVITY, Verdict
 
 _TEXTS = ("system", "subject", "verdict", "reason", "link")
 
@@ -50,14 +51,31 @@ def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tu
     for number, entry in enumerate(entries, start=1):
         where = f"[[expected]] number {number}"
         texts = [entry.get(key) for key in _TEXTS] if isinstance(entry, dict) else []
-        most = entry.get("backward_error") if isinstance(entry, dict) else None
-        if not (texts and all(isinstance(text, str) and text for text in texts) and isinstance(most, int | float) and len(entry) == 6):
-            raise InvalidInput(path, None, f"{where} must have exactly the texts {', '.join(_TEXTS)} and the number backward_error")
+        if not (texts and all(isinstance(text, str) and text for text in texts)):
+            raise InvalidInput(path, None, f"{where} must have the texts {', '.join(_TEXTS)}, none of them empty")
         for key, known in (("system", systems), ("subject", subjects), ("verdict", GRAVITY)):
             if entry[key] not in known:
                 raise InvalidInput(path, None, f"{where} names {key} {entry[key]!r}, which does not exist; {nearest(entry[key], known)}")
+        compared = entry["verdict"] != Verdict.UNSUPPORTED
+        most = entry.get("backward_error") if compared else math.inf
+        if set(entry) != {*_TEXTS, *(["backward_error"] if compared else [])} or type(most) not in (int, float):
+            rest = "the number backward_error" if compared else f"no backward_error, for what is {Verdict.UNSUPPORTED} is not compared"
+            raise InvalidInput(path, None, f"{where} must have exactly the texts {', '.join(_TEXTS)} and {rest}")
         pair = entry["system"], entry["subject"]
         if pair in expectations:
             raise InvalidInput(path, None, f"{where} repeats the pair {pair[0]}, {pair[1]}")
         expectations[pair] = Expectation(entry["verdict"], entry["reason"], entry["link"], float(most))
     return expectations
+
+
+def why_no_model(
+    library: Library, system: str, subject: str, model_format: str, expectations: Mapping[tuple[str, str], Expectation]
+) -> str:
+    """Why a subject has no model of a system to read: its entry's reason, where that says ``unsupported``.
+
+    "" where the model exists, where ``model_format`` needs none, and where no entry excuses that it is missing.
+    """
+    expectation = expectations.get((system, subject), Expectation())
+    if expectation.verdict != Verdict.UNSUPPORTED or model_format not in MODEL_SUFFIXES or library.has_model(system, model_format):
+        return ""
+    return expectation.reason

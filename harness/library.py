@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import importlib.metadata
 import importlib.util
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
@@ -91,6 +92,11 @@ class Library:
 
     def model_path(self, name: str, model_format: str) -> Path:
         return self.models / model_format / f"{name}{MODEL_SUFFIXES[model_format]}"
+
+    def has_model(self, name: str, model_format: str) -> bool:
+        """Whether the system has a model of its own or one that its family writes, readable or not."""
+        path = self.model_path(name, model_format)
+        return os.path.lexists(path) or member_of(path) is not None
 
     def orphaned_models(self) -> list[Path]:
         """Model files that no system stands behind."""

@@ -13,6 +13,7 @@ from harness.audit import audit
 from harness.derivation import load_mechanism
 from harness.engines import EQUATIONS, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.errors import InvalidInput, InvalidModel
+from harness.expected import load_expectations, why_no_model
 from harness.family import member_of
 from harness.geometry import Placement, place
 from harness.joint_table import COLUMNS, JointRow, joint_rows, point_springs
@@ -20,6 +21,7 @@ from harness.library import MODEL_SUFFIXES, Library
 from harness.mechanism import Mechanism
 from harness.models import ModelFile, read_model
 from harness.tasks import Assignment
+from harness.verdict import Verdict
 from harness.workers import Outcome, Task, Workers
 
 TOO_LONG = "too long to read"
@@ -42,6 +44,7 @@ class Exhibit:
         models: format to its file; a missing or invalid one is absent.
         joints: for each joint the rows of the formats that have it, as (format, row).
         springs: (format, text) of the springs that do not stand in a joint.
+        reasons: subject to the reason why it has no model, as the library's expected verdicts say.
         holdings: one per subject that reads a model.
         placements: the mechanism at its zero configuration and moved a little, if a picture was asked for.
         problems: what the author must mend. crashed: whether an engine died.
@@ -51,6 +54,7 @@ class Exhibit:
     models: dict[str, ModelFile] = field(default_factory=dict)
     joints: dict[str, list[tuple[str, JointRow]]] = field(default_factory=dict)
     springs: list[tuple[str, str]] = field(default_factory=list)
+    reasons: dict[Subject, str] = field(default_factory=dict)
     holdings: list[Holding] = field(default_factory=list)
     placements: tuple[Placement, Placement] | None = None
     problems: list[InvalidInput] = field(default_factory=list)
@@ -64,11 +68,15 @@ def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -
         InvalidInput: the system file itself is of no use.
     """
     exhibit = Exhibit(load_mechanism(library, name))
+    _take_reasons(library, exhibit)
+    excused = {subject.format for subject in exhibit.reasons}
+    excused -= {subject.format for subject in subjects(library) if subject not in exhibit.reasons}
     for model_format in MODEL_SUFFIXES:
         try:
             model = read_model(library.model_path(name, model_format), model_format)
         except InvalidInput as problem:
-            exhibit.problems.append(problem)
+            if model_format not in excused:
+                exhibit.problems.append(problem)
             continue
         exhibit.models[model_format] = model
         for row in joint_rows(model):
@@ -88,6 +96,18 @@ def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -
     return exhibit
 
 
+def _take_reasons(library: Library, exhibit: Exhibit) -> None:
+    every = subjects(library)
+    try:
+        expectations = load_expectations(library, [str(subject) for subject in every])
+    except InvalidInput as problem:
+        exhibit.problems.append(problem)
+        return
+    for subject in every:
+        if reason := why_no_model(library, exhibit.mechanism.name, str(subject), subject.format, expectations):
+            exhibit.reasons[subject] = reason
+
+
 def hold(assignment: Assignment, note: Callable[[str], None]) -> LoadedModel | None:
     """What the subject's engine holds after loading, without a judgement of it."""
     model, mechanism = assignment.model, assignment.mechanism
@@ -104,7 +124,9 @@ def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
         model = exhibit.models.get(subject.format)
         if subject.format == EQUATIONS:
             continue
-        if installed_version(load_engine(library, subject.engine)) is None:
+        if subject in exhibit.reasons:
+            exhibit.holdings.append(Holding(subject, remark=f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}"))
+        elif installed_version(load_engine(library, subject.engine)) is None:
             exhibit.holdings.append(Holding(subject, remark="not installed"))
         elif model is None:
             exhibit.holdings.append(Holding(subject, remark=f"no valid {subject.format} model"))
@@ -201,7 +223,7 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     yield "\nModels:"
     yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
     if not exhibit.models:
-        yield "  none that can be read"
+        yield "  none" if exhibit.reasons else "  none that can be read"
     if exhibit.joints:
         yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
         yield from _columns(joint_table(exhibit))

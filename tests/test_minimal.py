@@ -18,7 +18,12 @@ from harness.minimal import Finding, superfluous
 from harness.models import parse_model
 
 LIBRARY = Library.built_in()
-PAIRS = [(name, subject) for name in LIBRARY.system_names() for subject in subjects(LIBRARY) if subject.format != "equations"]
+PAIRS = [
+    (name, subject)
+    for name in LIBRARY.system_names()
+    for subject in subjects(LIBRARY)
+    if subject.format != "equations" and LIBRARY.has_model(name, subject.format)
+]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 
 

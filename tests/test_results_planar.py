@@ -12,9 +12,11 @@ import mpmath
 import numpy as np
 import sympy as sp
 
-from harness.derivation import load_system
+from harness.derivation import load_mechanism, load_system
+from harness.kernels import Float64Kernel
 from harness.lagrange import EquationsOfMotion, derive
 from harness.library import Library
+from harness.states import States
 
 
 def load(name: str) -> tuple[EquationsOfMotion, SimpleNamespace, dict[sp.Symbol, float]]:
@@ -225,3 +227,66 @@ def test_incline_pendulum_slides_square_to_the_slope() -> None:
     light = accelerations(equations).subs(s.m, 0)
     assert_equal(light, [s.g * sp.sin(s.alpha), -s.g * sp.cos(s.alpha) / s.L * sp.sin(s.theta + s.alpha)])
     assert (np.cos(values[s.alpha]), np.sin(values[s.alpha])) == (0.8, 0.6)
+
+
+def test_cycloid_bead() -> None:
+    """Taylor, problem 6.25: with the arc s from the lowest point, s'' = -(g/4R) s, so the period is 4 pi sqrt(R/g) from any height."""
+    equations, s, _ = load("cycloid_bead")
+    inertia = 2 * s.m * s.R**2 * (1 - sp.cos(s.phi))
+    growth = s.m * s.R**2 * sp.sin(s.phi) * s.phi_dot**2
+    assert_equal(balance(equations), [inertia * s.phi_ddot + growth - s.m * s.g * s.R * sp.sin(s.phi)])
+
+    arc = -4 * s.R * sp.cos(s.phi / 2)
+    assert_equal(equations.mass_matrix, [s.m * arc.diff(s.phi) ** 2])
+    assert_equal([equations.potential - equations.potential.subs(s.phi, sp.pi)], [s.m * s.g * arc**2 / (8 * s.R)])
+    (acceleration,) = accelerations(equations)
+    assert_equal([arc.diff(s.phi, 2) * s.phi_dot**2 + arc.diff(s.phi) * acceleration], [-s.g / (4 * s.R) * arc])
+    assert_squared_frequencies(equations, [s.g / (4 * s.R)], equilibrium={s.phi: sp.pi})
+
+
+def test_cycloid_bead_is_on_the_brachistochrone() -> None:
+    """Taylor, example 6.2: depth (1 + (d depth/dx)^2) is constant along the curve of quickest descent, here 2 R."""
+    equations, s, _ = load("cycloid_bead")
+    depth = -equations.potential / (s.m * s.g)
+    path_squared = equations.mass_matrix[0] / s.m
+    along_squared = path_squared - depth.diff(s.phi) ** 2
+    assert_equal([depth * path_squared / along_squared], [2 * s.R])
+    # From rest in the cusp, phi grows by sqrt(g/R) all the way.
+    assert_equal([2 * s.g * depth / path_squared], [s.g / s.R])
+
+
+def period(name: str, lowest: float, start: float) -> float:
+    """Seconds from one passage of the ``lowest`` point to the next in the same sense, let go at ``start``, by the float64 kernel."""
+    from scipy.integrate import solve_ivp
+
+    mechanism = load_mechanism(Library.built_in(), name)
+    kernel = Float64Kernel(mechanism.program)
+
+    def motion(_: float, state: np.ndarray) -> list[float]:
+        position, rate = state
+        return [rate, float(kernel.accelerations(mechanism.inputs(States.at([position], [rate], [0.0])))[0, 0])]
+
+    def passage(_: float, state: np.ndarray) -> float:
+        return float(state[0]) - lowest
+
+    passage.direction = 1.0  # type: ignore[attr-defined]
+    passage.terminal = 2  # type: ignore[attr-defined]
+    solution = solve_ivp(motion, (0.0, 100.0), [start, 0.0], method="DOP853", events=passage, rtol=1e-13, atol=1e-13)
+    first, second = solution.t_events[0]
+    return float(second - first)
+
+
+def test_cycloid_bead_takes_the_same_time_from_every_height() -> None:
+    """4 pi sqrt(R/g); a pendulum's period, 4 sqrt(L/g) K(sin(start/2)), grows with the height, and the same measurement shows it."""
+    from scipy.special import ellipk
+
+    _, s, values = load("cycloid_bead")
+    expected = 4 * np.pi * np.sqrt(values[s.R] / values[s.g])
+    for start in (0.3, 1.0, 2.0, 3.0, 3.14):
+        np.testing.assert_allclose(period("cycloid_bead", np.pi, start), expected, rtol=1e-10)
+
+    _, s, values = load("simple_pendulum")
+    found = [period("simple_pendulum", 0.0, -start) for start in (0.5, 2.5)]
+    expected = 4 * np.sqrt(values[s.L] / values[s.g]) * ellipk(np.sin(np.array([0.5, 2.5]) / 2) ** 2)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    assert found[1] > 1.5 * found[0]

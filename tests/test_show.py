@@ -142,9 +142,9 @@ def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> N
     assert re.search(r"^ +mujoco/mjcf .* as the system says$", done.stdout, re.MULTILINE)
 
 
-def test_both_engines_place_the_joints_alike(built_in_name: str) -> None:
+def test_both_engines_place_the_joints_alike(modelled_name: str) -> None:
     """At zero and away from it: a wrong axis, origin or sign in a model is seen in the picture of one of them."""
-    for mjcf, urdf in zip(placements(built_in_name, "mjcf"), placements(built_in_name, "urdf"), strict=True):
+    for mjcf, urdf in zip(placements(modelled_name, "mjcf"), placements(modelled_name, "urdf"), strict=True):
         by_name = {joint.name: joint for joint in urdf.joints}
         for joint in mjcf.joints:
             other = by_name[joint.name]
@@ -159,10 +159,10 @@ def test_both_engines_place_the_joints_alike(built_in_name: str) -> None:
 
 
 @pytest.mark.parametrize("model_format", MODEL_SUFFIXES)
-def test_every_mechanism_can_be_drawn_on_its_sheet(built_in_name: str, model_format: str) -> None:
-    resting, moved = placements(built_in_name, model_format)
+def test_every_mechanism_can_be_drawn_on_its_sheet(modelled_name: str, model_format: str) -> None:
+    resting, moved = placements(modelled_name, model_format)
     view = choose_view([resting, moved])
-    assert view.name == VIEWS.get(built_in_name, view.name)
+    assert view.name == VIEWS.get(modelled_name, view.name)
     for svg in (draw(resting, [moved], view, 9.81), draw(moved, [resting], view, 0.0, ghost=resting)):
         root = ElementTree.fromstring(svg)
         assert "nan" not in svg and "inf" not in svg
