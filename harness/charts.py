@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from harness.differentiation import Derivatives
+
 if TYPE_CHECKING:
     from harness.lagrange import EquationsOfMotion
 
@@ -89,6 +91,41 @@ class JointEquations:
     regularity: sp.Expr
 
 
+@dataclass(frozen=True)
+class JointEnergies:
+    """Energies [J] and power [W] in a joint's positions and velocities.
+
+    Attributes:
+        positions, velocities: as in ``JointEquations``.
+        energy: Jacobi's energy function. lagrangian: T - V. kinetic: T.
+        forces: (nv, 1) non-conservative generalised forces; power: theirs.
+        regularity: as in ``JointEquations``.
+    """
+
+    positions: tuple[sp.Symbol, ...]
+    velocities: tuple[sp.Symbol, ...]
+    energy: sp.Expr
+    lagrangian: sp.Expr
+    kinetic: sp.Expr
+    power: sp.Expr
+    forces: sp.Matrix
+    regularity: sp.Expr
+
+
+@dataclass(frozen=True)
+class _ChangeOfVariables:
+    """From coordinates and their rates to joint positions and velocities; ``transform`` is A of q' = A(q) u."""
+
+    positions: tuple[sp.Symbol, ...]
+    transform: sp.Matrix
+    of_rates: Mapping[sp.Expr, sp.Expr]
+    of_angles: Mapping[sp.Expr, sp.Expr]
+    regularity: sp.Expr
+
+    def applied(self, matrix: sp.Matrix) -> sp.Matrix:
+        return _substitute(matrix.xreplace(self.of_rates), angles_to=self.of_angles)
+
+
 def rotation(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
     """Rotation matrix (3, 3) from the body's frame to the joint's, by rotations about the body's own axes."""
     product = sp.eye(3)
@@ -134,9 +171,56 @@ def in_joint_coordinates(
     together, positions before angles. ``linear_velocity_in_body`` says in which frame a free joint's
     linear velocity is given. Without attitudes the equations come back as they are.
     """
-    q, n = equations.coordinates, len(equations.coordinates)
-    velocities = equations.rates
-    transform, positions = sp.eye(n), list(q)
+    if not attitudes:
+        return JointEquations(
+            equations.coordinates,
+            equations.rates,
+            equations.mass_matrix,
+            equations.velocity_terms,
+            equations.gravity_terms,
+            equations.passive_forces,
+            sp.S.One,
+        )
+    n = len(coordinates)
+    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body)
+    transform, rates = change.transform, change.transform * sp.Matrix(equations.rates)
+    growth = sum((transform.diff(x) * rate for x, rate in zip(equations.coordinates, rates, strict=True)), sp.zeros(n, n))
+    inertial = equations.velocity_terms.xreplace(change.of_rates) + equations.mass_matrix * growth * sp.Matrix(equations.rates)
+    terms = [
+        transform.T * equations.mass_matrix * transform,
+        transform.T * inertial,
+        transform.T * equations.gravity_terms,
+        transform.T * equations.passive_forces.xreplace(change.of_rates),
+    ]
+    mass, velocity, gravity, passive = (_substitute(term, angles_to=change.of_angles) for term in terms)
+    return JointEquations(change.positions, equations.rates, mass, velocity, gravity, passive, change.regularity)
+
+
+def energies_in_joint_coordinates(
+    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude]
+) -> JointEnergies:
+    """The energies of textbook equations in joint positions and velocities; arguments as in ``in_joint_coordinates``.
+
+    The linear velocity of a free joint is that in the joint's frame.
+    """
+    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body=False)
+    kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
+    # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
+    at_rest = dict.fromkeys(rates, sp.S.Zero)
+    momenta = Derivatives.by(rates).of(kinetic)
+    linear = sp.Add(*(momentum.xreplace(at_rest) * rate for rate, momentum in momenta.items()))
+    energy = kinetic - linear - 2 * kinetic.xreplace(at_rest) + potential
+    power = sum((force * rate for force, rate in zip(equations.generalised_forces, rates, strict=True)), sp.S.Zero)
+    energy, lagrangian, kinetic, power = change.applied(sp.Matrix([energy, kinetic - potential, kinetic, power]))
+    forces = _substitute(change.transform.T * equations.generalised_forces.xreplace(change.of_rates), angles_to=change.of_angles)
+    return JointEnergies(change.positions, rates, energy, lagrangian, kinetic, power, forces, change.regularity)
+
+
+def _change_of_variables(
+    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
+) -> _ChangeOfVariables:
+    q = equations.coordinates
+    transform, positions = sp.eye(len(q)), list(q)
     of_angles: dict[sp.Expr, sp.Expr] = {}
     regularity: sp.Expr = sp.S.One
     for attitude in sorted(attitudes, key=lambda attitude: coordinates.index(attitude.coordinates[0]), reverse=True):
@@ -150,22 +234,8 @@ def in_joint_coordinates(
         of_angles |= _replacements(angles, pairs)
         regularity *= of_chart
         positions[first : first + 3] = quaternion
-    if not attitudes:
-        return JointEquations(
-            q, velocities, equations.mass_matrix, equations.velocity_terms, equations.gravity_terms, equations.passive_forces, regularity
-        )
-    rates = transform * sp.Matrix(velocities)
-    of_rates = dict(zip(equations.rates, rates, strict=True))
-    change = sum((transform.diff(x) * rate for x, rate in zip(q, rates, strict=True)), sp.zeros(n, n)) * sp.Matrix(velocities)
-    inertial = equations.velocity_terms.xreplace(of_rates) + equations.mass_matrix * change
-    terms = [
-        transform.T * equations.mass_matrix * transform,
-        transform.T * inertial,
-        transform.T * equations.gravity_terms,
-        transform.T * equations.passive_forces.xreplace(of_rates),
-    ]
-    mass, velocity, gravity, passive = (_substitute(term, angles_to=of_angles) for term in terms)
-    return JointEquations(tuple(positions), velocities, mass, velocity, gravity, passive, regularity)
+    of_rates = dict(zip(equations.rates, transform * sp.Matrix(equations.rates), strict=True)) if attitudes else {}
+    return _ChangeOfVariables(tuple(positions), transform, of_rates, of_angles, regularity)
 
 
 def _angle_rates(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:

@@ -48,18 +48,17 @@ class Comparison:
         return int(np.lexsort((error, gravity))[-1])
 
 
-def compare(reference: Reference, accelerations: Array) -> Comparison:
-    """Judge ``accelerations``, (n, nv) [SI per s^2], against the reference of the same states."""
+def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> Comparison:
+    """Judge ``accelerations``, (n, nv) of any precision [SI per s^2], against the reference of the same states."""
     if accelerations.shape != reference.high.shape:
         raise ValueError(f"accelerations have shape {accelerations.shape}; the reference has {reference.high.shape}")
     with np.errstate(all="ignore"):
         difference = (accelerations - reference.high) - reference.low
         error = energy_norm(reference.norm_factor, difference)
-        size = energy_norm(reference.norm_factor, reference.high)
         backward = error / reference.sensitivity / UNIT_ROUNDOFF
         # Beside a subnormal answer a relative error says nothing.
-        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
-    finite = np.isfinite(accelerations).all(axis=1)
+        relative = np.where(reference.size >= np.finfo(np.float64).tiny, error / reference.size, np.nan)
+    finite = np.isfinite(np.ascontiguousarray(accelerations.T)).all(axis=0)
     verdicts = np.select(
         [~finite, ~reference.certified, backward <= AGREEMENT, error <= UNIT_ROUNDOFF * reference.instability],
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value, Verdict.UNSTABLE.value],

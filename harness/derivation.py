@@ -36,9 +36,11 @@ ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 _DERIVING_SOURCES = (
     "system.py",
+    "differentiation.py",
     "lagrange.py",
     "program.py",
     "kernels.py",
+    "energies.py",
     "mechanism.py",
     "derivation.py",
     "notation.py",
@@ -85,6 +87,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     Raises:
         InvalidSystem: as ``load_mechanism``.
     """
+    from harness.energies import energy_program_of
     from harness.kernels import program_of
     from harness.notation import printed
     from harness.system import TIME
@@ -101,6 +104,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         text, mathml = printed(equations) if _is_short(program) else ("", "")
         free = any(attitude.position for attitude in system.attitudes)
         in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free)
+        energies = tuple(energy_program_of(chart, of_chart) for chart, of_chart, _ in derived)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
@@ -122,6 +126,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
+        energy_programs=energies,
+        start=_start(system),
         program=program,
         equations_text=text,
         equations_mathml=mathml,
@@ -139,6 +145,13 @@ def _equations_and_program(system: System) -> tuple[EquationsOfMotion, StraightL
         equations = equations.simplified()
         program = program_of(system, equations)
     return equations, program
+
+
+def _start(system: System) -> tuple[tuple[float, float], ...]:
+    if not system.start:
+        return ()
+    pairs = zip(system.coordinates, system.rates, strict=True)
+    return tuple((float(system.start.get(q, 0.0)), float(system.start.get(rate, 0.0))) for q, rate in pairs)
 
 
 def _is_short(program: StraightLineProgram) -> bool:

@@ -104,7 +104,7 @@ class Float64Kernel:
         import heyoka
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
-        return inputs, _heyoka_expressions(self.program, inputs)
+        return inputs, heyoka_expressions(self.program, inputs)
 
     def _right_hand_side(self) -> list[Any]:
         inputs, outputs = self._symbols
@@ -132,7 +132,7 @@ class Float64Kernel:
         import heyoka
 
         inputs, outputs = self._symbols
-        return heyoka.cfunc(_solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
+        return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
 
     @cached_property
     def _derivatives(self) -> Any:
@@ -149,7 +149,8 @@ class Float64Kernel:
         return heyoka.cfunc(list(jacobian.flatten()), vars=[*inputs, *accelerations])
 
 
-def _heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:
+def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:
+    """The program's outputs as heyoka expressions of ``inputs``."""
     import heyoka
 
     binary: dict[str, Callable[[Any, Any], Any]] = {
@@ -165,9 +166,9 @@ def _heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> 
         if operation == "input":
             value = inputs[operands[0]]
         elif operation == "rational":
-            value = heyoka.expression(int(operands[0]) / int(operands[1]))
+            value = heyoka.expression(_literal(int(operands[0]), int(operands[1])))
         elif operation == "pi":
-            value = heyoka.expression(np.pi)
+            value = heyoka.pi
         elif operation == "neg":
             value = -values[operands[0]]
         elif operation == "integer_power":
@@ -180,7 +181,15 @@ def _heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> 
     return {name: [values[index] for index in indices] for name, indices in program.outputs.items()}
 
 
-def _solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> list[Any]:
+def _literal(numerator: int, denominator: int) -> Any:
+    """The quotient with the digits of long double, for which a kernel may be compiled.
+
+    A literal of float64 would not do even where it is exact: heyoka turns x / 3 into x times the third of 3.0.
+    """
+    return np.longdouble(numerator) / np.longdouble(denominator)
+
+
+def solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> list[Any]:
     """Solve M x = b by unrolled L D L', M given by its upper triangle.
 
     Source: Golub, Van Loan, Matrix Computations, 4th ed., section 4.1.2.

@@ -13,11 +13,12 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import sympy as sp
 
+from harness.differentiation import Derivatives
 from harness.system import TIME, System
 
 
@@ -120,35 +121,39 @@ def derive(system: System) -> EquationsOfMotion:
 
     kinetic, potential = in_symbols(system.kinetic), in_symbols(system.potential)
     forces = sp.Matrix([in_symbols(system.generalised_forces.get(f, sp.S.Zero)) for f in system.coordinates])
-    momenta = sp.Matrix([kinetic.diff(rate) for rate in v])
-    mass = _mass_matrix(momenta, v)
+    by_state = Derivatives.by((*q, *v))
     # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
+    at_constant_rates = Derivatives({TIME: {TIME: sp.S.One}} | {x: {TIME: rate} for x, rate in zip(q, v, strict=True)})
+    of_kinetic = by_state.of(kinetic)
+    momenta = [of_kinetic.get(rate, sp.S.Zero) for rate in v]
+    mass = _mass_matrix(momenta, v, by_state)
     velocity = sp.Matrix(
         [
-            sum((momentum.diff(x) * rate for x, rate in zip(q, v, strict=True)), momentum.diff(TIME)) - kinetic.diff(coordinate)
+            at_constant_rates.of(momentum).get(TIME, sp.S.Zero) - of_kinetic.get(coordinate, sp.S.Zero)
             for momentum, coordinate in zip(momenta, q, strict=True)
         ]
     )
     of_gravity, of_springs = _split_potential(potential, system.gravity)
-    gravity = sp.Matrix([of_gravity.diff(x) for x in q])
-    passive = forces - sp.Matrix([of_springs.diff(x) for x in q])
+    gravity, springs = (sp.Matrix([by_state.of(part).get(x, sp.S.Zero) for x in q]) for part in (of_gravity, of_springs))
+    passive = forces - springs
     return EquationsOfMotion(q, v, mass, velocity, gravity, passive, kinetic, potential, forces)
 
 
-def _mass_matrix(momenta: sp.Matrix, rates: tuple[sp.Symbol, ...]) -> sp.Matrix:
+def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_state: Derivatives) -> sp.Matrix:
     n = len(rates)
     mass = sp.zeros(n, n)
-    for i in range(n):
-        for j in range(i, n):
-            mass[i, j] = mass[j, i] = momenta[i].diff(rates[j])
-    for i in range(n):
-        for j in range(i, n):
-            for rate in mass[i, j].free_symbols & set(rates):
-                if sp.simplify(mass[i, j].diff(rate)) != 0:
-                    raise ValueError(f"kinetic is not of second degree in the rates: d2T/dv{i}dv{j} depends on {rate}")
     # A rate left over cancels identically; removing it keeps M a function of q alone.
     at_rest = dict.fromkeys(rates, sp.S.Zero)
-    return mass.applyfunc(lambda entry: entry.subs(at_rest) if entry.free_symbols & set(rates) else entry)
+    for i in range(n):
+        of_momentum = by_state.of(momenta[i])
+        for j in range(i, n):
+            entry = of_momentum.get(rates[j], sp.S.Zero)
+            left_over = [(rate, slope) for rate, slope in by_state.of(entry).items() if rate in at_rest]
+            for rate, slope in left_over:
+                if sp.simplify(slope) != 0:
+                    raise ValueError(f"kinetic is not of second degree in the rates: d2T/dv{i}dv{j} depends on {rate}")
+            mass[i, j] = mass[j, i] = entry.subs(at_rest) if left_over else entry
+    return mass
 
 
 def _split_potential(potential: sp.Expr, gravity: sp.Symbol | None) -> tuple[sp.Expr, sp.Expr]:

@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from harness.energies import ENERGY_OUTPUTS
 from harness.kernels import Array
 from harness.program import StraightLineProgram, check_lists
 from harness.states import States
+
+_PROGRAMS = ("other_charts", "charts_in_body", "energy_programs")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +37,8 @@ class Mechanism:
         program: the equations of motion; see ``harness.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
             of free joints in the body's frame, () where there is no free joint.
+        energy_programs: energies of the charts (program, *other_charts); see ``harness.energies``.
+        start: (position, rate) per coordinate that computed motions start from; () where the system declares none.
         equations_text, equations_mathml: the equations for people.
         derivation_seconds: what deriving and assembling them cost.
     """
@@ -57,6 +62,8 @@ class Mechanism:
     attitudes: tuple[int, ...] = ()
     other_charts: tuple[StraightLineProgram, ...] = ()
     charts_in_body: tuple[StraightLineProgram, ...] = ()
+    energy_programs: tuple[StraightLineProgram, ...] = ()
+    start: tuple[tuple[float, float], ...] = ()
 
     @property
     def nv(self) -> int:
@@ -95,16 +102,18 @@ class Mechanism:
         instructions = tuple(program.instructions for program in programs)
         return self.name, self.joints, self.parameters, self.gravity, self.total_mass, instructions, outputs
 
-    def inputs(self, states: States) -> Array:
-        """The program's inputs at ``states``, (number of inputs, n), one column a state."""
-        values = np.array(self.parameter_values)[:, None]
-        return np.ascontiguousarray(
-            np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], np.broadcast_to(values, (len(values), len(states)))])
-        )
+    def inputs(self, states: States, parameters: Array | None = None) -> Array:
+        """The program's inputs at ``states``, (number of inputs, n), one column a state.
+
+        ``parameters``, (n, number of parameters), gives each state its own; by default all have the mechanism's.
+        """
+        own = np.array(self.parameter_values, dtype=np.float64)[:, None]
+        values = np.broadcast_to(own, (len(own), len(states))) if parameters is None else parameters.T
+        return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values]))
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object that ``from_json`` turns back into an equal mechanism."""
-        charts = {name: [program.to_json() for program in getattr(self, name)] for name in ("other_charts", "charts_in_body")}
+        charts = {name: [program.to_json() for program in getattr(self, name)] for name in _PROGRAMS}
         return {**vars(self), **charts, "program": self.program.to_json()}
 
     @classmethod
@@ -126,8 +135,8 @@ class Mechanism:
                     "rate_ranges",
                     "force_ranges",
                     "attitudes",
-                    "other_charts",
-                    "charts_in_body",
+                    "start",
+                    *_PROGRAMS,
                 ),
             )
             mechanism = cls(
@@ -143,8 +152,8 @@ class Mechanism:
                     "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
                     "force_ranges": tuple((float(low), float(high)) for low, high in data["force_ranges"]),
                     "attitudes": tuple(int(place) for place in data["attitudes"]),
-                    "other_charts": tuple(StraightLineProgram.from_json(chart) for chart in data["other_charts"]),
-                    "charts_in_body": tuple(StraightLineProgram.from_json(chart) for chart in data["charts_in_body"]),
+                    "start": tuple((float(position), float(rate)) for position, rate in data["start"]),
+                    **{name: tuple(StraightLineProgram.from_json(chart) for chart in data[name]) for name in _PROGRAMS},
                     "program": StraightLineProgram.from_json(data["program"]),
                 }
             )
@@ -162,10 +171,18 @@ class Mechanism:
             raise ValueError("joints or ranges do not fit the coordinates")
         if not all(0 <= place <= nv - 3 for place in mechanism.attitudes):
             raise ValueError("an attitude does not fit the coordinates")
+        if len(mechanism.start) not in (0, nv) or not np.isfinite(mechanism.start).all():
+            raise ValueError("the start does not fit the coordinates")
         for program in (mechanism.program, *mechanism.other_charts, *mechanism.charts_in_body):
             sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
             if set(sizes.values()) != {nv} or len(program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
                 raise ValueError("the program's outputs do not fit the coordinates")
             if len(program.inputs) != mechanism.nq + 2 * nv + 1 + len(mechanism.parameters):
                 raise ValueError("the program's inputs do not fit coordinates and parameters")
+        if len(mechanism.energy_programs) != 1 + len(mechanism.other_charts):
+            raise ValueError("there is not one energy program for each chart")
+        for program, energies in zip(mechanism.charts(linear_velocity_in_body=False), mechanism.energy_programs, strict=True):
+            expected = dict.fromkeys((*ENERGY_OUTPUTS, *(["regularity"] if "regularity" in program.outputs else [])), 1) | {"forces": nv}
+            if {name: len(indices) for name, indices in energies.outputs.items()} != expected or energies.inputs != program.inputs:
+                raise ValueError("an energy program does not fit its chart")
         return mechanism

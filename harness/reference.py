@@ -20,10 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from harness.factorisation import cholesky_in_balls, condition_number, forward_substitute, norm_over_first_axis, scaled_cholesky
 from harness.kernels import Array, BallKernel, Float64Kernel, upper_triangle
 from harness.mechanism import Mechanism
 from harness.program import StraightLineProgram
@@ -39,6 +41,10 @@ CERTIFIED_RADIUS = 2.0**-60
 # UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
 SMALLEST_SCALE = 2.0**-1021
 _STATES_AT_ONCE = 2048
+# Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.
+MOST_IN_FLOAT64 = 1e8
+# Parameter sets whose constants are kept in balls.
+_MOST_BOUND = 256
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,11 @@ class Reference:
         """The references that a slice or an index array selects."""
         return Reference(*(getattr(self, field.name)[selection] for field in fields(Reference)))
 
+    @cached_property
+    def size(self) -> Array:
+        """(n,) energy norm of the accelerations [sqrt(J)/s]."""
+        return energy_norm(self.norm_factor, self.high)
+
     @property
     def data_roundoff(self) -> Array:
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
@@ -95,22 +106,36 @@ class ReferenceKernel:
         self.mechanism = mechanism
         self._charts = [_ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
 
-    def evaluate(self, states: States) -> Reference:
-        """The reference at ``states``; a state that cannot be certified is marked, never dropped."""
-        parts = [self._evaluate(states[start : start + _STATES_AT_ONCE]) for start in range(0, max(len(states), 1), _STATES_AT_ONCE)]
-        return Reference.concatenate(parts)
+    def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
+        """The reference at ``states``; a state that cannot be certified is marked, never dropped.
 
-    def _evaluate(self, states: States) -> Reference:
+        ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
+        default all have the mechanism's. Nothing is derived or compiled anew for them.
+        """
+        if parameters is None:
+            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), self._parameter_count))
+        if parameters.shape != (len(states), self._parameter_count):
+            raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), self._parameter_count)}")
+        starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
+        batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
+        return Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+
+    @property
+    def _parameter_count(self) -> int:
+        return len(self.mechanism.parameters)
+
+    def _evaluate(self, states: States, parameters: Array) -> Reference:
         if len(self._charts) == 1 or not len(states):
-            return self._charts[0].evaluate(states)
+            return self._charts[0].evaluate(states, parameters)
+        inputs = self.mechanism.inputs(states, parameters)
         with np.errstate(all="ignore"):
-            regularity = np.array([chart.float64.regularity(self.mechanism.inputs(states)) for chart in self._charts])
+            regularity = np.array([chart.float64.regularity(inputs) for chart in self._charts])
         best = np.nan_to_num(regularity, nan=-1.0).argmax(axis=0)
         parts, places = [], []
         for number, chart in enumerate(self._charts):
             chosen = np.flatnonzero(best == number)
             if len(chosen):
-                parts.append(chart.evaluate(states[chosen]))
+                parts.append(chart.evaluate(states[chosen], parameters[chosen]))
                 places.append(chosen)
         return Reference.concatenate(parts)[np.argsort(np.concatenate(places))]
 
@@ -122,20 +147,21 @@ class _ChartKernel:
         self.mechanism = mechanism
         self.float64 = Float64Kernel(program)
         self._balls = BallKernel(program, len(mechanism.parameters))
-        self._bound: dict[int, Callable[..., tuple[Any, ...]]] = {}
+        self._bound: dict[tuple[int, tuple[float, ...]], Callable[..., tuple[Any, ...]]] = {}
 
-    def evaluate(self, states: States) -> Reference:
-        """The reference of a batch that fits into memory at once."""
+    def evaluate(self, states: States, parameters: Array) -> Reference:
+        """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
         n, nv = len(states), self.mechanism.nv
-        high, low, radii, mass = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv, nv))
+        high, low, radii, scale, factor = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((nv, n)), np.empty((nv, nv, n))
         bits = np.zeros(n, dtype=np.int64)
         with np.errstate(all="ignore"):
             pending = np.arange(n)
             precision = FIRST_PRECISION
             while True:
-                high[pending], low[pending], radii[pending], mass[pending] = self._certify(states[pending], precision)
+                results = self._certify(states[pending], parameters[pending], precision)
+                high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
                 bits[pending] = precision
-                norm_factor, sensitivity, instability = self._norms(states, high, mass)
+                norm_factor, sensitivity, instability = self._norms(states, parameters, high, scale, factor)
                 radius = energy_norm(np.abs(norm_factor), radii)
                 pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
                 precision *= 2
@@ -144,8 +170,8 @@ class _ChartKernel:
             certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
         return Reference(high, low, radius, norm_factor, sensitivity, instability, certified, bits)
 
-    def _certify(self, states: States, precision: int) -> tuple[Array, Array, Array, Array]:
-        """(high, low, radius), (n, nv) each, of the accelerations at one precision, and M rounded, (n, nv, nv)."""
+    def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array]:
+        """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``."""
         import flint
 
         nv = self.mechanism.nv
@@ -153,45 +179,54 @@ class _ChartKernel:
         n = len(states)
         results = np.empty((n, 3, nv))
         mass = np.empty((n, nv, nv))
+        exact: list[tuple[Any, ...]] = []
         previous, flint.ctx.prec = flint.ctx.prec, precision
         try:
-            if precision not in self._bound:
-                self._bound[precision] = self._balls.bind(self.mechanism.parameter_values)
-            evaluate = self._bound[precision]
             rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
-            for index, row in enumerate(rows):
-                values = evaluate(*row)
+            for index, (row, values_of_parameters) in enumerate(zip(rows, map(tuple, parameters.tolist()), strict=True)):
+                values = self._bind(precision, values_of_parameters)(*row)
                 velocity, gravity, passive = (values[len(pairs) + k * nv : len(pairs) + (k + 1) * nv] for k in range(3))
                 force = [flint.arb(row[self.mechanism.nq + nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
                 for (i, j), entry in zip(pairs, values, strict=False):
                     mass[index, i, j] = mass[index, j, i] = float(entry)
+                exact.append(values[: len(pairs)])
                 solution = _solve(values[: len(pairs)], pairs, force, nv)
                 for i, ball in enumerate(solution):
                     midpoint = float(ball)
                     results[index, 0, i] = midpoint
                     results[index, 1, i] = float(ball - midpoint)
                     results[index, 2, i] = float(ball.rad())
+            scale, factor = scaled_cholesky(mass)
+            for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)):
+                factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
         finally:
             flint.ctx.prec = previous
-        return results[:, 0], results[:, 1], results[:, 2], mass
+        return results[:, 0], results[:, 1], results[:, 2], scale, factor
 
-    def _norms(self, states: States, accelerations: Array, mass: Array) -> tuple[Array, Array, Array]:
-        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and mass matrices."""
+    def _bind(self, precision: int, parameters: tuple[float, ...]) -> Callable[..., tuple[Any, ...]]:
+        """The ball kernel of one parameter set at the working precision, which is ``precision``."""
+        key = precision, parameters
+        if key not in self._bound:
+            if len(self._bound) >= _MOST_BOUND:
+                self._bound.clear()
+            self._bound[key] = self._balls.bind(parameters)
+        return self._bound[key]
+
+    def _norms(self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Array, Array]:
+        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and factors of M."""
         nv = self.mechanism.nv
-        inputs = self.mechanism.inputs(states)
+        inputs = self.mechanism.inputs(states, parameters)
         terms = self.float64.terms(inputs)
-        scale, factor = _scaled_cholesky(mass)
         derivatives = self.float64.input_derivatives(inputs, np.ascontiguousarray(accelerations.T))
         columns = derivatives * np.maximum(np.abs(inputs), SMALLEST_SCALE)[None]
-        sensitivity = _norm_over_first_axis(_forward_substitute(factor, columns / scale[:, None])).sum(axis=0)
+        sensitivity = norm_over_first_axis(forward_substitute(factor, columns / scale[:, None])).sum(axis=0)
         norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
         torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
-        of_torques = _norm_over_first_axis(_forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
+        of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
         sensitivity = sensitivity + energy_norm(norm_factor, states.v) ** 2 * of_torques
         separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
-        of_terms = _norm_over_first_axis(_forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
-        correlation = mass / scale.T[:, :, None] / scale.T[:, None, :]
-        instability = 16 * nv * _condition_number(correlation) * (energy_norm(norm_factor, accelerations) + of_terms)
+        of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
+        instability = 16 * nv * condition_number(factor) * (energy_norm(norm_factor, accelerations) + of_terms)
         return norm_factor, sensitivity, instability
 
 
@@ -210,47 +245,7 @@ def _solve(upper: Any, pairs: list[tuple[int, int]], force: list[Any], nv: int) 
     return [solution[i, 0] for i in range(nv)]
 
 
-def _scaled_cholesky(mass: Array) -> tuple[Array, Array]:
-    """Scale (nv, n) and lower factor (nv, nv, n) of M = diag(scale) L L' diag(scale), L L' of unit diagonal.
-
-    NaN where M is not positive definite in float64. Scaling first costs no digits and saves those that
-    badly scaled coordinates would lose (van der Sluis).
-    """
-    n, nv = mass.shape[:2]
-    scale = np.sqrt(np.diagonal(mass, axis1=1, axis2=2).T)
-    scaled = mass.transpose(1, 2, 0) / scale[:, None] / scale[None]
-    factor = np.zeros((nv, nv, n))
-    for j in range(nv):
-        factor[j, j] = np.sqrt(scaled[j, j] - (factor[j, :j] ** 2).sum(axis=0))
-        for i in range(j + 1, nv):
-            factor[i, j] = (scaled[i, j] - (factor[i, :j] * factor[j, :j]).sum(axis=0)) / factor[j, j]
-    return scale, factor
-
-
-def _forward_substitute(factor: Array, columns: Array) -> Array:
-    """L^-1 columns, for factor (nv, nv, n) and columns (nv, k, n)."""
-    solution = np.empty_like(columns)
-    for i in range(len(columns)):
-        known = (factor[i, :i, None] * solution[:i]).sum(axis=0)
-        solution[i] = (columns[i] - known) / factor[i, i]
-    return solution
-
-
-def _norm_over_first_axis(vectors: Array) -> Array:
-    """Euclidean norms along axis 0, without overflow or underflow in the squares."""
-    largest = np.abs(vectors).max(axis=0)
-    divisor = np.where(largest > 0, largest, 1.0)
-    return np.asarray(largest * np.sqrt(((vectors / divisor) ** 2).sum(axis=0)))
-
-
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:
     """|x|_M per state, for norm_factor (n, nv, nv) and vectors (n, nv)."""
-    return _norm_over_first_axis(np.einsum("nij,nj->in", norm_factor, vectors))
-
-
-def _condition_number(matrices: Array) -> Array:
-    """2-norm condition numbers of symmetric matrices (n, nv, nv); infinite where not positive definite."""
-    usable = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    eigenvalues = np.linalg.eigvalsh(np.where(usable[:, None, None], matrices, 0.0))
-    smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]
-    return np.where(usable & (smallest > 0), largest / np.where(smallest > 0, smallest, 1.0), np.inf)
+    # Reductions over the first axis of what numpy would lay out by states take four times as long.
+    return norm_over_first_axis(np.einsum("nij,nj->in", norm_factor, vectors, order="C"))

@@ -38,6 +38,8 @@ class System:
             where the mechanism feels none.
         ranges: coordinate, or its ``diff(t)``, to (lowest, highest) value of sampled states. A
             coordinate without one is an angle and takes every value; rates default to +-10 per second.
+        start: coordinate, or its ``diff(t)``, to its value where computed motions start; what it leaves out is
+            0. Without one they start at a place of the harness's choice.
 
     Raises:
         ValueError: the declaration contradicts itself; the message says where.
@@ -53,6 +55,7 @@ class System:
     gravity: sp.Symbol | None = None
     generalised_forces: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
     ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
+    start: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
     attitudes: tuple[Attitude, ...] = ()
 
     def __post_init__(self) -> None:
@@ -144,3 +147,10 @@ class System:
                 raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
             if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
                 raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")
+        for key, value in self.start.items():
+            if key not in known:
+                raise ValueError(f"start of {key}, which is neither a coordinate nor a rate")
+            if not math.isfinite(value):
+                raise ValueError(f"start of {key} is {value!r}; expected a finite number")
+        if self.start and self.attitudes:
+            raise ValueError("start is given in coordinates, and a ball or free joint has none; leave it out")

@@ -71,13 +71,18 @@ def read(path: Path, model_format: str, note: Note) -> ModelFile:
     return read_model(path, model_format)
 
 
-def certify(mechanism: Mechanism, linear_velocity_in_body: bool, states: States, note: Note) -> tuple[Reference, float]:
-    """References of ``states`` and seconds per state."""
-    kernel = _reference_kernel(mechanism, linear_velocity_in_body)
-    kernel.evaluate(states[:1])
+def certify(mechanism: Mechanism, linear_velocity_in_body: bool, states: States, note: Note) -> tuple[Reference, float, float]:
+    """References of ``states``, seconds per state, and the seconds compilation took: 0 where this process had compiled already."""
+    import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
+    import heyoka  # noqa: F401
+
+    known = _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
     started = time.perf_counter()
+    kernel = reference_kernel(mechanism, linear_velocity_in_body)
+    kernel.evaluate(states[:1])
+    compiled = time.perf_counter()
     reference = kernel.evaluate(states)
-    return reference, (time.perf_counter() - started) / len(states)
+    return reference, (time.perf_counter() - compiled) / len(states), 0.0 if known else compiled - started
 
 
 def accelerate(assignment: Assignment, states: States, note: Note) -> tuple[Array, float]:
@@ -110,23 +115,30 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     Guided by ``target()`` on log10 of the backward error; examples that failed once are kept in
     ``database`` and tried first the next time.
     """
+    return _search(assignment, examples, seed, database, note, stops_at_failure=True)
+
+
+def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Found:
+    """``search`` to the end of its examples, whatever the verdicts; nothing is shrunk."""
+    return _search(assignment, examples, seed, None, note, stops_at_failure=False)
+
+
+def _search(assignment: Assignment, examples: int, seed: int, database: Path | None, note: Note, stops_at_failure: bool) -> Found:
     import hypothesis
     from hypothesis.database import DirectoryBasedExampleDatabase
     from hypothesis.internal.conjecture import providers
 
-    model = load_audited(assignment)
-    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-    kernel = _reference_kernel(assignment.mechanism, in_body)
+    compare_at = judge_of(assignment)
     tried: list[tuple[States, Comparison]] = []
 
     def judge(state: States) -> None:
         note(json.dumps(state.as_json(0)))
-        comparison = compare(kernel.evaluate(state), model.forward_dynamics(state.q, state.v, state.tau))
+        comparison = compare_at(state)
         tried.append((state, comparison))
         error = float(comparison.backward_error[0])
         if 0 < error < math.inf:
             hypothesis.target(math.log10(error))
-        if comparison.verdicts[0] != Verdict.AGREES.value:
+        if stops_at_failure and comparison.verdicts[0] != Verdict.AGREES.value:
             raise _DoesNotAgree
 
     settings = hypothesis.settings(
@@ -154,6 +166,18 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
     )
 
 
+def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
+    """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
+    model, kernel = load_audited(assignment), reference_kernel_of(assignment)
+    return lambda states: compare(kernel.evaluate(states), model.forward_dynamics(states.q, states.v, states.tau))
+
+
+def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
+    """The certified kernel that a subject is judged by, compiled once per process."""
+    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    return reference_kernel(assignment.mechanism, in_body)
+
+
 def find_superfluous(assignment: Assignment, note: Note) -> list[Finding]:
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
     mechanism, model = assignment.mechanism, assignment.model
@@ -162,7 +186,7 @@ def find_superfluous(assignment: Assignment, note: Note) -> list[Finding]:
         states = sample(mechanism, STATES, SEED)
         in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
         answers = load_audited(assignment).forward_dynamics(states.q, states.v, states.tau)
-        comparison = compare(_reference_kernel(mechanism, in_body).evaluate(states), answers)
+        comparison = compare(reference_kernel(mechanism, in_body).evaluate(states), answers)
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(comparison.verdicts)
 
     return superfluous(assignment.library, mechanism.name, assignment.subject, model, mechanism, is_sound)
@@ -200,9 +224,13 @@ def _load_and_audit(assignment: Assignment) -> Model:
     return loaded
 
 
-def _reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
-    in_body = linear_velocity_in_body and bool(mechanism.charts_in_body)
-    return _kept(_KERNELS, (mechanism.key, in_body), lambda: ReferenceKernel(mechanism, in_body))
+def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
+    key = _kernel_key(mechanism, linear_velocity_in_body)
+    return _kept(_KERNELS, key, lambda: ReferenceKernel(mechanism, key[1]))
+
+
+def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
+    return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
 
 
 _MODELS: OrderedDict[Hashable, Model] = OrderedDict()

@@ -13,9 +13,10 @@ import sympy as sp
 from hypothesis import settings
 
 from harness.derivation import load_mechanism, load_system
+from harness.energies import energy_program_of
 from harness.kernels import program_of
 from harness.lagrange import EquationsOfMotion, derive
-from harness.library import Library
+from harness.library import MODEL_SUFFIXES, Library
 from harness.mechanism import Mechanism
 from harness.states import DEFAULT_RATES
 from harness.system import TIME, System
@@ -153,6 +154,7 @@ def _mechanism_of(system: System) -> Mechanism:
         rate_ranges=tuple(system.ranges.get(v, DEFAULT_RATES) for v in system.rates),
         force_ranges=tuple((-10.0, 10.0) for _ in system.coordinates),
         program=program_of(system, equations),
+        energy_programs=(energy_program_of(system, equations),),
         equations_text="",
         equations_mathml="",
         derivation_seconds=0.0,
@@ -161,8 +163,12 @@ def _mechanism_of(system: System) -> Mechanism:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One cache for the whole run, whatever number of processes it is spread over."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("HARNESS_CACHE", str(folder / "cache"))
         yield
 
 
@@ -192,6 +198,25 @@ def built_in_system(built_in_name: str) -> System:
 @pytest.fixture(scope="session")
 def built_in_exact(built_in_system: System) -> Exact:
     return Exact(built_in_system, derive(built_in_system))
+
+
+MODELLED = [name for name in Library.built_in().system_names() if all(Library.built_in().has_model(name, form) for form in MODEL_SUFFIXES)]
+
+
+@pytest.fixture(scope="session", params=MODELLED)
+def modelled_name(request: pytest.FixtureRequest) -> str:
+    """Runs a test once for every system that engines can express; whether others may lack a model, the cross-check tells."""
+    return str(request.param)
+
+
+@pytest.fixture(scope="session")
+def modelled_system(modelled_name: str) -> System:
+    return load_system(Library.built_in().system_path(modelled_name))[0]
+
+
+@pytest.fixture(scope="session")
+def modelled_mechanism(modelled_name: str) -> Mechanism:
+    return load_mechanism(Library.built_in(), modelled_name)
 
 
 def _turns_freely(name: str) -> bool:

@@ -145,6 +145,12 @@ DAMAGE: dict[str, Any] = {
     "part missing": lambda sound: sealed(json.dumps({k: v for k, v in json.loads(sound.partition(b"\n")[2]).items() if k != "joints"})),
     "part too many": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"more": 1})),
     "joint too many": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"joints": ["slide", "pin"]})),
+    "start too long": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"start": [[0.0, 0.0], [0.0, 0.0]]})),
+    "start that is no number": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"start": [[float("nan"), 0.0]]})),
+    "energies missing": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"energy_programs": []})),
+    "equations for energies": lambda sound: sealed(
+        json.dumps(json.loads(sound.partition(b"\n")[2]) | {"energy_programs": [json.loads(sound.partition(b"\n")[2])["program"]]})
+    ),
     "program of another system": lambda sound: sealed(
         json.dumps(json.loads(sound.partition(b"\n")[2]) | {"program": load_mechanism(Library.built_in(), "arm_2r").program.to_json()})
     ),

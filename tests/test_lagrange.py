@@ -274,6 +274,8 @@ BAD_DECLARATIONS: dict[str, tuple[dict[str, Any], str]] = {
     "potential with a rate": ({"potential": m * g * x + m * x * x.diff(t)}, "potential contains a rate"),
     "mass of a coordinate": ({"total_mass": m * x}, "total_mass depends on a coordinate"),
     "unused parameter": ({"parameters": {m: (1.0, "kg"), g: (9.81, "m/s^2"), k: (1.0, "N/m")}}, "parameter k enters neither"),
+    "start of something else": ({"start": {y: 0.0}}, r"start of y\(t\), which is neither"),
+    "start without end": ({"start": {x.diff(t): float("inf")}}, "start of .* is inf; expected a finite number"),
     "range of something else": ({"ranges": {y: (0.0, 1.0)}}, r"range of y\(t\), which is neither"),
     "range upside down": ({"ranges": {x: (1.0, 0.0)}}, r"range of x\(t\) is \(1.0, 0.0\); expected \(lowest, highest\)"),
     "range of no extent": ({"ranges": {x: (1.0, 1.0)}}, r"range of x\(t\) is"),

@@ -33,4 +33,5 @@ SYSTEM = System(
     total_mass=M + m,
     gravity=g,
     ranges={x: (-0.1, 0.1)},
+    start={x: 0.03},
 )
