@@ -31,6 +31,16 @@ class ForceElements:
         self._joint_springs = [element for element in elements if isinstance(element, JointSpring)]
         self._joint_dampers = [element for element in elements if isinstance(element, JointDamper)]
         self._point_springs = [element for element in elements if isinstance(element, PointSpring)]
+        springs = [(self._joint(spring.joint), spring) for spring in self._joint_springs]
+        dampers = [(self._joint(damper.joint), damper) for damper in self._joint_dampers]
+        # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.
+        self._springs_at = [(joint.idx_q, joint.idx_v, spring.stiffness, spring.reference) for joint, spring in springs]
+        self._dampers_at = [(joint.idx_v, damper.damping) for joint, damper in dampers]
+
+    @property
+    def empty(self) -> bool:
+        """Whether there are none."""
+        return not (self._joint_springs or self._joint_dampers or self._point_springs)
 
     def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
         """(nv, n) forces [N or N m] at configurations (nq, n) and velocities (nv, n)."""
@@ -44,6 +54,15 @@ class ForceElements:
         if self._point_springs:
             for column in range(velocity.shape[1]):
                 forces[:, column] += self._of_point_springs(configuration[:, column], velocity[:, column])
+        return forces
+
+    def at(self, configuration: Array, velocity: Array) -> Array:
+        """(nv,) forces [N or N m] at one configuration (nq,) and velocity (nv,), without the overhead of a batch."""
+        forces = self._of_point_springs(configuration, velocity) if self._point_springs else np.zeros(self._model.nv)
+        for position, row, stiffness, reference in self._springs_at:
+            forces[row] -= stiffness * (configuration[position] - reference)
+        for row, damping in self._dampers_at:
+            forces[row] -= damping * velocity[row]
         return forces
 
     def _joint(self, name: str) -> Any:

@@ -107,7 +107,7 @@ def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
 
     from harness.engines.mujoco import ENGINE
 
-    loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity)._model
+    loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity).model
     kinds = {
         mujoco.mjtJoint.mjJNT_HINGE: "hinge", mujoco.mjtJoint.mjJNT_SLIDE: "slide",
         mujoco.mjtJoint.mjJNT_BALL: "ball", mujoco.mjtJoint.mjJNT_FREE: "free",
@@ -168,7 +168,7 @@ def _placer_of_urdf(model: ModelFile, mechanism: Mechanism) -> _Placer:
 
     from harness.engines.pinocchio import ENGINE
 
-    loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity)._model
+    loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity).model
 
     def placed(positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
         data = loaded.createData()

@@ -7,7 +7,7 @@ to the size of the motion, and a number that is not finite stands for a run that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 # How energy may wander over a long run, from the best to the worst.
 DRIFTS = ("bounded", "random walk", "secular")
@@ -243,3 +243,8 @@ class Benchmark:
     figures: list[Figure] = field(default_factory=list)
     cheapest: list[Cheapest] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+
+    def extend(self, more: Benchmark) -> None:
+        """Take in what another part measured."""
+        for part in fields(self):
+            getattr(self, part.name).extend(getattr(more, part.name))

@@ -67,14 +67,14 @@ class Probe(Protocol):
 class MujocoProbe:
     def __init__(self, loaded: Any, file: ModelFile) -> None:
         self._loaded = loaded
-        self._model = copy.copy(loaded._model)
+        self._model = copy.copy(loaded.model)
         self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
         # One step is then v + qacc, without a damper made implicit and without a product to round.
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
         self._model.opt.timestep = 1.0
         self._data = mujoco.MjData(self._model)
-        self._positions, self._rates = loaded._addresses
+        self._positions, self._rates = loaded.addresses
 
     def accelerations(self, states: States) -> Array:
         return self._loaded.forward_dynamics(states.q, states.v, states.tau)
@@ -117,10 +117,10 @@ class MujocoProbe:
 class PinocchioProbe:
     def __init__(self, loaded: Any, file: ModelFile) -> None:
         self._loaded = loaded
-        self._model = loaded._model
+        self._model = loaded.model
         self._data = self._model.createData()
         self._elements = file.force_elements
-        self._positions, self._rates = loaded._addresses
+        self._positions, self._rates = loaded.addresses
 
     def _joint(self, name: str) -> Any:
         return self._model.joints[self._model.getJointId(name)]
@@ -464,9 +464,9 @@ def cases() -> dict[tuple[str, bool], Case]:
 
 
 @pytest.fixture
-def case(built_in_mechanism: Mechanism, built_in_system: System, subject: Subject, cases: dict[tuple[str, bool], Case]) -> Case:
-    in_body = linear_velocity_in_body(load_engine(Library.built_in(), subject.engine)) and bool(built_in_mechanism.charts_in_body)
-    return cases.setdefault((built_in_mechanism.name, in_body), Case(built_in_mechanism, built_in_system, in_body))
+def case(modelled_mechanism: Mechanism, modelled_system: System, subject: Subject, cases: dict[tuple[str, bool], Case]) -> Case:
+    in_body = linear_velocity_in_body(load_engine(Library.built_in(), subject.engine)) and bool(modelled_mechanism.charts_in_body)
+    return cases.setdefault((modelled_mechanism.name, in_body), Case(modelled_mechanism, modelled_system, in_body))
 
 
 @pytest.fixture

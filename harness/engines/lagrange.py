@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from harness.engines import EQUATIONS
 from harness.kernels import Array, Float64Kernel
 from harness.mechanism import Mechanism
 from harness.models import ModelFile
+from harness.program import StraightLineProgram
 from harness.states import States
 
 
@@ -18,7 +20,7 @@ class LagrangeModel:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._charts = [Float64Kernel(program) for program in mechanism.charts(linear_velocity_in_body=False)]
+        self._charts = [_kernel(program) for program in mechanism.charts(linear_velocity_in_body=False)]
 
     def loaded(self) -> None:
         return None
@@ -33,6 +35,19 @@ class LagrangeModel:
             chosen = best == number
             accelerations[chosen] = chart.accelerations(np.ascontiguousarray(inputs[:, chosen])).T
         return accelerations
+
+
+# The last few: mechanisms that differ in parameter values alone share their program, and one kernel.
+_KERNELS: deque[Float64Kernel] = deque(maxlen=8)
+
+
+def _kernel(program: StraightLineProgram) -> Float64Kernel:
+    """The kernel of ``program``, compiled once for as long as it is among the last few."""
+    for kernel in _KERNELS:
+        if kernel.program is program:
+            return kernel
+    _KERNELS.append(Float64Kernel(program))
+    return _KERNELS[-1]
 
 
 class LagrangeEngine:

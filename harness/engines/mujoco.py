@@ -24,14 +24,14 @@ class MujocoModel:
     """An ``MjModel`` and the batch that runs it."""
 
     def __init__(self, model: Any, joints: Sequence[str]) -> None:
-        self._model = model
+        self.model = model
         self._joints = joints
         self._batch: Any = None
 
     def loaded(self) -> LoadedModel:
         import mujoco
 
-        model = self._model
+        model = self.model
         sizes = {mujoco.mjtJoint.mjJNT_FREE: (7, 6), mujoco.mjtJoint.mjJNT_BALL: (4, 3)}
         joints = {model.joint(i).name: sizes.get(mujoco.mjtJoint(int(model.jnt_type[i])), (1, 1)) for i in range(model.njnt)}
         moving = model.body_weldid != 0
@@ -39,13 +39,13 @@ class MujocoModel:
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
 
     @cached_property
-    def _addresses(self) -> tuple[list[int], list[int]]:
+    def addresses(self) -> tuple[list[int], list[int]]:
         """Position and velocity addresses of the joints, in their order."""
         held = self.loaded().joints
         positions: list[int] = []
         velocities: list[int] = []
         for name in dict.fromkeys(self._joints):
-            joint = self._model.joint(name)
+            joint = self.model.joint(name)
             positions += range(int(joint.qposadr[0]), int(joint.qposadr[0]) + held[name][0])
             velocities += range(int(joint.dofadr[0]), int(joint.dofadr[0]) + held[name][1])
         return positions, velocities
@@ -54,14 +54,27 @@ class MujocoModel:
         import mujoco.batch
 
         if self._batch is None or self._batch.nsim != len(q):
-            self._batch = mujoco.batch.Batch(self._model, nsim=len(q), nthread=1)
-        positions, velocities = self._addresses
+            self._batch = mujoco.batch.Batch(self.model, nsim=len(q), nthread=1)
+        positions, velocities = self.addresses
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
         accelerations = self._batch.bind("qacc")
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
+
+    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """See ``harness.reproducer``."""
+        positions, velocities = self.addresses
+        own = [np.zeros(size) for size in (self.model.nq, *[self.model.nv] * 3)]
+        for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):
+            values[places] = given
+        qpos, qvel, applied, expected = (values.tolist() for values in own)
+        return (
+            f"import mujoco; m = mujoco.MjModel.from_xml_{'path' if is_file else 'string'}({source}); d = mujoco.MjData(m)\n"
+            f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"
+            f"mujoco.mj_forward(m, d); print(d.qacc.tolist(), {expected}, sep='\\n')  # engine, certified\n"
+        )
 
 
 class MujocoEngine:

@@ -30,25 +30,25 @@ class PinocchioModel:
     """A ``pinocchio.Model`` and the force elements of its file."""
 
     def __init__(self, model: Any, joints: Sequence[str], force_elements: ForceElements) -> None:
-        self._model = model
+        self.model = model
         self._joints = joints
-        self._force_elements = force_elements
+        self.force_elements = force_elements
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
-        model = self._model
+        model = self.model
         joints = {name: (joint.nq, joint.nv) for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True)}
         gravity = tuple(float(component) for component in model.gravity.linear)
         mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), mass)
 
     @cached_property
-    def _addresses(self) -> tuple[list[int], list[int]]:
+    def addresses(self) -> tuple[list[int], list[int]]:
         """Position and velocity indices of the joints, in their order; Pinocchio's quaternions end with w."""
         positions: list[int] = []
         velocities: list[int] = []
         for name in dict.fromkeys(self._joints):
-            joint = self._model.joints[self._model.getJointId(name)]
+            joint = self.model.joints[self.model.getJointId(name)]
             indices = list(range(joint.idx_q, joint.idx_q + joint.nq))
             if joint.nq > joint.nv:
                 indices[-4:] = [indices[-1], *indices[-4:-1]]
@@ -56,17 +56,41 @@ class PinocchioModel:
             velocities += range(joint.idx_v, joint.idx_v + joint.nv)
         return positions, velocities
 
+    def columns(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """Pinocchio's own (nq, n), (nv, n) and (nv, n), one contiguous column a state; force elements are not added."""
+        positions, velocities = self.addresses
+        configuration, velocity, force = (np.zeros((size, len(q)), order="F") for size in (self.model.nq, self.model.nv, self.model.nv))
+        configuration[positions], velocity[velocities], force[velocities] = q.T, v.T, tau.T
+        return configuration, velocity, force
+
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         import pinocchio
 
-        positions, velocities = self._addresses
-        configuration, velocity, force = (np.zeros((size, len(q)), order="F") for size in (self._model.nq, self._model.nv, self._model.nv))
-        configuration[positions], velocity[velocities], force[velocities] = q.T, v.T, tau.T
-        force += self._force_elements.generalised_forces(configuration, velocity)
-        accelerations = np.empty_like(force)
-        for state in range(len(q)):
-            accelerations[:, state] = pinocchio.aba(self._model, self._data, configuration[:, state], velocity[:, state], force[:, state])
-        return np.ascontiguousarray(accelerations[velocities].T)
+        configuration, velocity, force = self.columns(q, v, tau)
+        force += self.force_elements.generalised_forces(configuration, velocity)
+        accelerations = np.empty((len(q), self.model.nv))
+        # Rows of a transpose cost half of what columns cost.
+        for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
+            accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
+        return np.ascontiguousarray(accelerations[:, self.addresses[1]])
+
+    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """See ``harness.reproducer``; what the harness adds for ABA is part of tau."""
+        configuration, velocity, force = self.columns(q[None], v[None], tau[None])
+        added = self.force_elements.generalised_forces(configuration, velocity)
+        expected = np.zeros(self.model.nv)
+        expected[self.addresses[1]] = certified
+        inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
+        # Only the harness puts a ball joint at the root; see ``load``.
+        ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
+        armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
+        remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
+        return (
+            f"import numpy as np, pinocchio as pin; m = pin.buildModelFrom{'Urdf' if is_file else 'XML'}({source}{ball}); "
+            f"m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
+            f"q, v, tau = map(np.array, ({inputs})){remark}\n"
+            f"print(pin.aba(m, m.createData(), q, v, tau).tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
+        )
 
 
 class PinocchioEngine:
