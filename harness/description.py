@@ -20,7 +20,7 @@ from harness.records import Run, SystemCard
 def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str]) -> Run:
     """Versions, machine and settings of a run that starts now."""
     versions = {"harness": __version__, "python": platform.python_version()}
-    for distribution in ("sympy", "numpy", "heyoka", "python-flint", "hypothesis", "distributed"):
+    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = importlib.metadata.version(distribution)
     for name in engine_names(library):
         engine = load_engine(library, name)
@@ -40,8 +40,11 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
     )
 
 
-def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float]) -> SystemCard:
-    """What a report shows of a system; ``reference_seconds`` are the costs per certified state [s]."""
+def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], compilation_seconds: float | None = None) -> SystemCard:
+    """What a report shows of a system.
+
+    ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
+    """
     free = ("input", "rational", "pi")
     return SystemCard(
         name=mechanism.name,
@@ -54,4 +57,5 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float]) ->
         operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
         derivation_seconds=mechanism.derivation_seconds,
         reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
+        compilation_seconds=compilation_seconds,
     )

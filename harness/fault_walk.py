@@ -16,13 +16,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from harness.attributes import Number, Watch, find_elements, scaled
 from harness.compare import compare
 from harness.derivation import load_mechanism
-from harness.engines import Subject, linear_velocity_in_body, load_engine
+from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, select_subjects
+from harness.expected import load_expectations, why_no_model
 from harness.kernels import Array
 from harness.library import Library
 from harness.minimal import CHANGE, NOISE
@@ -35,6 +37,8 @@ from harness.verdict import AGREEMENT, Verdict
 DIFFERENCE = 1e-5
 # Two neighbours in the search for the smallest change that is caught are this far apart.
 RESOLUTION = 2.0**0.25
+# Beyond this ratio to theory, digits are lost on the way from the engine to the verdict.
+MOST_ABOVE_THEORY = 10.0
 # The search gives up this far above theory.
 FURTHEST = 2.0**20
 
@@ -63,6 +67,26 @@ class Caught:
     def ratio(self) -> float:
         """How far above theory."""
         return self.smallest / self.theory
+
+    @property
+    def as_promised(self) -> bool:
+        """Whether theory is kept."""
+        return self.ratio <= MOST_ABOVE_THEORY
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: where the number stands, its value, and both changes."""
+        number = self.number
+        return {
+            "system": self.system,
+            "subject": self.subject,
+            "file": self.file,
+            "line": number.line,
+            "element": number.element,
+            "attribute": number.attribute,
+            "value": number.value,
+            "smallest": self.smallest,
+            "theory": self.theory,
+        }
 
 
 @dataclass
@@ -156,6 +180,22 @@ class FaultWalk:
             if moved is None:
                 moved = self._watch.accelerations(scaled(self.model.text, changed, factor))
         return moved is not None and bool((compare(self._reference, moved).verdicts != Verdict.AGREES.value).any())
+
+
+def walkable(library: Library, names: Sequence[str], subjects: Sequence[str]) -> list[tuple[str, Subject]]:
+    """(system, subject) of all pairs asked for; families by their smallest member, whose numbers are those of all.
+
+    Left out are subjects that read no model, and those of which it is known that no model exists.
+
+    Raises:
+        harness.errors.InvalidRequest: a system or subject that does not exist.
+    """
+    chosen = select_subjects(library, subjects)
+    smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
+    systems = library.select(names) if names else smallest
+    known = load_expectations(library, [str(subject) for subject in select_subjects(library, ())])
+    pairs = [(name, subject) for name in systems for subject in chosen if subject.format != EQUATIONS]
+    return [(name, subject) for name, subject in pairs if not why_no_model(library, name, str(subject), subject.format, known)]
 
 
 def walk(library: Library, name: str, subject: Subject, states: int, seed: int, note: Callable[[str], None]) -> list[Caught]:

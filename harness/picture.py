@@ -14,7 +14,7 @@ from html import escape
 import numpy as np
 
 from harness.geometry import WORLD, PlacedJoint, Placement, Vector
-from harness.report.charts import COLOURS
+from harness.report.figures import COLOURS
 from harness.views import Point, View
 
 WIDTH = 460.0

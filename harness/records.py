@@ -21,6 +21,7 @@ from harness.errors import InvalidInput
 from harness.verdict import Verdict
 
 if TYPE_CHECKING:
+    from harness.measurements import Benchmark
     from harness.minimal import Finding
 
 _VERDICTS = [verdict.value for verdict in Verdict]
@@ -91,6 +92,7 @@ class SystemCard:
             of SymPy.
         operations: number of operations of one evaluation.
         derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
+        compilation_seconds: of the certified kernel, where a process compiles it for the first time.
     """
 
     name: str
@@ -103,6 +105,7 @@ class SystemCard:
     operations: int
     derivation_seconds: float | None = None
     reference_seconds_per_state: float | None = None
+    compilation_seconds: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,11 +147,19 @@ def half_decade(backward_error: float) -> str:
     return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
 
 
-def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), superfluous: Iterable[Finding] | None = None) -> str:
+def to_json(
+    run: Run,
+    records: Iterable[Record],
+    cards: Iterable[SystemCard] = (),
+    superfluous: Iterable[Finding] | None = None,
+    benchmark: tuple[Run, Benchmark] | None = None,
+    further: Mapping[str, Any] | None = None,
+) -> str:
     """{"harness": versions, "run", "records", "systems"} as strictly valid JSON, ASCII only.
 
     Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the
-    strings "inf", "-inf" and "nan". "superfluous" lists the findings of that kind where they were looked for.
+    strings "inf", "-inf" and "nan". "superfluous" lists the findings of that kind where they were looked for,
+    "benchmark" holds "run" and the fields of ``Benchmark`` where there is one. ``further`` is plain data to add.
     """
     about = asdict(run)
     document = {
@@ -159,18 +170,27 @@ def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (
     }
     if superfluous is not None:
         document["superfluous"] = [asdict(finding) for finding in superfluous]
+    if benchmark is not None:
+        document["benchmark"] = {"run": asdict(benchmark[0])} | asdict(benchmark[1])
+    document |= further or {}
     return dumps(document, indent=2) + "\n"
 
 
 def write_json(
-    path: Path | str, run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), superfluous: Iterable[Finding] | None = None
+    path: Path | str,
+    run: Run,
+    records: Iterable[Record],
+    cards: Iterable[SystemCard] = (),
+    superfluous: Iterable[Finding] | None = None,
+    benchmark: tuple[Run, Benchmark] | None = None,
+    further: Mapping[str, Any] | None = None,
 ) -> None:
     """Write ``to_json`` to ``path``, whole or not at all.
 
     Raises:
         InvalidInput: the file cannot be written.
     """
-    write_atomically(path, to_json(run, records, cards, superfluous))
+    write_atomically(path, to_json(run, records, cards, superfluous, benchmark, further))
 
 
 def write_atomically(path: Path | str, text: str) -> None:

@@ -18,21 +18,22 @@ from harness.records import Record
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
+    from harness.fault_walk import Caught
     from harness.minimal import Finding
 
 _PIPE_WIDTH = 160
 
 
 @contextmanager
-def progress(total: int) -> Iterator[Callable[[str], None]]:
+def progress(total: int, what: str = "cross-check") -> Iterator[Callable[[str], None]]:
     """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
     with Progress(
-        TextColumn("cross-check"),
+        TextColumn(what),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("{task.description}"),
-        console=_console(stderr=True),
+        console=console(stderr=True),
         transient=True,
         disable=not sys.stderr.isatty(),
     ) as bar:
@@ -40,7 +41,8 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
         yield lambda description: bar.update(task, advance=1, description=description)
 
 
-def _console(stderr: bool = False) -> Console:
+def console(stderr: bool = False) -> Console:
+    """Standard output or error, wide enough in a pipe that tables do not wrap."""
     stream = sys.stderr if stderr else sys.stdout
     return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
 
@@ -65,7 +67,7 @@ def print_table(records: list[Record]) -> None:
             _number(record.relative_error),
             seconds,
         )
-    _console().print(table)
+    console().print(table)
 
 
 def print_unexpected(records: list[Record]) -> None:
@@ -83,6 +85,33 @@ def print_superfluous(findings: Sequence[Finding]) -> None:
         click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
     for finding in sorted(findings, key=lambda finding: (finding.path, finding.subject, finding.line)):
         click.echo(f"  {finding}")
+
+
+def print_caught(caught: Sequence[Caught]) -> None:
+    """One row per live number of a model, and how far theory was kept in all."""
+    from harness.fault_walk import MOST_ABOVE_THEORY
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("system", "subject", "where", "number"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("value", "smallest caught", "theory", "ratio"):
+        table.add_column(heading, justify="right")
+    for found in caught:
+        number = found.number
+        what = f"{number.element} {number.attribute}".strip() + (f"[{number.index}]" if number.index else "")
+        together = " and its neighbours" if len(found.changed) > 1 else ""
+        ratio = Text(f"{found.ratio:.2f}", "" if found.as_promised else "bold red")
+        figures = [f"{number.value:g}", f"{found.smallest:.2g}", f"{found.theory:.2g}"]
+        table.add_row(found.system, found.subject, f"{found.file}:{number.line}", what + together, *figures, ratio)
+    if not caught:
+        click.echo("no live numbers: no model was walked")
+        return
+    console().print(table)
+    fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
+    furthest = max(found.ratio for found in caught)
+    click.echo(
+        f"\n{len(caught)} live numbers; {fine:.1%} caught below 1e-10; at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
+    )
 
 
 def _number(value: float | None) -> str:

@@ -10,7 +10,7 @@ import sqlite3
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,9 @@ import pytest
 
 from harness.errors import InvalidInput
 from harness.history import History
-from harness.records import Record, Run, SystemCard, half_decade, to_json, write_atomically, write_json
+from harness.measurements import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
+from harness.minimal import Finding
+from harness.records import Record, Run, SystemCard, dumps, half_decade, to_json, write_atomically, write_json
 
 RUN = Run(
     started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0", "mujoco": "4.0"}, machine={"processor": "16 cores"}, seed=7,
@@ -33,12 +35,29 @@ RECORD = Record(
 CARD = SystemCard(
     name="arm_2r", description="Planar two-link arm", source="Spong 7.3", coordinates=[{"name": "q1", "joint": "shoulder"}],
     parameters=[{"name": "m1", "value": 3.0, "unit": "kg"}], equations_mathml="<math><mi>x</mi></math>", equations_text="x",
-    operations=12, derivation_seconds=0.5, reference_seconds_per_state=4e-5,
+    operations=12, derivation_seconds=0.5, reference_seconds_per_state=4e-5, compilation_seconds=0.25,
+)  # fmt: skip
+FINDING = Finding("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
+BENCHMARK = Benchmark(
+    accelerations=[AccelerationCost(system="arm_2r", method="pinocchio aba", threads=1, states=5, seconds_per_state=1e-6,
+                                    backward_error=math.inf)],
+    growth=[Growth(family="chain", method="pinocchio aba", sizes=[1, 2], seconds_per_state=[1e-6, None],
+                   backward_errors=[math.inf, 1.0], exponent=None, expected="1")],
+    truths=[Truth(system="arm_2r", start={"q": [0.1, -2.5], "v": [0.0, 5e-324]}, horizon=20.0, trusted=3.5, error=1e-15, precision="",
+                  seconds=0.1)],
+    motion=[MotionCost(system="arm_2r", integrator="mujoco RK4", step=None, tolerance=1e-9, steps=3, evaluations=12, seconds=0.5,
+                       state_error=math.inf, energy_error=None, duration=2.0)],
+    orders=[Order(system="arm_2r", integrator="mujoco RK4", measured=3.99, expected=4.0, verdict="as expected", steps=[0.1, 0.01])],
+    drifts=[Drift(system="arm_2r", integrator="mujoco RK4", step=1e-3, steps=10, seconds=0.1, largest=math.inf, growth=None,
+                  verdict="secular", expected="")],
+    problems=["collar, motion: crashed"],
 )  # fmt: skip
 
 APPENDER = """
 import sys
 from harness.history import History
+from harness.measurements import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
+from harness.minimal import Finding
 from harness.records import Record
 with History(sys.argv[1]) as history:
     for index in range(int(sys.argv[3])):
@@ -72,6 +91,93 @@ def test_round_trip(path: Path) -> None:
         assert history.systems(run_id) == [CARD]
         worst = history.records(run_id)[0].worst_state
         assert worst is not None and math.copysign(1, worst["tau"][1]) == -1
+
+
+def same(first: Any, second: Any) -> bool:
+    """Equality in which NaN equals NaN."""
+    return repr(first) == repr(second)
+
+
+def test_findings_and_benchmarks_come_back_as_they_were(path: Path) -> None:
+    broken = replace(BENCHMARK.motion[0], energy_error=math.nan, state_error=-math.inf)
+    measured = replace(BENCHMARK, motion=[*BENCHMARK.motion, broken])
+    with History(path) as history:
+        history.append_finding(history.begin(RUN), FINDING)
+        number = history.begin_benchmark(RUN)
+        history.append_measurements(number, replace(measured, problems=[]))
+        history.append_measurements(number, Benchmark(problems=measured.problems))
+    with History(path) as history:
+        assert history.findings(1) == [FINDING]
+        assert same(history.latest_benchmark("built-in"), (RUN, measured))
+
+
+def test_the_latest_of_a_library_is_the_last_that_holds_anything(path: Path) -> None:
+    with History(path) as history:
+        assert history.latest_run("built-in") is None and history.latest_benchmark("built-in") is None
+        for library in ("built-in", "mine", "built-in"):
+            history.append(history.begin(replace(RUN, library=library)), RECORD)
+            history.append_measurements(history.begin_benchmark(replace(RUN, library=library)), BENCHMARK)
+        history.begin(RUN)
+        history.begin_benchmark(replace(RUN, seed=8))
+        assert (history.latest_run("built-in"), history.latest_run("mine")) == (3, 2)
+        found = history.latest_benchmark("built-in")
+        assert found is not None and found[0].seed == RUN.seed and found[1] == BENCHMARK
+        history.append_measurements(history.begin_benchmark(replace(RUN, seed=9)), Benchmark(problems=["all of it crashed"]))
+        found = history.latest_benchmark("built-in")
+        assert found is not None and found[0].seed == 9
+
+
+def test_what_follows_from_measurements_is_not_stored(path: Path) -> None:
+    entry = Cheapest(system="arm_2r", kind="motion", error=1e-3, way=None, cost=None)
+    with History(path) as history:
+        history.append_measurements(history.begin_benchmark(RUN), replace(BENCHMARK, cheapest=[entry]))
+        found = history.latest_benchmark("built-in")
+        assert found is not None and found[1] == BENCHMARK
+
+
+def test_a_part_is_stored_whole_or_not_at_all(path: Path) -> None:
+    spoilt = replace(BENCHMARK.motion[0], energy_error=object())  # type: ignore[arg-type]
+    with History(path) as history:
+        with pytest.raises(ValueError, match="no benchmark 5"):
+            history.append_measurements(5, BENCHMARK)
+        number = history.begin_benchmark(RUN)
+        with pytest.raises(TypeError):
+            history.append_measurements(number, replace(BENCHMARK, motion=[spoilt]))
+        assert history.latest_benchmark("built-in") is None
+        history.append(history.begin(RUN), RECORD)
+
+
+FIRST_VERSION = """
+CREATE TABLE runs (id INTEGER PRIMARY KEY, content TEXT NOT NULL);
+CREATE TABLE records (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
+CREATE TABLE systems (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
+CREATE INDEX records_of_run ON records (run_id);
+CREATE INDEX systems_of_run ON systems (run_id);
+PRAGMA application_id = 0x52424856;
+PRAGMA user_version = 1;
+"""
+
+
+def test_a_history_of_the_first_version_stays_readable_and_can_be_added_to(path: Path) -> None:
+    path.parent.mkdir()
+    card = asdict(CARD)
+    del card["compilation_seconds"]
+    connection = sqlite3.connect(path)
+    with connection:
+        connection.executescript(FIRST_VERSION)
+        connection.execute("INSERT INTO runs (content) VALUES (?)", (dumps(asdict(RUN)),))
+        connection.execute("INSERT INTO records (run_id, content) VALUES (1, ?)", (dumps(asdict(RECORD)),))
+        connection.execute("INSERT INTO systems (run_id, content) VALUES (1, ?)", (dumps(card),))
+    connection.close()
+    for _ in range(2):
+        with History(path) as history:
+            assert history.records(1) == [RECORD]
+            assert history.systems(1) == [replace(CARD, compilation_seconds=None)]
+    with History(path) as history:
+        history.append_finding(1, FINDING)
+        history.append_measurements(history.begin_benchmark(RUN), BENCHMARK)
+        assert history.findings(1) == [FINDING]
+        assert history.latest_benchmark("built-in") == (RUN, BENCHMARK)
 
 
 def test_earlier_runs_are_of_the_same_library_and_profile(path: Path) -> None:

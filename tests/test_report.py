@@ -15,11 +15,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from harness import tasks
+from harness.derivation import load_mechanism
 from harness.errors import InvalidInput
+from harness.library import Library
+from harness.minimal import Finding
 from harness.records import Record, Run, SystemCard
 from harness.report import build, write
 from harness.report.html import equations
 from harness.report.markdown import VOLATILE
+from harness.states import sample
 from harness.verdict import Verdict
 
 VERDICTS = [verdict.value for verdict in Verdict]
@@ -51,7 +56,7 @@ def card(name: str) -> SystemCard:
         name=name, description=f"Mechanism {name}", source="A book, p. 3 & 4", coordinates=[{"name": "x", "joint": "slide"}],
         parameters=[{"name": "m", "value": 1.5, "unit": "kg"}],
         equations_mathml='<math display="block"><mi>m</mi><mo>&InvisibleTimes;</mo><mi>a</mi></math>', equations_text="m*a",
-        operations=2, derivation_seconds=0.1, reference_seconds_per_state=4e-5,
+        operations=2, derivation_seconds=0.1, reference_seconds_per_state=4e-5, compilation_seconds=0.25,
     )  # fmt: skip
 
 
@@ -146,6 +151,34 @@ def test_numbers_and_messages_are_complete(page: Page, files: dict[str, str]) ->
     assert "3 states with no error at all" in page.words
 
 
+def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
+    finding = Finding("collar", "mujoco/mjcf", "/home/somebody/mine/mjcf/collar.xml", 7, "joint", "armature", "0", "is not felt")
+    entries = [record("collar", subject) for subject in SUBJECTS]
+    built = build(run_on(0), CARDS, entries, superfluous=[finding])
+    page = Page(built["index.html"])
+    for text in (page.words, built["report.md"]):
+        assert "All 3 pairs of system and subject are as expected; 1 part of the models is superfluous." in text
+        assert "mjcf/collar.xml:7: " in text and "somebody" not in text
+    assert 'class="result bad"' in built["index.html"]
+    [told] = json.loads(built["report.json"])["superfluous"]
+    assert told["path"] == "mjcf/collar.xml" and told["line"] == 7
+    clean = build(run_on(0), CARDS, entries)
+    assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
+
+
+def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page) -> None:
+    assert page.words.count("derived in 100 ms, compiled in 250 ms") == len(SYSTEMS)
+    assert "| collar | 100 ms | 250 ms |" in files["report.md"].partition(VOLATILE)[2]
+    assert json.loads(files["report.json"])["systems"][0]["compilation_seconds"] == 0.25
+
+
+def test_compilation_is_timed_once_per_process() -> None:
+    mechanism = load_mechanism(Library.built_in(), "collar")
+    tasks._KERNELS.clear()
+    (_, _, first), (_, _, second) = (tasks.certify(mechanism, False, sample(mechanism, 3, 0), lambda text: None) for _ in range(2))
+    assert first > 0 == second
+
+
 def test_text_is_escaped() -> None:
     evil = "</script><script>alert(1)</script>"
     entry = record(evil, evil, message=evil, expected="error", expected_reason=evil, expected_link="javascript:alert(1)", replay=evil)
@@ -227,6 +260,7 @@ any_cards = st.lists(
         SystemCard, name=names, description=st.text(max_size=10), source=st.text(max_size=10),
         coordinates=st.just([{"name": "x", "joint": "slide"}]), parameters=st.just([]), equations_mathml=st.text(max_size=20),
         equations_text=st.text(max_size=20), operations=counts, derivation_seconds=numbers, reference_seconds_per_state=numbers,
+        compilation_seconds=numbers,
     ),
     max_size=2,
 )  # fmt: skip

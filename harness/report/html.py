@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from html.entities import html5
 from importlib.resources import files
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from harness.pareto import cost_of, way_of
 from harness.records import Record
-from harness.report import charts
+from harness.report import benchmark_charts, charts
+from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
+from harness.report.figures import embed
 from harness.report.summary import Summary, counted, error_text, seconds_text, state_lines
 from harness.verdict import AGREEMENT
+
+if TYPE_CHECKING:
+    from bokeh import plotting
 
 _MATHML = {
     "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "mfrac", "msqrt", "mroot", "mstyle", "mpadded", "mphantom",
@@ -24,28 +32,65 @@ _MATHML_ATTRIBUTES = {"display", "mathvariant", "accent", "stretchy", "columnali
 _LONG_EQUATIONS = 12_000
 
 
-def render_html(summary: Summary) -> str:
-    """The whole ``index.html``."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+def render_html(summary: Summary, benchmark: BenchmarkSummary | None = None) -> str:
+    """The whole ``index.html`` of a run, with a benchmark where there is one."""
+    return _render(
+        "template.html",
+        charts.plots(summary) | _plots(benchmark),
+        _about(benchmark)
+        | {
+            "summary": summary,
+            "run": summary.run,
+            "subject_styles": charts.subject_styles(summary),
+            "anchors": _anchors(summary.systems, "system"),
+            "long_equations": _LONG_EQUATIONS,
+        },
+    )
+
+
+def render_benchmark(benchmark: BenchmarkSummary) -> str:
+    """The whole ``index.html`` where nothing but a benchmark has run."""
+    return _render("benchmark_page.html", _plots(benchmark), _about(benchmark) | {"run": benchmark.run})
+
+
+def _plots(benchmark: BenchmarkSummary | None) -> dict[str, plotting.figure | None]:
+    return benchmark_charts.plots(benchmark) if benchmark else {}
+
+
+def _about(benchmark: BenchmarkSummary | None) -> dict[str, Any]:
+    if benchmark is None:
+        return {"benchmark": None}
+    return {
+        "benchmark": benchmark,
+        "method_styles": benchmark_charts.method_styles(benchmark),
+        "integrator_styles": benchmark_charts.integrator_styles(benchmark),
+        "cost_anchors": _anchors(benchmark.systems, "cost"),
+        "acceleration_front": acceleration_front,
+        "motion_front": motion_front,
+        "way_of": way_of,
+        "cost_of": cost_of,
+    }
+
+
+def _render(template: str, plots: Mapping[str, plotting.figure | None], about: Mapping[str, Any]) -> str:
+    package = files(__package__)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        loader=FunctionLoader(lambda name: package.joinpath(name).read_text("utf-8")),
+    )  # fmt: skip
     environment.filters |= {
         "error": error_text, "seconds": seconds_text, "equations": equations, "link": web_address, "state": state_lines,
-        "left_out": left_out, "moment": moment,
+        "left_out": left_out, "moment": moment, "way": way_of,
     }  # fmt: skip
-    package = files(__package__)
-    template = environment.from_string(package.joinpath("template.html").read_text("utf-8"))
-    drawn = charts.draw(summary)
-    return template.render(
-        summary=summary,
-        run=summary.run,
+    drawn = embed(plots)
+    return environment.get_template(template).render(
+        **about,
         limit=AGREEMENT,
         counted=counted,
         style=Markup(package.joinpath("style.css").read_text("utf-8")),
         resources=Markup(drawn.resources),
         script=Markup(drawn.script),
         plots={name: Markup(div) for name, div in drawn.divs.items()},
-        subject_styles={subject: charts.style_of(summary, subject) for subject in summary.subjects},
-        anchors=_anchors(summary),
-        long_equations=_LONG_EQUATIONS,
     )
 
 
@@ -89,9 +134,9 @@ def left_out(record: Record) -> str:
     return ", ".join(f"{counted(count, 'state')} {words.get(key, f'in bin {key}')}" for key, count in sorted(rest.items()))
 
 
-def _anchors(summary: Summary) -> dict[str, str]:
+def _anchors(systems: Sequence[str], prefix: str) -> dict[str, str]:
     anchors: dict[str, str] = {}
-    for system in summary.systems:
-        anchor = "system-" + re.sub(r"[^A-Za-z0-9_]+", "-", system)
+    for system in systems:
+        anchor = f"{prefix}-" + re.sub(r"[^A-Za-z0-9_]+", "-", system)
         anchors[system] = anchor if anchor not in anchors.values() else f"{anchor}-{len(anchors)}"
     return anchors

@@ -9,15 +9,26 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from harness.records import Record
+from harness.report.benchmarks import BenchmarkSummary
 from harness.report.summary import Summary, error_text, seconds_text, state_lines
 from harness.verdict import AGREEMENT
 
 VOLATILE = "## This run (differs from run to run)"
 
 
-def render_markdown(summary: Summary) -> str:
-    """The whole ``report.md``."""
-    return "\n\n".join(section for section in [*_stable(summary), *_volatile(summary)] if section) + "\n"
+def render_markdown(summary: Summary, benchmark: BenchmarkSummary | None = None) -> str:
+    """The whole ``report.md`` of a run, with a benchmark where there is one."""
+    return _joined([*_stable(summary), *_stable_benchmark(benchmark), *_volatile(summary), *_volatile_benchmark(benchmark)])
+
+
+def render_benchmark_markdown(benchmark: BenchmarkSummary) -> str:
+    """The whole ``report.md`` where nothing but a benchmark has run."""
+    title = "# Rigid-body engines"
+    return _joined([title, *_stable_benchmark(benchmark), VOLATILE, *_volatile_benchmark(benchmark)])
+
+
+def _joined(sections: Iterable[str]) -> str:
+    return "\n\n".join(section for section in sections if section) + "\n"
 
 
 def _stable(summary: Summary) -> Iterator[str]:
@@ -25,6 +36,9 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield "## Result"
     yield summary.sentence
     yield _bullets(f"**{_cell(r.system)}, {_cell(r.subject)}: {r.verdict}**, expected {r.expected}" for r in summary.unexpected)
+    yield _bullets(
+        f"**superfluous**, {_cell(finding.system)}, {_cell(finding.subject)}: {_text(str(finding))}" for finding in summary.superfluous
+    )
     yield from summary.remarks
     yield "## Verdicts and worst backward errors"
     yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
@@ -63,10 +77,50 @@ def _volatile(summary: Summary) -> Iterator[str]:
     yield "### Cost and relative error"
     costs = [[r.system, r.subject, seconds_text(r.seconds_per_state), error_text(r.relative_error)] for r in summary.records]
     yield _table(["system", "subject", "time per state", "worst relative error"], costs)
+    yield "### Time to derive and to compile"
+    compiled = [
+        [card.name, seconds_text(card.derivation_seconds), seconds_text(card.compilation_seconds)] for card in summary.cards.values()
+    ]
+    yield _table(["system", "derivation", "compilation"], sorted(compiled))
     yield "### Worst states"
     for record in summary.records:
         if lines := "\n".join(filter(None, [state_lines(record), record.replay])):
             yield f"{_cell(record.system)}, {_cell(record.subject)}:\n\n{_fenced(lines)}"
+
+
+def _stable_benchmark(benchmark: BenchmarkSummary | None) -> Iterator[str]:
+    if benchmark is None:
+        return
+    yield "## Speed against error"
+    yield _bullets(f"**not as expected**: {_text(sentence)}" for sentence in benchmark.unexpected)
+    yield _bullets(f"**not measured**: {_text(problem)}" for problem in benchmark.problems)
+    figures = benchmark.benchmark.figures
+    rows = [[f.system, f.what, f"{f.printed:g} {f.unit}", "yes" if f.reproduced else f"no. {f.remark}"] for f in figures]
+    yield _table(["system", "what", "printed", "reproduced"], rows)
+    columns, lines = benchmark.order_table()
+    verdicts = [[system, *("-" if order is None else order.verdict for order in orders)] for system, orders in lines]
+    heads = [f"{name} (order {'any' if expected is None else f'{expected:g}'})" for name, expected in columns]
+    yield _table(["system", *heads], verdicts)
+
+
+def _volatile_benchmark(benchmark: BenchmarkSummary | None) -> Iterator[str]:
+    if benchmark is None:
+        return
+    yield "### Benchmark"
+    run = benchmark.run
+    yield _table(["what", "value"], [["started", run.started], ["profile", run.profile], ["seed", str(run.seed)], ["command", run.command]])
+    for kind, unit in (("accelerations", "per state"), ("motion", "per second of motion")):
+        table = benchmark.cheapest(kind)
+        if table:
+            yield f"#### The cheapest way: {kind}"
+            heads = [f"error at most {entry.error:g}" for entry in table[0][1]]
+            ways = [[f"{e.way}: {seconds_text(e.cost)} {unit}" if e.way else "none" for e in entries] for _, entries in table]
+            yield _table(["system", *heads], [[system, *row] for (system, _), row in zip(table, ways, strict=True)])
+    yield _bullets(
+        f"{_text(explanation.text)} ({'; '.join(explanation.places)})" for explanation in benchmark.explanations(["as expected", "differs"])
+    )
+    growth = [[g.method, "-" if g.exponent is None else f"{g.exponent:.2f}", g.expected] for g in benchmark.benchmark.growth]
+    yield _table(["method", "exponent of cost over bodies", "expected"], growth)
 
 
 def _verdicts(records: Sequence[Record]) -> str:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from harness.records import Record, Run, SystemCard
+
+if TYPE_CHECKING:
+    from harness.minimal import Finding
 
 Earlier = tuple[Run, Sequence[Record]]
 
@@ -33,9 +38,18 @@ class Summary:
         unexpected: records whose verdict is not the expected one.
         listed: records that are expected to differ.
         missing: (system, subject) pairs without a record.
+        superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
+            and the file stay, because reports are published.
     """
 
-    def __init__(self, run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = ()) -> None:
+    def __init__(
+        self,
+        run: Run,
+        cards: Sequence[SystemCard],
+        records: Sequence[Record],
+        history: Sequence[Earlier] = (),
+        superfluous: Iterable[Finding] = (),
+    ) -> None:
         self.run = run
         self.cards = {card.name: card for card in cards}
         self.records = sorted(records, key=lambda record: (record.system, record.subject))
@@ -48,10 +62,23 @@ class Summary:
         self.unexpected = [record for record in self.records if not record.as_expected]
         self.listed = [record for record in self.records if record.expected != "agrees"]
         self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
+        named = [replace(finding, path="/".join(PurePath(finding.path).parts[-2:])) for finding in superfluous]
+        self.superfluous = sorted(named, key=lambda finding: (finding.path, finding.line, finding.subject))
+
+    @property
+    def is_good(self) -> bool:
+        """Whether something was compared and everything is as expected."""
+        return bool(self.records) and not self.unexpected and not self.superfluous
 
     @property
     def sentence(self) -> str:
         """The result in one sentence, without the names of what is not as expected."""
+        parts = len(self.superfluous)
+        told = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
+        return f"{self._compared.removesuffix('.')}; {told}." if parts else self._compared
+
+    @property
+    def _compared(self) -> str:
         total, wrong = len(self.records), len(self.unexpected)
         if not total:
             return "Nothing was compared: this run holds no records."
@@ -110,9 +137,13 @@ class Summary:
         """Versions that differ from the last run."""
         if not self.earlier:
             return []
-        before, after = self.earlier[-1][0].versions, self.run.versions
-        names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-        return [Change(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+        return changed_versions(self.earlier[-1][0].versions, self.run.versions)
+
+
+def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
+    """Versions that differ."""
+    names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    return [Change(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
 
 
 def worst(records: Iterable[Record]) -> Record | None:

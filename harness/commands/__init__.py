@@ -1,0 +1,1 @@
+"""The commands of ``harness``: every module here without a leading underscore holds one, called ``command``."""

@@ -1,0 +1,62 @@
+"""A cross-check as a command runs it: progress, JSON as it grows, and the exit status."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from harness.commands._options import AS_EXPECTED, CRASHED, NOT_AS_EXPECTED, tell
+from harness.errors import InvalidRequest
+
+if TYPE_CHECKING:
+    from harness.records import Record, Run
+    from harness.run import CrossCheck, Settings
+
+
+def cross_check_all(
+    settings: Settings,
+    run: Run,
+    workers: int | None,
+    scheduler: str | None,
+    time_limit: float,
+    json_path: str | None,
+    keep: Callable[[Record], Any] = lambda record: None,
+) -> tuple[CrossCheck, list[Record]]:
+    """Run to the end, keeping each record as it comes, and write the JSON file as it grows."""
+    from harness.records import write_json
+    from harness.run import CrossCheck
+    from harness.terminal import progress
+    from harness.workers import Workers
+
+    records: list[Record] = []
+    pool = Workers(workers, scheduler, time_limit)
+    cross_check = CrossCheck(settings, pool)
+    try:
+        with pool, progress(cross_check.expected_records) as advance:
+            for record in cross_check.records():
+                keep(record)
+                records.append(record)
+                if json_path:
+                    write_json(json_path, run, records, superfluous=cross_check.superfluous)
+                advance(f"{record.system} {record.subject}")
+    except OSError as error:
+        raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
+    records.sort(key=lambda record: (record.system, record.subject))
+    if json_path:
+        write_json(json_path, run, records, superfluous=cross_check.superfluous)
+    return cross_check, records
+
+
+def finish(cross_check: CrossCheck, records: list[Record]) -> None:
+    """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
+    from harness.terminal import print_superfluous, print_table, print_unexpected
+
+    print_table(records)
+    print_unexpected(records)
+    print_superfluous(cross_check.superfluous)
+    tell(cross_check.problems)
+    if cross_check.crashed:
+        sys.exit(CRASHED)
+    as_expected = all(record.as_expected for record in records) and not cross_check.superfluous
+    sys.exit(AS_EXPECTED if as_expected else NOT_AS_EXPECTED)

@@ -1,0 +1,53 @@
+"""``harness list``."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from harness.commands._options import library_option, tell, told
+from harness.errors import InvalidInput
+
+
+@click.command("list")
+@library_option
+@click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write the list to this file.")
+@told
+def command(library_path: str | None, json_path: str | None) -> None:
+    """Mechanisms with their degrees of freedom, and the engines available."""
+    from harness.derivation import load_mechanism
+    from harness.engines import engine_names, installed_version, load_engine
+    from harness.library import Library, installed_libraries
+
+    library = Library.at(library_path)
+    installed = list(installed_libraries())
+    problems: list[InvalidInput] = []
+    systems: dict[str, tuple[int, str]] = {}
+    for name in library.select(()):
+        try:
+            mechanism = load_mechanism(library, name)
+        except InvalidInput as problem:
+            problems.append(problem)
+        else:
+            systems[name] = mechanism.nv, mechanism.description.splitlines()[0]
+    engines = {name: load_engine(library, name) for name in engine_names(library)}
+    if json_path:
+        from harness.records import write_atomically
+
+        listed = {
+            "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
+            "engines": [
+                {"name": name, "formats": engine.formats, "version": installed_version(engine)} for name, engine in engines.items()
+            ],
+            "libraries": installed,
+        }
+        write_atomically(json_path, json.dumps(listed, indent=2) + "\n")
+    width = max(map(len, [*systems, *engines]))
+    for name, (nv, text) in systems.items():
+        click.echo(f"{name:<{width}}  {nv:>2} dof  {text}")
+    click.echo()
+    for name, engine in engines.items():
+        click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
+    click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
+    tell(problems)

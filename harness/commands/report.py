@@ -1,0 +1,70 @@
+"""``harness report``."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from pathlib import Path
+
+import click
+
+from harness.commands._cross_check import cross_check_all, finish
+from harness.commands._options import (
+    PROFILES,
+    directory_option,
+    json_option,
+    library_option,
+    make_folder,
+    scheduler_option,
+    seed_option,
+    time_limit_option,
+    told,
+    workers_option,
+)
+from harness.commands._page import write_page
+
+
+@click.command("report")
+@click.option("--profile", type=click.Choice(sorted(PROFILES)), default="quick", show_default=True, help="How many states per system.")
+@directory_option
+@seed_option
+@library_option
+@json_option
+@workers_option
+@scheduler_option
+@time_limit_option
+@told
+def command(
+    profile: str,
+    directory: Path,
+    seed: int,
+    library_path: str | None,
+    json_path: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    time_limit: float,
+) -> None:
+    """Cross-check everything and write the discrepancy report."""
+    from harness.description import describe_run
+    from harness.history import History
+    from harness.library import Library
+    from harness.run import Settings
+
+    make_folder(directory)
+    settings = Settings(
+        library=Library.at(library_path),
+        states=PROFILES[profile],
+        seed=seed,
+        replay_options=["--library", library_path] if library_path else [],
+    )
+    run = describe_run(settings.library, PROFILES[profile], seed, profile, ["harness", *sys.argv[1:]])
+    with History(directory / "history.sqlite") as history:
+        identifier = history.begin(run)
+        keep = functools.partial(history.append, identifier)
+        cross_check, records = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep)
+        for card in cross_check.cards:
+            history.append_system(identifier, card)
+        for finding in cross_check.superfluous:
+            history.append_finding(identifier, finding)
+        write_page(directory, history, settings.library.name, identifier)
+    finish(cross_check, records)

@@ -1,0 +1,129 @@
+"""What every plot of a report is made of: colours, axes, points that tell about themselves, and the embedding into a page.
+
+Text and lines of the axes take their colours from CSS variables of the page (``--bk-...``), so that
+they follow its light or dark scheme; the greys given here are readable on both where a Bokeh is too
+old to read them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from bokeh import plotting
+    from bokeh.model import Model
+    from bokeh.models.renderers import DataRenderer
+
+MARKERS = (
+    ("circle", "●"), ("triangle", "▲"), ("square", "■"), ("diamond", "◆"), ("inverted_triangle", "▼"), ("star", "★"), ("hex", "⬢"),
+)  # fmt: skip
+COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7d8b3c", "#d9534f")
+GREY, RED = "#808080", "#d9534f"
+LOWEST, HIGHEST = 1e-300, 1e300
+Columns = dict[str, Sequence[Any]]
+Style = tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Charts:
+    """What a page needs to show the plots.
+
+    Attributes:
+        resources: ``<script>`` elements with all of BokehJS; "" where there is no plot.
+        script: the ``<script>`` element that fills the divs.
+        divs: name of a plot to its ``<div>``; a plot without data is absent.
+    """
+
+    resources: str = ""
+    script: str = ""
+    divs: dict[str, str] = field(default_factory=dict)
+
+
+def embed(plots: Mapping[str, plotting.figure | None]) -> Charts:
+    """One document of every plot that has data."""
+    from bokeh.document import Document
+    from bokeh.embed import components
+    from bokeh.resources import Resources
+
+    drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
+    if not drawn:
+        return Charts()
+    document = Document()
+    # Without the freeze Bokeh visits all plots again after adding each.
+    with document.models.freeze():
+        for plot in drawn.values():
+            document.add_root(plot)
+    script, divs = components(drawn)
+    return Charts(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
+
+
+def styles(names: Sequence[str]) -> dict[str, Style]:
+    """(colour, Bokeh marker, the marker as a character) of each name, by its place in ``names``."""
+    return {name: (COLOURS[index % len(COLOURS)], *MARKERS[index % len(MARKERS)]) for index, name in enumerate(names)}
+
+
+def new_figure(height: int, x_label: str, y_label: str, **options: Any) -> plotting.figure:
+    """An empty plot as wide as its place."""
+    from bokeh.plotting import figure
+
+    plot = figure(
+        height=height, sizing_mode="stretch_width", tools="", toolbar_location=None, x_axis_label=x_label, y_axis_label=y_label,
+        background_fill_color=None, border_fill_color=None, outline_line_color=GREY, outline_line_alpha=0.4, **options,
+    )  # fmt: skip
+    for axis in plot.axis:
+        axis.axis_label_text_font_style = "normal"
+        axis.axis_label_text_color = axis.major_label_text_color = GREY
+        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = GREY
+    plot.grid.grid_line_color = GREY
+    plot.grid.grid_line_alpha = 0.25
+    return plot
+
+
+def scatter(
+    plot: plotting.figure, style: Style | Sequence[Style], x: Sequence[Any], y: Sequence[Any], columns: Columns, fill_alpha: float = 0.75
+) -> None:
+    """Points that ``hover`` can ask for ``columns``; ``style`` is that of all of them, or one each."""
+    from bokeh.models import ColumnDataSource
+
+    if isinstance(style, tuple):
+        colour, marker = style[:2]
+        source = ColumnDataSource({**columns, "x": list(x), "y": list(y)})
+        plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=fill_alpha)
+    else:
+        looks = {"colour": [own[0] for own in style], "marker": [own[1] for own in style]}
+        source = ColumnDataSource({**columns, **looks, "x": list(x), "y": list(y)})
+        plot.scatter("x", "y", source=source, name="point", marker="marker", size=9, color="colour", fill_alpha=fill_alpha)
+
+
+def hover(plot: plotting.figure, **tooltips: str) -> None:
+    """Words to show beside a point; to be called when all points are there."""
+    from bokeh.models import HoverTool
+    from bokeh.models.renderers import GlyphRenderer
+
+    points: list[DataRenderer] = [shown for shown in plot.renderers if isinstance(shown, GlyphRenderer) and shown.name == "point"]
+    plot.add_tools(HoverTool(renderers=points, tooltips=list(tooltips.items())))
+
+
+def line_across(plot: plotting.figure, dimension: Literal["width", "height"], location: float, colour: str) -> None:
+    """A dashed line through all of the plot."""
+    from bokeh.models.annotations.geometry import Span
+
+    plot.add_layout(Span(dimension=dimension, location=location, line_color=colour, line_dash="dashed", line_width=1.5))
+
+
+def drawable(value: float | None) -> bool:
+    """Whether a logarithmic axis has a place for ``value``, if only its end."""
+    return value is not None and not math.isnan(value) and value >= 0
+
+
+def clipped(value: float | None) -> float:
+    """``value`` within what a logarithmic axis can hold."""
+    return within(value, LOWEST, HIGHEST)
+
+
+def within(value: float | None, low: float, high: float) -> float:
+    """``value``, or the end of the axis nearest to it: a log axis has no place for 0 and inf."""
+    return min(max(value or 0.0, low), high)
