@@ -1,0 +1,197 @@
+"""What an atlas of hard cases measured: plain data that the report and the JSON file are made of.
+
+Errors are in the kinetic-energy norm. A number that is None was not measured, and ``reason`` says why.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, fields
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardPoint:
+    """One subject at one value of a knob; the worst of its states.
+
+    Attributes:
+        knob: the value; system: name of the system.
+        verdict: the gravest of the states; "unsupported" where the engine refuses the model.
+        backward_error: largest over the states [units of data roundoff].
+        digits_lost: log10 of the largest forward relative error over the unit roundoff; 0 for a smaller error.
+        condition: largest kappa_s, the condition number of M scaled to unit diagonal.
+        unstable_bound: backward error up to which the verdict of the worst state is "unstable" [data roundoffs].
+        certified: how many of the states are; states: of how many.
+        bits: largest precision that was needed.
+        reason: the engine's words where it refuses or fails, and why a state is undecided.
+        state: the worst one, {"q", "v", "tau"}.
+    """
+
+    knob: float
+    system: str
+    verdict: str
+    backward_error: float | None = None
+    digits_lost: float | None = None
+    condition: float | None = None
+    unstable_bound: float | None = None
+    certified: int = 0
+    states: int = 0
+    bits: int = 0
+    reason: str = ""
+    state: dict[str, list[float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardReason:
+    """Why a verdict is expected along a family.
+
+    Attributes:
+        verdict: value of ``Verdict``; reason: the step of the algorithm that loses the digits.
+        remedy: what a user can do; link: where that is from.
+    """
+
+    verdict: str
+    reason: str
+    remedy: str
+    link: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardRow:
+    """One subject along one family.
+
+    Attributes:
+        case, title, subject: names.
+        knob, unit: what is turned.
+        points: in the order of the knob.
+        verdict: the gravest of the points; a refused point counts as "unsupported", one not certified as "undecided".
+        growth: slope of log backward error over log knob where it is above the floor; None where there is none.
+        digits_growth: the same of the forward error.
+        theory_verdict, theory_growth, theory_digits_growth: what theory expects; source: where that is from.
+        remedy: what a user can do.
+        problems: what is not as expected, in words; none where every verdict is expected.
+        reasons: why each verdict that is expected is.
+        crashed: whether the engine's process died or ran out of time.
+        seconds: wall time of the whole row.
+    """
+
+    case: str
+    title: str
+    subject: str
+    knob: str
+    unit: str
+    points: list[HardPoint]
+    verdict: str
+    growth: float | None = None
+    digits_growth: float | None = None
+    theory_verdict: str = "agrees"
+    theory_growth: float | None = None
+    theory_digits_growth: float | None = None
+    source: str = ""
+    remedy: str = ""
+    problems: list[str] = field(default_factory=list)
+    reasons: list[HardReason] = field(default_factory=list)
+    crashed: bool = False
+    seconds: float = 0.0
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether every verdict along the family is agreement or an expected other one."""
+        return not self.problems
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """Number of points by verdict."""
+        return dict(Counter(point.verdict for point in self.points))
+
+    @property
+    def worst(self) -> float | None:
+        """Largest backward error along the family."""
+        return max((point.backward_error for point in self.points if point.backward_error is not None), default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parting:
+    """How fast one integrator leaves a baseline motion from one start.
+
+    Attributes:
+        motion, system, integrator: names.
+        knob: the value that chose the start.
+        rate: slope of log distance over time while it is small [1/s]; None where it does not grow through that range.
+        expected_rate: the same by theory, or of a motion whose start is one unit roundoff off.
+        parted: when the distance reaches a tenth of the motion [s]; None where it does not.
+        earliest: when a motion parts whose start is as far off as an answer that agrees may be [s].
+        largest: largest distance, relative to the motion.
+        verdict: "agrees", or "disagrees" where it parts sooner than that.
+    """
+
+    motion: str
+    system: str
+    integrator: str
+    knob: float
+    rate: float | None
+    expected_rate: float | None
+    parted: float | None
+    earliest: float | None
+    largest: float
+    verdict: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StableStep:
+    """The largest stable step of one integrator on an undamped oscillator.
+
+    Attributes:
+        case, system, integrator: names.
+        knob: the value that chose the oscillator; frequency: its angular frequency [rad/s].
+        measured: the step times the frequency; infinite where every step that was tried is stable.
+        expected: by theory.
+        verdict: "agrees", or "disagrees" beyond the resolution of the search.
+    """
+
+    case: str
+    system: str
+    integrator: str
+    knob: float
+    frequency: float
+    measured: float
+    expected: float
+    verdict: str
+
+
+@dataclass(kw_only=True)
+class Atlas:
+    """Everything one run along the hard cases measured; a part that was not asked for is empty.
+
+    Attributes:
+        problems: sentences on motions that could not be measured.
+    """
+
+    rows: list[HardRow] = field(default_factory=list)
+    partings: list[Parting] = field(default_factory=list)
+    stable_steps: list[StableStep] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def extend(self, more: Atlas) -> None:
+        """Take in what another part measured."""
+        for part in fields(self):
+            getattr(self, part.name).extend(getattr(more, part.name))
+
+    @property
+    def unexpected(self) -> list[str]:
+        """A sentence for each thing that is not as expected."""
+        found = [f"{row.case}, {row.subject}: {problem}" for row in self.rows for problem in row.problems]
+        found += [
+            f"{one.motion}, {one.integrator} from {one.knob:g}: parts after {one.parted:g} s, sooner than {_seconds(one.earliest)}"
+            for one in self.partings
+            if one.verdict != "agrees" and one.parted is not None
+        ]
+        found += [
+            f"{one.integrator} at {one.frequency:g} rad/s: largest stable step {one.measured:.4g} over the frequency, expected {one.expected:.4g}"
+            for one in self.stable_steps
+            if one.verdict != "agrees"
+        ]
+        return found
+
+
+def _seconds(time: float | None) -> str:
+    return "a motion from a nudged start, which never does" if time is None else f"{time:g} s"
