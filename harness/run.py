@@ -27,7 +27,8 @@ from harness.engines import (
     subjects,
 )
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
-from harness.expected import Expectation, load_expectations
+from harness.expected import Expectation, load_expectations, why_no_model
+from harness.found_states import stored_states
 from harness.judgement import Answers, judge
 from harness.library import Library
 from harness.mechanism import Mechanism
@@ -55,7 +56,7 @@ class Settings:
         names: systems; all for none.
         subjects: subjects as text; all for none.
         states: states per system; a quarter of them, at most ``MOST_SEARCHED``, is searched for by
-            hypothesis, the rest sampled.
+            hypothesis, the rest sampled. The hard states stored with a system come on top.
         seed: of both.
         stand_ins: model format to a file that stands in for the one system's own.
         state: the one state to compare at instead of sampling, for replays.
@@ -101,6 +102,7 @@ class _System:
     frames: set[bool]
     references: dict[tuple[bool, int], Reference] = field(default_factory=dict)
     seconds: list[float] = field(default_factory=list)
+    compilation_seconds: float | None = None
     failure: str = ""
     pairs: dict[Subject, _Pair] = field(default_factory=dict)
 
@@ -149,8 +151,12 @@ class CrossCheck:
         """Every record once, as it is completed."""
         mechanisms: dict[str, Mechanism] = {}
         models: dict[tuple[str, str], ModelFile | str] = {}
-        formats = sorted({subject.format for subject in self.subjects} - {EQUATIONS})
-        paths = {(name, model_format): self._model_path(name, model_format) for name in self.names for model_format in formats}
+        paths = {
+            (name, subject.format): self._model_path(name, subject.format)
+            for name in self.names
+            for subject in self.subjects
+            if subject.format != EQUATIONS and not self._why_no_model(name, subject)
+        }
         work = [Task((name, None), tasks.derive, (self.settings.library, name)) for name in self.names]
         work += [Task(key, tasks.read, (path, key[1])) for key, path in paths.items()]
         for outcome in self.workers.run(work):
@@ -171,6 +177,12 @@ class CrossCheck:
     def _model_path(self, name: str, model_format: str) -> Path:
         return self.settings.stand_ins.get(model_format) or self.settings.library.model_path(name, model_format)
 
+    def _why_no_model(self, name: str, subject: Subject) -> str:
+        """The reason of the entry that excuses a missing model; a stand-in is a model."""
+        if subject.format in self.settings.stand_ins:
+            return ""
+        return why_no_model(self.settings.library, name, str(subject), subject.format, self.expectations)
+
     def _compare(self, mechanisms: Mapping[str, Mechanism], models: Mapping[tuple[str, str], ModelFile | str]) -> Iterator[Record]:
         systems: dict[str, _System] = {}
         work: list[Task] = []
@@ -180,7 +192,14 @@ class CrossCheck:
                 given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
                 raise InvalidRequest(f"--state has {given}; {name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
             frames = {self._in_body(mechanism, subject) for subject in self.subjects}
-            system = systems[name] = _System(mechanism, self._bulk(mechanism), frames)
+            try:
+                bulk = self._bulk(mechanism)
+            except InvalidInput as error:
+                self.problems.append(error)
+                for subject in self.subjects:
+                    yield self._told(Answers(failure=str(error)), name, subject)
+                continue
+            system = systems[name] = _System(mechanism, bulk, frames)
             for in_body in sorted(frames):
                 work += [
                     Task((name, None, (in_body, index)), tasks.certify, (mechanism, in_body, states))
@@ -191,7 +210,9 @@ class CrossCheck:
                 pair = system.pairs[subject] = _Pair(subject)
                 engine = load_engine(self.settings.library, subject.engine)
                 model = models.get((name, subject.format))
-                if isinstance(model, str):
+                if reason := self._why_no_model(name, subject):
+                    pair.unsupported, pair.failure = True, reason
+                elif isinstance(model, str):
                     pair.failure = model
                 elif installed_version(engine) is None:
                     pair.unsupported, pair.failure = True, f"{engine.requires[1]} is not installed"
@@ -209,7 +230,7 @@ class CrossCheck:
             else:
                 self._take_answer(system.pairs[subject], index, outcome)
             yield from self._completed(name, system)
-        self.cards += [describe_system(system.mechanism, system.seconds) for system in systems.values()]
+        self.cards += [describe_system(system.mechanism, system.seconds, system.compilation_seconds) for system in systems.values()]
 
     def _in_body(self, mechanism: Mechanism, subject: Subject) -> bool:
         """Whether a subject's answers need the reference with linear velocities in the body's frame."""
@@ -219,6 +240,8 @@ class CrossCheck:
         if self.settings.state is not None:
             return [self.settings.state]
         states = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+        found = stored_states(self.settings.library, mechanism)
+        states = states if found is None else States.concatenate([found, states])
         return [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
 
     def _tasks(self, name: str, pair: _Pair, system: _System, model: ModelFile | None) -> list[Task]:
@@ -253,8 +276,9 @@ class CrossCheck:
         if failure:
             system.failure = f"the reference failed: {failure}"
         else:
-            system.references[place], seconds = outcome.value
+            system.references[place], seconds, compilation_seconds = outcome.value
             system.seconds.append(seconds)
+            system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
 
     def _take_answer(self, pair: _Pair, index: int | None, outcome: Outcome) -> None:
         pair.pending -= 1
@@ -312,7 +336,8 @@ class CrossCheck:
         """The record of a pair, with what was expected of it and how to see it again."""
         expectation = self.expectations.get((name, str(subject)), Expectation())
         record = judge(name, str(subject), answers, expectation)
-        if record.verdict == Verdict.AGREES and (self.settings.state is not None or self.settings.states < DEFAULT_STATES):
+        few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
+        if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
             record = judge(name, str(subject), answers, Expectation())
         command = ["harness", "check", name, "--subject", str(subject), *self.settings.replay_options]
