@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 POLL_SECONDS = 0.2
-RESTART_SECONDS = 30.0
+# A busy machine takes this long to start a process; after as long again, none will come.
+RESTART_SECONDS = 60.0
 _TIMEOUT_MARK = "Timeout ("
 
 
@@ -92,9 +93,13 @@ class Workers:
             self._exit.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
             # Without an address the scheduler's own server fights for one port with every other cluster.
             quiet = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
-            processes = self.count or os.cpu_count() or 1
             cluster = LocalCluster(
-                n_workers=processes, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50, scheduler_kwargs=quiet
+                n_workers=self._processes,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                silence_logs=50,
+                scheduler_kwargs=quiet,
             )
             self._exit.enter_context(cluster)
             self._client = self._exit.enter_context(Client(cluster))
@@ -105,11 +110,18 @@ class Workers:
     def __exit__(self, *exception: object) -> None:
         self._exit.close()
 
+    @property
+    def _processes(self) -> int:
+        return self.count or os.cpu_count() or 1
+
     def __len__(self) -> int:
         return max(1, len(self._client.nthreads()))
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        """Outcomes in the order in which the tasks end; every task has exactly one."""
+        """Outcomes in the order in which the tasks end; every task has exactly one.
+
+        Where the cluster loses its workers for good, the tasks left are told as crashed.
+        """
         from distributed import wait
 
         waiting = deque(tasks)
@@ -122,8 +134,14 @@ class Workers:
                     running[worker] = self._submit(waiting.popleft(), worker)
             if not running:
                 without_workers_since = without_workers_since or time.monotonic()
-                if time.monotonic() - without_workers_since > RESTART_SECONDS:
-                    raise RuntimeError("the cluster has had no worker for 30 s; start workers or drop --scheduler")
+                waited = time.monotonic() - without_workers_since
+                if waited > 2 * RESTART_SECONDS:
+                    reason = f"the cluster has had no worker for {waited:.0f} s; start workers or drop --scheduler"
+                    yield from (Outcome(task, crash=Crash(reason, "", "")) for task in waiting)
+                    return
+                if waited > RESTART_SECONDS and self.scheduler is None:
+                    # A nanny that fails to start its worker in time gives up; asked for their number, the cluster makes new ones.
+                    self._client.cluster.scale(self._processes)
                 time.sleep(POLL_SECONDS)
                 continue
             without_workers_since = None

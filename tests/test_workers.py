@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -155,3 +156,24 @@ def _abort(number: int, note: object) -> None:
     assert callable(note)
     note(f"at {number}")
     os.abort()
+
+
+def test_a_cluster_that_lost_its_workers_gets_new_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.workers.RESTART_SECONDS", 5.0)
+    with Workers(count=1, time_limit=30) as workers:
+        workers._client.cluster.scale(0)
+        while workers._client.nthreads():
+            time.sleep(0.1)
+        outcomes = list(workers.run([Task(number, _double, (number,)) for number in range(3)]))
+    assert [outcome.value for outcome in outcomes] == [0, 2, 4]
+
+
+def test_tasks_of_a_cluster_without_workers_are_told_as_crashed(monkeypatch: pytest.MonkeyPatch) -> None:
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("harness.workers.RESTART_SECONDS", 0.5)
+    empty = LocalCluster(n_workers=0, processes=True, dashboard_address=None, silence_logs=50)
+    with empty as cluster, Workers(scheduler=cluster.scheduler_address) as workers:
+        outcomes = list(workers.run([Task(number, _double, (number,)) for number in range(3)]))
+    assert [outcome.task.key for outcome in outcomes] == [0, 1, 2]
+    assert all("no worker" in str(outcome.crash) for outcome in outcomes)
