@@ -155,6 +155,17 @@ def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene
     assert found["mujoco discrete"].largest > 0.3
 
 
+def test_theory_is_silent_where_all_error_is_rounding() -> None:
+    """On a linear system the midpoint rule keeps the energy exactly, so that what is left walks at random."""
+    scene = Scene.of(LIBRARY, "spring_damper")
+    names = ["equations variational midpoint", "equations RK4"]
+    midpoint, runge_kutta = drifts(LIBRARY, scene.mechanism, scene.models, names, 20000, silent)
+    if midpoint.integrator != names[0]:
+        midpoint, runge_kutta = runge_kutta, midpoint
+    assert midpoint.largest < 1e-12
+    assert (midpoint.expected, runge_kutta.expected) == ("", "secular")
+
+
 @pytest.mark.parametrize("name", ["cart_pendulum", "bar_pendulum", "spring_damper", "quarter_car"])
 def test_dampers_go_from_equations_and_models_alike(name: str) -> None:
     scene = Scene.of(LIBRARY, name)
