@@ -20,6 +20,9 @@ BINARY = frozenset({"add", "sub", "mul", "div", "pow", "atan2"})
 # "integer_power" holds a result and a literal exponent.
 _OPERANDS = {"input": 1, "rational": 2, "pi": 0, "integer_power": 2} | dict.fromkeys(UNARY, 1) | dict.fromkeys(BINARY, 2)
 
+# Operands that are earlier results.
+_ARITY = dict.fromkeys(UNARY, 1) | dict.fromkeys(BINARY, 2) | {"integer_power": 1}
+
 type_instruction = tuple[Any, ...]
 
 
@@ -36,6 +39,29 @@ class StraightLineProgram:
     inputs: tuple[str, ...]
     instructions: tuple[type_instruction, ...]
     outputs: Mapping[str, tuple[int, ...]]
+
+    @property
+    def turning(self) -> list[int]:
+        """Inputs that enter nothing but sines, cosines and tangents of their whole multiples and sums: a full turn changes no output."""
+        # For each instruction, the inputs it is a sum of whole multiples of; None where it is something else.
+        sums: list[frozenset[int] | None] = []
+        exposed: set[int] = set()
+        whole = {place for place, (operation, *operands) in enumerate(self.instructions) if operation == "rational" and operands[1] == "1"}
+        for operation, *operands in self.instructions:
+            parts = [] if operation in ("input", "rational", "pi") else [sums[place] for place in operands[: _ARITY[operation]]]
+            if operation == "input":
+                sums.append(frozenset(operands))
+            elif operation in ("rational", "pi"):
+                sums.append(frozenset())
+            elif operation in ("sin", "cos", "tan") and parts[0] is not None:
+                sums.append(None)
+            elif None not in parts and (operation in ("add", "sub", "neg") or (operation == "mul" and whole & set(operands))):
+                sums.append(frozenset().union(*(part for part in parts if part is not None)))
+            else:
+                exposed.update(*(part for part in parts if part is not None))
+                sums.append(None)
+        exposed.update(*(sums[place] or () for places in self.outputs.values() for place in places))
+        return [place for place in range(len(self.inputs)) if place not in exposed]
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object that ``from_json`` turns back into an equal program."""

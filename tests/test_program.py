@@ -20,6 +20,7 @@ from harness.kernels import OUTPUTS, BallKernel, Float64Kernel
 from harness.library import Library
 from harness.mechanism import Mechanism
 from harness.program import StraightLineProgram, assemble
+from harness.states import sample
 
 X, Y, P = INPUTS = sp.symbols("x y p", real=True)
 LITERALS = [sp.Integer(0), sp.Integer(3), sp.Integer(-2), sp.Rational(1, 3), sp.Rational(-7, 5), sp.Float(0.1), sp.Float(-2.5), sp.pi]
@@ -270,3 +271,25 @@ def test_a_damaged_mechanism_is_refused_or_sound(data: st.DataObject) -> None:
     assert Mechanism.from_json(mechanism.to_json()).nv == 2
     assert all(isinstance(name, str) for name in (mechanism.name, mechanism.description, *mechanism.coordinates, *mechanism.joints))
     assert len(mechanism.joints) == len(mechanism.position_ranges) == len(mechanism.rate_ranges) == 2
+
+
+def test_inputs_that_only_turn_are_told_from_those_that_do_not() -> None:
+    a, b, c, d, e, k = sp.symbols("a b c d e k", real=True)
+    torque = sp.sin(a + 2 * b - sp.pi) * k + sp.cos(c / 2) + d * sp.cos(d)
+    program = assemble([a, b, c, d, e, k], {"torque": [torque], "position": [a - 3 * e]})
+    # c turns by halves, d and k stand outside, and so do a and e in the second output.
+    assert [program.inputs[place] for place in program.turning] == ["b"]
+    assert assemble([a, b], {"slope": [sp.tan(a - b)]}).turning == [0, 1]
+
+
+@pytest.mark.parametrize("name", Library.built_in().system_names())
+def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
+    mechanism = load_mechanism(Library.built_in(), name)
+    kernel = BallKernel(mechanism.program, len(mechanism.parameters)).bind(mechanism.parameter_values)
+    states = sample(mechanism, 1, seed=5)
+    row = [flint.arb(value) for value in (*states.q[0], *states.v[0], *states.tau[0], 0.0)]
+    before = kernel(*row)
+    for place in mechanism.program.turning:
+        if place < mechanism.nq:
+            after = kernel(*row[:place], row[place] + 2 * flint.arb.pi(), *row[place + 1 :])
+            assert all(first.overlaps(second) for first, second in zip(before, after, strict=True))

@@ -14,6 +14,9 @@ from harness.models import ModelFile
 from harness.program import StraightLineProgram
 from harness.states import States
 
+# Half an ulp of a larger angle [rad] hides what taking turns from it rounds.
+LARGE_ANGLE = 64.0
+
 
 class LagrangeModel:
     """A mechanism's float64 kernels, each state in the chart that is most regular there."""
@@ -26,7 +29,7 @@ class LagrangeModel:
         return None
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        inputs = self._mechanism.inputs(States.at(q, v, tau))
+        inputs = self._mechanism.inputs(States.at(self._within_a_turn(q), v, tau))
         if len(self._charts) == 1:
             return np.ascontiguousarray(self._charts[0].accelerations(inputs).T)
         best = np.argmax([chart.regularity(inputs) for chart in self._charts], axis=0)
@@ -35,6 +38,13 @@ class LagrangeModel:
             chosen = best == number
             accelerations[chosen] = chart.accelerations(np.ascontiguousarray(inputs[:, chosen])).T
         return accelerations
+
+    def _within_a_turn(self, q: Array) -> Array:
+        """Positions with whole turns taken from large angles: in a sum with another angle they would round its digits away."""
+        turning = [place for place in self._charts[0].program.turning if place < self._mechanism.nq]
+        large = np.zeros(q.shape, dtype=bool)
+        large[:, turning] = np.abs(q[:, turning]) > LARGE_ANGLE
+        return np.where(large, np.arctan2(np.sin(q), np.cos(q)), q) if large.any() else q
 
 
 # The last few: mechanisms that differ in parameter values alone share their program, and one kernel.
