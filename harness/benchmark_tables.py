@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-
 import click
-from rich.table import Table
 
 from harness.measurements import Benchmark
 from harness.pareto import cost_of, error_of, with_cheapest
 from harness.records import Run
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.summary import error_text, seconds_text
-from harness.terminal import console
+from harness.terminal import print_rows
 
 
 def print_benchmark(run: Run, benchmark: Benchmark) -> None:
@@ -39,7 +36,7 @@ def _print_accelerations(summary: BenchmarkSummary) -> None:
          error_text(cost.median_backward_error), error_text(cost.relative_error)]
         for cost in costs
     ]  # fmt: skip
-    _print(
+    print_rows(
         "accelerations",
         ["system", "method", "threads", "time per state", "worst backward error", "median backward error", "worst relative error"],
         rows,
@@ -58,7 +55,7 @@ def _print_growth(summary: BenchmarkSummary) -> None:
         [growth.family, growth.method, ", ".join(map(str, growth.sizes)), _number(growth.exponent), growth.expected]
         for growth in summary.benchmark.growth
     ]
-    _print("growth: exponent of the cost over the number of bodies", ["family", "method", "bodies", "exponent", "expected"], rows)
+    print_rows("growth: exponent of the cost over the number of bodies", ["family", "method", "bodies", "exponent", "expected"], rows)
 
 
 def _print_motion(summary: BenchmarkSummary) -> None:
@@ -66,7 +63,7 @@ def _print_motion(summary: BenchmarkSummary) -> None:
         [truth.system, f"{truth.horizon:g} s", f"{truth.trusted:.4g} s", error_text(truth.error), truth.precision]
         for truth in summary.benchmark.truths
     ]
-    _print("true motion", ["system", "length", "trusted", "error", "the two runs"], truths)
+    print_rows("true motion", ["system", "length", "trusted", "error", "the two runs"], truths)
     orders = {(order.system, order.integrator): order for order in summary.benchmark.orders}
     rows: list[list[object]] = []
     for system in summary.systems:
@@ -78,7 +75,7 @@ def _print_motion(summary: BenchmarkSummary) -> None:
             told = [_number(order.measured), _number(order.expected), order.verdict] if order else ["-", "-", ""]
             rows.append([system, integrator, *told, error_text(error), seconds_text(cost_of(best)) if best else "-"])
     heads = ["system", "integrator", "order", "expected", "verdict", "smallest error", "time per second of motion"]
-    _print("motion", heads, rows)
+    print_rows("motion", heads, rows)
 
 
 def _print_long_runs(summary: BenchmarkSummary) -> None:
@@ -86,7 +83,7 @@ def _print_long_runs(summary: BenchmarkSummary) -> None:
         [drift.system, drift.integrator, f"{drift.step:g} s", f"{drift.steps:,}", error_text(drift.largest), drift.verdict, drift.expected]
         for drift in summary.drifts()
     ]
-    _print("energy over long runs", ["system", "integrator", "step", "steps", "largest error", "energy is", "expected"], rows)
+    print_rows("energy over long runs", ["system", "integrator", "step", "steps", "largest error", "energy is", "expected"], rows)
 
 
 def _print_paths_and_figures(summary: BenchmarkSummary) -> None:
@@ -94,13 +91,13 @@ def _print_paths_and_figures(summary: BenchmarkSummary) -> None:
         [entry.system, entry.path, f"{entry.step:g} s", error_text(entry.residual), _number(entry.slope), error_text(entry.first_variation)]
         for entry in summary.benchmark.stationarity
     ]
-    _print("stationary action", ["system", "path", "step", "residual", "slope", "first variation"], paths)
+    print_rows("stationary action", ["system", "path", "step", "residual", "slope", "first variation"], paths)
     figures = [
         [figure.system, figure.what, f"{figure.printed:g} {figure.unit}", f"{figure.computed:.5g}", f"{figure.truth:.5g}",
          "yes" if figure.reproduced else f"no. {figure.remark}"]
         for figure in summary.benchmark.figures
     ]  # fmt: skip
-    _print("figures of the text", ["system", "what", "printed", "computed", "true motion", "reproduced"], figures)
+    print_rows("figures of the text", ["system", "what", "printed", "computed", "true motion", "reproduced"], figures)
 
 
 def _print_cheapest(summary: BenchmarkSummary) -> None:
@@ -108,20 +105,7 @@ def _print_cheapest(summary: BenchmarkSummary) -> None:
         table = summary.cheapest(kind)
         heads = ["system", *(f"error at most {entry.error:g}" for entry in (table[0][1] if table else []))]
         rows = [[system, *(f"{e.way}\n{seconds_text(e.cost)} {unit}" if e.way else "-" for e in entries)] for system, entries in table]
-        _print(f"the cheapest way: {kind}", heads, rows)
-
-
-def _print(title: str, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    rows = list(rows)
-    if not rows:
-        return
-    click.echo(f"\n{title}")
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for head in heads:
-        table.add_column(head)
-    for row in rows:
-        table.add_row(*map(str, row))
-    console().print(table, markup=False)
+        print_rows(f"the cheapest way: {kind}", heads, rows)
 
 
 def _number(value: float | None) -> str:

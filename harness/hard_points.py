@@ -186,7 +186,7 @@ class Atlas:
             if one.verdict != "agrees" and one.parted is not None
         ]
         found += [
-            f"{one.integrator} at {one.frequency:g} rad/s: largest stable step {one.measured:.4g} over the frequency, expected {one.expected:.4g}"
+            f"{one.integrator}, {one.frequency:g} rad/s: stable up to {one.measured:.4g} over the frequency, expected {one.expected:.4g}"
             for one in self.stable_steps
             if one.verdict != "agrees"
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -77,6 +77,20 @@ def print_unexpected(records: list[Record]) -> None:
         click.echo("\n" + explain(record))
     agreeing = len(records) - len(unexpected)
     click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def print_rows(title: str, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A table under its title; nothing without rows."""
+    rows = list(rows)
+    if not rows:
+        return
+    click.echo(f"\n{title}")
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    for row in rows:
+        table.add_row(*map(str, row))
+    console().print(table, markup=False)
 
 
 def print_superfluous(findings: Sequence[Finding]) -> None:

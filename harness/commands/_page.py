@@ -12,20 +12,20 @@ if TYPE_CHECKING:
 
 
 def write_page(directory: Path, history: History, library: str, run_id: int | None = None) -> None:
-    """Write the report of a run, by default the latest of ``library``, with the latest benchmark of that library.
+    """Write the report of a run, by default the latest of ``library``, with the latest benchmark and atlas of that library.
 
-    Without a run, the page holds the benchmark alone; without either, none is written.
+    Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
     """
-    from harness.report import build, build_benchmark, write
+    from harness.report import build, build_measured, write
 
-    benchmark = history.latest_benchmark(library)
+    benchmark, atlas = history.latest_benchmark(library), history.latest_atlas(library)
     number = history.latest_run(library) if run_id is None else run_id
     if number is not None:
         run = dict(history.runs(-1))[number]
         records, cards, findings = history.records(number), history.systems(number), history.findings(number)
-        files = build(run, cards, records, history.earlier(number), findings, benchmark)
-    elif benchmark is not None:
-        files = build_benchmark(*benchmark)
+        files = build(run, cards, records, history.earlier(number), findings, benchmark, atlas, history.worst_cases(number))
+    elif benchmark is not None or atlas is not None:
+        files = build_measured(benchmark, atlas)
     else:
         return
     write(directory, files)

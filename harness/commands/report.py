@@ -49,6 +49,8 @@ def command(
     from harness.history import History
     from harness.library import Library
     from harness.run import Settings
+    from harness.workers import Workers
+    from harness.worst_cases import ranked
 
     make_folder(directory)
     settings = Settings(
@@ -66,5 +68,8 @@ def command(
             history.append_system(identifier, card)
         for finding in cross_check.superfluous:
             history.append_finding(identifier, finding)
+        with Workers(workers, scheduler, time_limit) as pool:
+            options = settings.replay_options
+            history.append_worst_cases(identifier, ranked(settings.library, run, records, pool, replay_options=options))
         write_page(directory, history, settings.library.name, identifier)
     finish(cross_check, records)

@@ -7,21 +7,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidInput
+from harness.hard_points import Atlas
 from harness.measurements import Benchmark
 from harness.records import Record, Run, SystemCard, to_json, write_atomically
 from harness.report.benchmarks import BenchmarkSummary
-from harness.report.html import render_benchmark, render_html
-from harness.report.markdown import render_benchmark_markdown, render_markdown
+from harness.report.hard_cases import HardSummary
+from harness.report.html import render_html, render_measured
+from harness.report.markdown import render_markdown, render_measured_markdown
 from harness.report.summary import Earlier, Summary
 
 if TYPE_CHECKING:
+    from harness.found_states import RankedCase
     from harness.minimal import Finding
 
-__all__ = ["Earlier", "build", "build_benchmark", "write"]
+__all__ = ["Earlier", "build", "build_measured", "write"]
 
 
 def build(
@@ -31,32 +35,50 @@ def build(
     history: Sequence[Earlier] = (),
     superfluous: Sequence[Finding] = (),
     benchmark: tuple[Run, Benchmark] | None = None,
+    atlas: tuple[Run, Atlas] | None = None,
+    worst_cases: Sequence[RankedCase] = (),
 ) -> dict[str, str]:
     """File name to text of every file of the report.
 
     ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them;
-    ``benchmark`` what ``History.latest_benchmark`` returns. The Markdown and the JSON are the same for the
-    same arguments; Bokeh numbers its plots anew on every call.
+    ``benchmark``, ``atlas`` and ``worst_cases`` what ``History.latest_benchmark``, ``latest_atlas`` and ``worst_cases``
+    return. The Markdown and the JSON are the same for the same arguments; Bokeh numbers its plots anew on every call.
     """
-    summary = Summary(run, cards, records, history, superfluous)
+    summary = Summary(run, cards, records, history, superfluous, worst_cases)
     measured = BenchmarkSummary(*benchmark) if benchmark else None
-    told = (measured.run, measured.benchmark) if measured else None
+    hard = HardSummary(*atlas) if atlas else None
     ordered_cards = sorted(cards, key=lambda card: card.name)
+    told, further = _plain(measured, hard)
+    if worst_cases:
+        further["worst_cases"] = [asdict(case) for case in worst_cases]
     return {
-        "index.html": render_html(summary, measured),
-        "report.md": render_markdown(summary, measured),
-        "report.json": to_json(run, summary.records, ordered_cards, summary.superfluous, told),
+        "index.html": render_html(summary, measured, hard),
+        "report.md": render_markdown(summary, measured, hard),
+        "report.json": to_json(run, summary.records, ordered_cards, summary.superfluous, told, further),
     }
 
 
-def build_benchmark(run: Run, benchmark: Benchmark) -> dict[str, str]:
-    """File name to text of a report of nothing but a benchmark."""
-    measured = BenchmarkSummary(run, benchmark)
+def build_measured(benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None = None) -> dict[str, str]:
+    """File name to text of a report of nothing but a benchmark, an atlas or both.
+
+    Raises:
+        ValueError: there is neither.
+    """
+    measured = BenchmarkSummary(*benchmark) if benchmark else None
+    hard = HardSummary(*atlas) if atlas else None
+    newest = max((part.run for part in (measured, hard) if part is not None), key=lambda run: run.started)
+    told, further = _plain(measured, hard)
     return {
-        "index.html": render_benchmark(measured),
-        "report.md": render_benchmark_markdown(measured),
-        "report.json": to_json(run, [], benchmark=(run, measured.benchmark)),
+        "index.html": render_measured(newest, measured, hard),
+        "report.md": render_measured_markdown(measured, hard),
+        "report.json": to_json(newest, [], benchmark=told, further=further),
     }
+
+
+def _plain(measured: BenchmarkSummary | None, hard: HardSummary | None) -> tuple[tuple[Run, Benchmark] | None, dict[str, Any]]:
+    """What the JSON file says of them."""
+    told = (measured.run, measured.benchmark) if measured else None
+    return told, {"atlas": {"run": asdict(hard.run)} | asdict(hard.atlas)} if hard else {}
 
 
 def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:

@@ -14,10 +14,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.pareto import cost_of, way_of
-from harness.records import Record
-from harness.report import benchmark_charts, charts
+from harness.records import Record, Run
+from harness.report import benchmark_charts, charts, hard_charts
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import embed
+from harness.report.hard_cases import HardSummary, growth_text
 from harness.report.summary import Summary, counted, error_text, seconds_text, state_lines
 from harness.verdict import AGREEMENT
 
@@ -32,12 +33,12 @@ _MATHML_ATTRIBUTES = {"display", "mathvariant", "accent", "stretchy", "columnali
 _LONG_EQUATIONS = 12_000
 
 
-def render_html(summary: Summary, benchmark: BenchmarkSummary | None = None) -> str:
-    """The whole ``index.html`` of a run, with a benchmark where there is one."""
+def render_html(summary: Summary, benchmark: BenchmarkSummary | None = None, hard: HardSummary | None = None) -> str:
+    """The whole ``index.html`` of a run, with a benchmark and an atlas where there are."""
     return _render(
         "template.html",
-        charts.plots(summary) | _plots(benchmark),
-        _about(benchmark)
+        charts.plots(summary) | _plots(benchmark, hard),
+        _about(benchmark, hard)
         | {
             "summary": summary,
             "run": summary.run,
@@ -48,28 +49,35 @@ def render_html(summary: Summary, benchmark: BenchmarkSummary | None = None) -> 
     )
 
 
-def render_benchmark(benchmark: BenchmarkSummary) -> str:
-    """The whole ``index.html`` where nothing but a benchmark has run."""
-    return _render("benchmark_page.html", _plots(benchmark), _about(benchmark) | {"run": benchmark.run})
+def render_measured(run: Run, benchmark: BenchmarkSummary | None, hard: HardSummary | None = None) -> str:
+    """The whole ``index.html`` where nothing but a benchmark or an atlas has run; ``run`` is the newer of them."""
+    return _render("benchmark_page.html", _plots(benchmark, hard), _about(benchmark, hard) | {"run": run})
 
 
-def _plots(benchmark: BenchmarkSummary | None) -> dict[str, plotting.figure | None]:
-    return benchmark_charts.plots(benchmark) if benchmark else {}
+def _plots(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict[str, plotting.figure | None]:
+    return (benchmark_charts.plots(benchmark) if benchmark else {}) | (hard_charts.plots(hard) if hard else {})
 
 
-def _about(benchmark: BenchmarkSummary | None) -> dict[str, Any]:
-    if benchmark is None:
-        return {"benchmark": None}
-    return {
-        "benchmark": benchmark,
-        "method_styles": benchmark_charts.method_styles(benchmark),
-        "integrator_styles": benchmark_charts.integrator_styles(benchmark),
-        "cost_anchors": _anchors(benchmark.systems, "cost"),
-        "acceleration_front": acceleration_front,
-        "motion_front": motion_front,
-        "way_of": way_of,
-        "cost_of": cost_of,
-    }
+def _about(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict[str, Any]:
+    about: dict[str, Any] = {"benchmark": benchmark, "hard": hard}
+    if hard is not None:
+        about |= {
+            "hard_styles": hard_charts.hard_styles(hard),
+            "hard_anchors": _anchors([family.name for family in hard.families], "hard"),
+            "silent_marker": hard_charts.SILENT_MARKER[1],
+            "growth_text": growth_text,
+        }
+    if benchmark is not None:
+        about |= {
+            "method_styles": benchmark_charts.method_styles(benchmark),
+            "integrator_styles": benchmark_charts.integrator_styles(benchmark),
+            "cost_anchors": _anchors(benchmark.systems, "cost"),
+            "acceleration_front": acceleration_front,
+            "motion_front": motion_front,
+            "way_of": way_of,
+            "cost_of": cost_of,
+        }
+    return about
 
 
 def _render(template: str, plots: Mapping[str, plotting.figure | None], about: Mapping[str, Any]) -> str:
@@ -81,6 +89,7 @@ def _render(template: str, plots: Mapping[str, plotting.figure | None], about: M
     environment.filters |= {
         "error": error_text, "seconds": seconds_text, "equations": equations, "link": web_address, "state": state_lines,
         "left_out": left_out, "moment": moment, "way": way_of,
+        "capitalize_first": lambda text: text[:1].upper() + text[1:],
     }  # fmt: skip
     drawn = embed(plots)
     return environment.get_template(template).render(

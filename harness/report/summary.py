@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from harness.records import Record, Run, SystemCard
 
 if TYPE_CHECKING:
+    from harness.found_states import RankedCase
     from harness.minimal import Finding
 
 Earlier = tuple[Run, Sequence[Record]]
@@ -40,6 +41,7 @@ class Summary:
         missing: (system, subject) pairs without a record.
         superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
             and the file stay, because reports are published.
+        worst_cases: subject to its worst cases, worst first; empty where none were looked for.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class Summary:
         records: Sequence[Record],
         history: Sequence[Earlier] = (),
         superfluous: Iterable[Finding] = (),
+        worst_cases: Iterable[RankedCase] = (),
     ) -> None:
         self.run = run
         self.cards = {card.name: card for card in cards}
@@ -64,6 +67,9 @@ class Summary:
         self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
         named = [replace(finding, path="/".join(PurePath(finding.path).parts[-2:])) for finding in superfluous]
         self.superfluous = sorted(named, key=lambda finding: (finding.path, finding.line, finding.subject))
+        self.worst_cases: dict[str, list[RankedCase]] = {}
+        for case in worst_cases:
+            self.worst_cases.setdefault(case.subject, []).append(case)
 
     @property
     def is_good(self) -> bool:
@@ -180,6 +186,6 @@ def seconds_text(value: float | None) -> str:
     return f"{_three_digits(value / 1e-9)} ns"
 
 
-def state_lines(record: Record) -> str:
-    """The worst state as one line per quantity that Python reads back exactly."""
-    return "\n".join(f"{name} = {values!r}" for name, values in (record.worst_state or {}).items())
+def state_lines(state: Mapping[str, Sequence[float]] | None) -> str:
+    """A state as one line per quantity that Python reads back exactly."""
+    return "\n".join(f"{name} = {values!r}" for name, values in (state or {}).items())
