@@ -1,4 +1,4 @@
-"""Bars on speed: ``pytest tests/benchmarks.py``, on a machine with nothing else to do.
+"""Bars on speed: ``pytest -n 0 tests/benchmarks.py``, on a machine with nothing else to do.
 
 Kernels are compared as ratios within one run. Not collected by a plain ``pytest``.
 """
