@@ -89,15 +89,19 @@ def _relative_to(config: pytest.Config, chosen: str) -> Path | str:
 
 
 class _Regression:
-    """Collects one library and runs it once, however many of its tests are selected."""
+    """Collects one library and runs it once, however many of its tests are selected.
+
+    Where pytest-xdist spreads the tests over processes, each process runs the systems that come to it, one by one.
+    """
 
     def __init__(self, config: pytest.Config, library: Library, chosen: str) -> None:
         self.config = config
         self.library = library
         self.chosen = chosen
         self._workers: Workers | None = None
-        self._check: CrossCheck | None = None
-        self._coming: Iterator[Record] = iter(())
+        self._distributed = hasattr(config, "workerinput")
+        # By the systems that run together; all of them under one name where nothing is distributed.
+        self._checks: dict[str, tuple[CrossCheck, Iterator[Record]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
 
@@ -130,34 +134,42 @@ class _Regression:
 
     def record(self, system: str, subject: str) -> Record:
         """The record of one pair, running the cross-check until it comes."""
-        if self._check is None:
-            self._start()
+        _, coming = self._check_of(system)
         while (system, subject) not in self._known:
-            record = next(self._coming)
+            record = next(coming)
             self._known[record.system, record.subject] = record
         return self._known[system, subject]
 
     def superfluous(self, system: str, subject: str) -> list[Finding]:
         """Superfluous parts of the model of a pair whose record is known."""
-        assert self._check is not None
-        return [finding for finding in self._check.superfluous if (finding.system, finding.subject) == (system, subject)]
+        check, _ = self._check_of(system)
+        return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
 
-    def _start(self) -> None:
+    def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
+        """The cross-check that ``system`` belongs to, and its records to come."""
+        group = system if self._distributed else ""
+        if group not in self._checks:
+            check = self._start([system] if self._distributed else self._wanted[0])
+            self._checks[group] = check, check.records()
+        return self._checks[group]
+
+    def _start(self, names: list[str]) -> CrossCheck:
         from harness.run import CrossCheck, Settings
         from harness.workers import Workers
 
         option = self.config.getoption
         settings = Settings(
             library=self.library,
-            names=self._wanted[0],
+            names=names,
             subjects=self._wanted[1],
             states=option("--harness-states"),
             seed=option("--harness-seed"),
             replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
         )
-        self._workers = Workers(option("--harness-workers"), option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
-        self._check = CrossCheck(settings, self._workers)
-        self._coming = self._check.records()
+        if self._workers is None:
+            count = option("--harness-workers") or (1 if self._distributed else None)
+            self._workers = Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+        return CrossCheck(settings, self._workers)
 
 
 class SystemFile(pytest.File):

@@ -45,6 +45,14 @@ def test_any_library_from_an_empty_folder(library: Path) -> None:
     assert "Traceback" not in done.stdout
 
 
+def test_processes_share_the_systems(library: Path) -> None:
+    done = run("--harness-library", str(library), "--harness-states", "40", "-n", "2", "--dist", "loadfile", "-v", cwd=library)
+    assert done.returncode == 1
+    assert "1 failed, 5 passed" in done.stdout
+    assert "bar_pendulum mujoco/mjcf: disagrees, expected agrees" in done.stdout
+    assert {"[gw0]", "[gw1]"} <= set(done.stdout.split())
+
+
 def test_options_select_subjects_systems_and_states(library: Path) -> None:
     common = ("--harness-library", str(library), "--harness-states", "40")
     done = run(*common, "--harness-subject", "pinocchio/urdf", cwd=library)
