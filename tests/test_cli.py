@@ -35,7 +35,7 @@ CONTRACT = {
 
 
 def harness(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
 
 
 @pytest.fixture
