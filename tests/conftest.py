@@ -11,6 +11,7 @@ import mpmath
 import pytest
 import sympy as sp
 from hypothesis import settings
+from support import PLAIN
 
 from harness.derivation import load_mechanism, load_system
 from harness.energies import energy_program_of
@@ -219,13 +220,7 @@ def modelled_mechanism(modelled_name: str) -> Mechanism:
     return load_mechanism(Library.built_in(), modelled_name)
 
 
-def _turns_freely(name: str) -> bool:
-    """Whether a system has a ball or free joint, whose positions and velocities are not those of its text."""
-    path = Library.built_in().system_path(name)
-    return path.is_file() and "Attitude(" in path.read_text()
-
-
-@pytest.fixture(scope="session", params=[name for name in Library.built_in().system_names() if not _turns_freely(name)])
+@pytest.fixture(scope="session", params=PLAIN)
 def plain_name(request: pytest.FixtureRequest) -> str:
     """Runs a test once for every system whose joints carry its coordinates themselves."""
     return str(request.param)

@@ -37,6 +37,10 @@ RECORD = Record(
 )  # fmt: skip
 
 
+# Of a path, only the file may reach a published page.
+UPSIDE_DOWN = Path("somebody", "mjcf", "bar_pendulum.xml")
+
+
 def cost(system: str, seconds: float = 1e-6) -> Benchmark:
     entry = AccelerationCost(
         system=system, method="pinocchio aba", threads=1, states=10, seconds_per_state=seconds, backward_error=1.0, relative_error=1e-15
@@ -125,7 +129,7 @@ def test_a_failing_part_costs_nothing_but_itself(monkeypatch: pytest.MonkeyPatch
         if task.key == ("collar", "accelerations"):
             return Outcome(task, crash=Crash("crashed by signal 11 (SIGSEGV)", "pinocchio aba", ""))
         if task.key == ("bar_pendulum", "equations and models"):
-            return Outcome(task, exception=InvalidModel("/home/somebody/mjcf/bar_pendulum.xml", 3, "is upside down"))
+            return Outcome(task, exception=InvalidModel(UPSIDE_DOWN, 3, "is upside down"))
         if task.key == ("arm_2r", "accelerations"):
             return Outcome(task, exception=ZeroDivisionError("division by zero"))
         return answer(task)
@@ -141,7 +145,7 @@ def test_a_failing_part_costs_nothing_but_itself(monkeypatch: pytest.MonkeyPatch
         "collar, accelerations (pinocchio aba): crashed by signal 11 (SIGSEGV)",
         "arm_2r, accelerations: ZeroDivisionError: division by zero",
     ]
-    assert run.crashed and [str(problem) for problem in run.problems] == ["/home/somebody/mjcf/bar_pendulum.xml:3: is upside down"]
+    assert run.crashed and [str(problem) for problem in run.problems] == [f"{UPSIDE_DOWN}:3: is upside down"]
 
 
 def measuring(

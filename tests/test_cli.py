@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support import make_library
 
 from harness.found_states import load_found
 from harness.library import Library
@@ -41,14 +42,7 @@ def harness(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedPro
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
     """A library with the bar pendulum and the spring-damper."""
-    built_in, root = Library.built_in(), tmp_path / "library"
-    for folder in ("systems", "mjcf", "urdf"):
-        (root / folder).mkdir(parents=True)
-    for name in ("bar_pendulum", "spring_damper"):
-        shutil.copy(built_in.system_path(name), root / "systems")
-        for model_format in ("mjcf", "urdf"):
-            shutil.copy(built_in.model_path(name, model_format), root / model_format)
-    return root
+    return make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"])
 
 
 def edit(path: Path, old: str, new: str) -> None:

@@ -11,12 +11,12 @@ import json
 import math
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support import InThisProcess
 
 from harness import tasks
 from harness.attributes import scaled
@@ -28,25 +28,12 @@ from harness.models import read_model
 from harness.records import Record
 from harness.reference import Reference
 from harness.run import DEFAULT_STATES, CrossCheck, Settings
-from harness.workers import Outcome, Task, Workers
 
 LIBRARY = Library.built_in()
 PAIRS = walkable(LIBRARY, (), ())
 IDENTIFIERS = [f"{name}-{subject}" for name, subject in PAIRS]
 CHANGE = 1e-11
 SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
-
-
-class InThisProcess(Workers):
-    """Runs tasks here and now: no engine of this test crashes."""
-
-    def run(self, work: object) -> Iterator[Outcome]:
-        for task in work:  # type: ignore[attr-defined]
-            assert isinstance(task, Task)
-            try:
-                yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
-            except Exception as error:
-                yield Outcome(task, exception=error)
 
 
 @functools.cache

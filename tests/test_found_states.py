@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support import make_library
 
 from harness.derivation import load_mechanism
 from harness.errors import InvalidInput
@@ -51,13 +51,7 @@ ENGINE = Engine()
 
 @pytest.fixture
 def library(tmp_path: Path) -> Library:
-    built_in, root = Library.built_in(), tmp_path / "mine"
-    for folder in ("systems", "mjcf", "urdf", "engines"):
-        (root / folder).mkdir(parents=True)
-    shutil.copy(built_in.system_path("bar_pendulum"), root / "systems")
-    for model_format in ("mjcf", "urdf"):
-        shutil.copy(built_in.model_path("bar_pendulum", model_format), root / model_format)
-    (root / "engines" / "planted.py").write_text(ENGINE)
+    root = make_library(tmp_path / "mine", ["bar_pendulum"], {"planted": ENGINE})
     return Library.at(root)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import fields, replace
-from html.parser import HTMLParser
 from typing import Any, get_args, get_type_hints
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from support import Page
 
 from harness.found_states import RankedCase
 from harness.hard_points import Atlas, HardPoint, HardReason, HardRow, Parting, StableStep
@@ -80,39 +80,6 @@ def sample() -> Atlas:
         ],
         problems=["middle_axis: exceeded its time limit of 600 s"],
     )  # fmt: skip
-
-
-class Page(HTMLParser):
-    """What a page would fetch, its visible words, its anchors, and the links to them."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.fetched: list[str] = []
-        self.links: list[str] = []
-        self.identifiers: list[str] = []
-        self.tags: list[str] = []
-        self._pieces: list[str] = []
-        self._inside = ""
-        self.feed(text)
-        self.words = " ".join("".join(self._pieces).split())
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._inside = tag
-        self.tags.append(tag)
-        for name, value in attrs:
-            if name in {"src", "srcset", "data", "poster", "background", "action"} or (name == "href" and tag != "a"):
-                self.fetched.append(value or "")
-            if name == "href":
-                self.links.append(value or "")
-            if name == "id":
-                self.identifiers.append(value or "")
-
-    def handle_data(self, data: str) -> None:
-        if self._inside not in {"style", "script"}:
-            self._pieces.append(data)
-
-    def handle_endtag(self, tag: str) -> None:
-        self._inside = ""
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support import InThisProcess
 
 from harness.compare import compare
 from harness.derivation import load_mechanism
@@ -27,7 +27,6 @@ from harness.records import Record
 from harness.reference import ReferenceKernel
 from harness.run import CrossCheck, Settings
 from harness.states import States, sample
-from harness.workers import Outcome, Task, Workers
 
 BUILT_IN = Library.built_in()
 ENTRY = '[[expected]]\nsystem = "bar_pendulum"\nsubject = "{subject}"\nverdict = "{verdict}"\nreason = "{reason}"\nlink = "a page"\n'
@@ -54,18 +53,6 @@ def root(tmp_path: Path) -> Path:
 
 def excuse(root: Path, text: str) -> None:
     (root / "expected_verdicts.toml").write_text(text)
-
-
-class InThisProcess(Workers):
-    """Runs tasks here and now: no engine of this test crashes."""
-
-    def run(self, work: object) -> Iterator[Outcome]:
-        for task in work:  # type: ignore[attr-defined]
-            assert isinstance(task, Task)
-            try:
-                yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
-            except Exception as error:
-                yield Outcome(task, exception=error)
 
 
 def check(root: Path, stand_ins: dict[str, Path] | None = None) -> tuple[dict[str, Record], list[InvalidInput]]:

@@ -17,9 +17,12 @@ import flint
 import numpy as np
 import pytest
 import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
 
 from harness.charts import body_rates, sines_and_cosines
+from harness.derivation import load_system
 from harness.kernels import Float64Kernel, upper_triangle
+from harness.library import Library
 from harness.mechanism import Mechanism
 from harness.program import StraightLineProgram, assemble
 from harness.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
@@ -222,6 +225,24 @@ class Case:
                 rates.extend(rate / 2 for rate in doubled)
         return rates
 
+    def gyroscopic_forces(self, index: int) -> list[Any]:
+        """dT1/dq - d/dt(dT1/dv) at one state and v, without accelerations and what v = 0 leaves; T1 the part of T linear in v.
+
+        Exact zeros where T is even in the velocities, whatever the joints are.
+        """
+        q, v, _, time = self.state(index)
+        nv = self.mechanism.nv
+        axes = [[flint.arb(int(i == j)) for j in range(nv)] for i in range(nv)]
+
+        def linear(position: Sequence[Any], rates: Sequence[Any]) -> Any:
+            ahead, back = (self.energies.kinetic(position, [sign * rate for rate in rates], time) for sign in (1, -1))
+            return (ahead - back) / 2
+
+        if self.mechanism.attitudes:
+            assert abs(linear(q, v)) <= AT_ZERO * self.energies.kinetic(q, v, time)
+            return [flint.arb(0)] * nv
+        return [slope(linear(line(q, axis), v)) - slope(linear(line(q, v), axis)) for axis in axes]
+
     def _inputs(self, index: int, q: Sequence[Any], v: Sequence[Any]) -> list[Any]:
         _, _, tau, time = self.state(index)
         return [*q, *v, *tau, time, *balls(self.mechanism.parameter_values)]
@@ -260,6 +281,11 @@ def precision() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def case(built_in_mechanism: Mechanism, built_in_system: System) -> Case:
     return Case(built_in_mechanism, built_in_system)
+
+
+@pytest.fixture(scope="session")
+def plain_case(plain_name: str, plain_mechanism: Mechanism) -> Case:
+    return Case(plain_mechanism, load_system(Library.built_in().system_path(plain_name))[0])
 
 
 def test_mass_matrix_is_positive_definite(case: Case) -> None:
@@ -308,15 +334,14 @@ def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
         assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
 
 
-def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(case: Case) -> None:
+def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: Case) -> None:
     """M' - 2C is skew, and C v is the part of the velocity terms that is quadratic in v.
 
     C is made here, from exact derivatives of M, and M' is one along v: neither is the derivation's own.
+    Christoffel symbols belong to velocities that are rates of coordinates, which angular velocities are not.
     Source: Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, section 7.3.
     """
-    nv = case.mechanism.nv
-    if case.mechanism.attitudes:
-        pytest.skip("Christoffel symbols belong to velocities that are rates of coordinates; angular velocities are none")
+    case, nv = plain_case, plain_case.mechanism.nv
     for index in range(COUNT // 2):
         q, v, _, _ = case.state(index)
         slopes = [[[slope(entry) for entry in row] for row in case.mass(index, line(q, [i == j for j in range(nv)]))] for i in range(nv)]
@@ -335,15 +360,38 @@ def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(case: Case) 
 
 
 def test_time_reversal(case: Case) -> None:
-    """M (qdd(q, v) - qdd(q, -v)) = Q(q, v) - Q(q, -v), which is zero for a conservative system: it runs back as it came."""
+    """M (qdd(q, v) - qdd(q, -v)) = Q(q, v) - Q(q, -v), which is zero for a conservative system: it runs back as it came.
+
+    Unless T has terms linear in the rates, as in a magnetic field, whose gyroscopic forces turn round with them.
+    """
+    check_time_reversal(case)
+
+
+def test_time_reversal_in_a_magnetic_field(mechanism_of: Callable[[System], Mechanism]) -> None:
+    x, y = dynamicsymbols("x y")
+    m, field = sp.symbols("m B", positive=True)
+    u, v = x.diff(TIME), y.diff(TIME)
+    ranges = {x: (-1.0, 1.0), y: (-1.0, 1.0)}
+    charge = System(
+        coordinates={x: "along", y: "across"},
+        kinetic=m * (u**2 + v**2) / 2 + field * sp.cos(TIME) * (x * v - y**3 * u) / 2,
+        potential=sp.S.Zero,
+        parameters={m: (2.0, "kg"), field: (3.0, "kg/s")},
+        total_mass=m,
+        ranges=ranges,
+    )
+    case = Case(mechanism_of(charge), charge)
+    check_time_reversal(case)
+    assert all(any(abs(force) > 0 for force in case.gyroscopic_forces(index)) for index in range(COUNT))
+
+
+def check_time_reversal(case: Case) -> None:
     for index in range(COUNT):
         q, v, _, time = case.state(index)
         back, mass = [-rate for rate in v], case.mass(index)
-        kinetic = case.energies.kinetic(q, v, time)
-        if not abs(kinetic - case.energies.kinetic(q, back, time)) <= AT_ZERO * kinetic:
-            pytest.skip("kinetic energy has terms linear in the rates, as in a magnetic field: time reversal turns them round")
         forces = [a - b for a, b in zip(case.energies.forces(q, v, time), case.energies.forces(q, back, time), strict=True)]
         assert not case.energies.conservative or all(force == 0 for force in forces)
+        forces = [force + 2 * turning for force, turning in zip(forces, case.gyroscopic_forces(index), strict=True)]
         change = [a - b for a, b in zip(case.accelerations("base", index), case.accelerations("reversed", index), strict=True)]
         allowed = case.uncertainty("base", index, mass) + case.uncertainty("reversed", index, mass)
         for i, (found, expected) in enumerate(zip(times(mass, change), forces, strict=True)):

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from harness.library import Library
+from support import make_library
 
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
     """A library whose MJCF of the bar pendulum is wrong and whose spring-damper is right."""
-    built_in, root = Library.built_in(), tmp_path / "mechanisms"
-    for folder in ("systems", "mjcf", "urdf"):
-        (root / folder).mkdir(parents=True)
-    for name in ("bar_pendulum", "spring_damper"):
-        shutil.copy(built_in.system_path(name), root / "systems")
-        for model_format in ("mjcf", "urdf"):
-            shutil.copy(built_in.model_path(name, model_format), root / model_format)
+    root = make_library(tmp_path / "mechanisms", ["bar_pendulum", "spring_damper"])
     model = root / "mjcf" / "bar_pendulum.xml"
     model.write_text(model.read_text().replace('mass="2"', 'mass="2.0000001"'))
     return root

@@ -8,12 +8,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from support import Page
 
 from harness import tasks
 from harness.derivation import load_mechanism
@@ -79,40 +79,6 @@ def night(number: int) -> list[Record]:
     return [record(system, subject, number, **special.get((system, subject), {})) for system in SYSTEMS for subject in SUBJECTS]
 
 
-class Page(HTMLParser):
-    """What a page would fetch, its visible text and its anchors."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.fetched: list[str] = []
-        self.links: list[str] = []
-        self.identifiers: list[str] = []
-        self.tags: list[str] = []
-        self.styles = self.words = ""
-        self._inside = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._inside = tag
-        self.tags.append(tag)
-        for name, value in attrs:
-            if name in {"src", "srcset", "data", "poster", "background", "action"} or (name == "href" and tag != "a"):
-                self.fetched.append(value or "")
-            if name == "href" and tag == "a":
-                self.links.append(value or "")
-            if name == "id":
-                self.identifiers.append(value or "")
-
-    def handle_endtag(self, tag: str) -> None:
-        self._inside = ""
-
-    def handle_data(self, data: str) -> None:
-        if self._inside == "style":
-            self.styles += data
-        elif self._inside != "script":
-            self.words += data
-
-
 @pytest.fixture(scope="module")
 def files() -> dict[str, str]:
     history = [(run_on(day), night(day)[day:]) for day in range(3)]
@@ -139,20 +105,20 @@ def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
         assert table[1].count(f'href="#system-{system}"') == len(SUBJECTS)
     assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
     for entry in night(3):
-        assert entry.replay in page.words
+        assert entry.replay in page.text
         assert f"| {entry.subject} | {entry.verdict} |" in files["report.md"]
-    assert "7 of 9 pairs of system and subject are as expected; 2 are not." in page.words
+    assert "7 of 9 pairs of system and subject are as expected; 2 are not." in page.text
 
 
 def test_numbers_and_messages_are_complete(page: Page, files: dict[str, str]) -> None:
-    assert "q = [3.1]\nv = [-2.0]\ntau = [1e-300]" in page.words
-    assert LONG_MESSAGE in page.words and LONG_MESSAGE in files["report.md"]
-    assert "Known loss of digits." in page.words and "https://example.org/issues/1" in page.links
-    assert "3 states with no error at all" in page.words
+    assert "q = [3.1]\nv = [-2.0]\ntau = [1e-300]" in page.text
+    assert LONG_MESSAGE in page.text and LONG_MESSAGE in files["report.md"]
+    assert "Known loss of digits." in page.text and "https://example.org/issues/1" in page.links
+    assert "3 states with no error at all" in page.text
 
 
 def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
-    finding = Finding("collar", "mujoco/mjcf", "/home/somebody/mine/mjcf/collar.xml", 7, "joint", "armature", "0", "is not felt")
+    finding = Finding("collar", "mujoco/mjcf", str(Path("somebody", "mjcf", "collar.xml")), 7, "joint", "armature", "0", "is not felt")
     entries = [record("collar", subject) for subject in SUBJECTS]
     built = build(run_on(0), CARDS, entries, superfluous=[finding])
     page = Page(built["index.html"])
@@ -190,8 +156,8 @@ def test_text_is_escaped() -> None:
 
 
 def test_changes_and_trend_need_history(page: Page) -> None:
-    assert "Changed since the last run" in page.words
-    changed = page.words.partition("Changed since the last run")[2].partition("Systems")[0]
+    assert "Changed since the last run" in page.text
+    changed = page.text.partition("Changed since the last run")[2].partition("Systems")[0]
     assert "4.0.0" in changed and "4.1.0" in changed
     alone = Page(build(run_on(0), CARDS, night(0))["index.html"])
     assert "Changed since the last run" not in alone.words
@@ -220,7 +186,7 @@ def test_json_holds_everything(files: dict[str, str]) -> None:
 
 def test_an_empty_run_is_no_success() -> None:
     page = Page(build(run_on(0), [], [])["index.html"])
-    assert "Nothing was compared" in page.words
+    assert "Nothing was compared" in page.text
     assert 'class="result good"' not in build(run_on(0), CARDS, [])["index.html"]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import make_library
 
 from harness import evolution, lost_digits, tasks
 from harness.compare import Comparison
@@ -298,14 +298,8 @@ FAULTS = {
 
 @pytest.fixture
 def library(tmp_path: Path) -> Library:
-    built_in, root = Library.built_in(), tmp_path / "mine"
-    for folder in ("systems", "mjcf", "urdf", "engines"):
-        (root / folder).mkdir(parents=True)
-    shutil.copy(built_in.system_path("bar_pendulum"), root / "systems")
-    for model_format in ("mjcf", "urdf"):
-        shutil.copy(built_in.model_path("bar_pendulum", model_format), root / model_format)
-    for name, body in FAULTS.items():
-        (root / "engines" / f"{name}.py").write_text(ENGINE.format(body=body))
+    engines = {name: ENGINE.format(body=body) for name, body in FAULTS.items()}
+    root = make_library(tmp_path / "mine", ["bar_pendulum"], engines)
     return Library.at(root)
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from support import make_library
 
-from harness.library import Library
 from harness.workers import Task, Workers
 
 ENGINE = """
@@ -37,17 +36,9 @@ ENGINE = Engine()
 """
 
 
-def make_library(directory: Path, engines: dict[str, str]) -> Path:
+def failing_library(directory: Path, engines: dict[str, str]) -> Path:
     """A library of the bar pendulum with engines whose ``forward_dynamics`` has the given body."""
-    built_in = Library.built_in()
-    for folder in ("systems", "mjcf", "urdf", "engines"):
-        (directory / folder).mkdir(parents=True)
-    shutil.copy(built_in.system_path("bar_pendulum"), directory / "systems")
-    for model_format in ("mjcf", "urdf"):
-        shutil.copy(built_in.model_path("bar_pendulum", model_format), directory / model_format)
-    for name, body in engines.items():
-        (directory / "engines" / f"{name}.py").write_text(ENGINE.format(body=body))
-    return directory
+    return make_library(directory, ["bar_pendulum"], {name: ENGINE.format(body=body) for name, body in engines.items()})
 
 
 def check(library: Path, *options: str) -> tuple[int, dict[str, dict[str, object]], str]:
@@ -69,7 +60,7 @@ def crashing(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, d
         "silent": "return np.full_like(q, math.nan)",
         "exiting": "os._exit(7)",
     }
-    library = make_library(tmp_path_factory.mktemp("crashing") / "library", bodies)
+    library = failing_library(tmp_path_factory.mktemp("crashing") / "library", bodies)
     return check(library, "--time-limit", "4")
 
 
@@ -116,7 +107,7 @@ def test_a_failing_engine_has_its_state_and_a_replay(crashing: tuple[int, dict[s
 
 
 def test_an_engine_that_raises_or_answers_nan_is_exit_status_1(tmp_path: Path) -> None:
-    library = make_library(tmp_path / "library", {"silent": "return np.full_like(q, math.nan)", "raising": "raise OSError('x')"})
+    library = failing_library(tmp_path / "library", {"silent": "return np.full_like(q, math.nan)", "raising": "raise OSError('x')"})
     status, records, _ = check(library, "--subject", "silent/mjcf", "--subject", "raising/mjcf")
     assert status == 1
     assert {record["verdict"] for record in records.values()} == {"error"}
@@ -125,7 +116,7 @@ def test_an_engine_that_raises_or_answers_nan_is_exit_status_1(tmp_path: Path) -
 def test_an_existing_cluster_is_used_and_survives(tmp_path: Path) -> None:
     from distributed import LocalCluster
 
-    library = make_library(tmp_path / "library", {"aborting": "os.abort()"})
+    library = failing_library(tmp_path / "library", {"aborting": "os.abort()"})
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50) as cluster:
         status, records, _ = check(library, "--scheduler", cluster.scheduler_address)
         assert status == 3

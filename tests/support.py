@@ -1,0 +1,82 @@
+"""What several test files use beside fixtures: small libraries, workers without processes, pages taken apart."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+
+from harness.library import MODEL_SUFFIXES, Library
+from harness.workers import Outcome, Task, Workers
+
+BUILT_IN = Library.built_in()
+
+
+def turns_freely(name: str) -> bool:
+    """Whether a built-in system has a ball or free joint, whose positions and velocities are not those of its text."""
+    path = BUILT_IN.system_path(name)
+    return path.is_file() and "Attitude(" in path.read_text()
+
+
+# Systems whose joints carry their coordinates themselves.
+PLAIN = [name for name in BUILT_IN.system_names() if not turns_freely(name)]
+
+
+def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:
+    """A library in ``root`` with copies of built-in mechanisms, and with engine files of the given sources; its path."""
+    for folder in ("systems", *MODEL_SUFFIXES, *(["engines"] if engines else [])):
+        (root / folder).mkdir(parents=True)
+    for name in names:
+        shutil.copy(BUILT_IN.system_path(name), root / "systems")
+        for model_format in MODEL_SUFFIXES:
+            shutil.copy(BUILT_IN.model_path(name, model_format), root / model_format)
+    for name, source in (engines or {}).items():
+        (root / "engines" / f"{name}.py").write_text(source)
+    return root
+
+
+class InThisProcess(Workers):
+    """Runs tasks here and now, for engines that do not crash."""
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        for task in tasks:
+            try:
+                yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
+            except Exception as error:
+                yield Outcome(task, exception=error)
+
+
+class Page(HTMLParser):
+    """What a page would fetch, its visible text as it stands and as words, its styles, its anchors, and the links to them."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.links: list[str] = []
+        self.identifiers: list[str] = []
+        self.tags: list[str] = []
+        self.styles = self.text = ""
+        self._inside = ""
+        self.feed(source)
+        self.words = " ".join(self.text.split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._inside = tag
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name in {"src", "srcset", "data", "poster", "background", "action"} or (name == "href" and tag != "a"):
+                self.fetched.append(value or "")
+            if name == "href" and tag == "a":
+                self.links.append(value or "")
+            if name == "id":
+                self.identifiers.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "style":
+            self.styles += data
+        elif self._inside != "script":
+            self.text += data
