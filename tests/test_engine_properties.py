@@ -21,6 +21,8 @@ import pytest
 import sympy as sp
 
 from harness.charts import sines_and_cosines
+from harness.compare import compare
+from harness.derivation import load_mechanism
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.force_elements import ForceElements
 from harness.kernels import BallKernel, Float64Kernel, upper_triangle
@@ -534,3 +536,15 @@ def test_derivatives_and_frequencies_are_those_of_the_equations(case: Case, prob
         # The transformation to L^-1 K0 L^-T rounds here, too.
         rounding = BAR * UNIT_ROUNDOFF * np.linalg.norm(np.abs(factor.T) @ np.abs(at.slopes[:, :nv]) @ np.abs(inverse))
         assert np.abs(squared - exact).max() <= allowed[:nv] @ np.linalg.norm(inverse, axis=1) + rounding, (squared, exact)
+
+
+@pytest.mark.parametrize("huge", [1e3, 1e8, 1e15])
+def test_large_angles_cost_the_equations_no_digits(huge: float) -> None:
+    """They add angles before the sine, where a large one would round the next one's digits away."""
+    mechanism = load_mechanism(Library.built_in(), "chain_12")
+    q = [0.0, huge, 0.0, 1.6, 0.0, 4.7, 0.0, 0.0, 2.6, 0.0, 0.0, 0.0]
+    tau = [0.0] * 9 + [100.0, 0.0, 0.0]
+    states = States.at(q, np.zeros(12), tau)
+    model = load_engine(Library.built_in(), "lagrange").load(mechanism, mechanism.joints, mechanism.gravity)
+    answer = model.forward_dynamics(states.q, states.v, states.tau)
+    assert set(compare(ReferenceKernel(mechanism).evaluate(states), answer).verdicts) == {"agrees"}

@@ -37,6 +37,30 @@ def test_any_library_from_an_empty_folder(library: Path) -> None:
     assert "Traceback" not in done.stdout
 
 
+WATCHED_ENGINE = """
+import os
+from harness.engines.mujoco import MujocoEngine
+
+class Engine(MujocoEngine):
+    def load(self, source, joints, gravity):
+        with open({log!r}, "a") as log:
+            log.write(f"{{source.path.name}} {{os.getpid()}}\\n")
+        return super().load(source, joints, gravity)
+
+ENGINE = Engine()
+"""
+
+
+def test_no_process_runs_the_systems_of_another(library: Path) -> None:
+    log = library / "log"
+    (library / "engines").mkdir()
+    (library / "engines" / "watched.py").write_text(WATCHED_ENGINE.format(log=str(log)))
+    options = ("--harness-states", "40", "--harness-subject", "watched/mjcf", "-n", "2", "--dist", "loadfile")
+    run("--harness-library", str(library), *options, cwd=library)
+    loaded = {tuple(line.split()) for line in log.read_text().splitlines()}
+    assert sorted(name for name, _ in loaded) == ["bar_pendulum.xml", "spring_damper.xml"]
+
+
 def test_processes_share_the_systems(library: Path) -> None:
     done = run("--harness-library", str(library), "--harness-states", "40", "-n", "2", "--dist", "loadfile", "-v", cwd=library)
     assert done.returncode == 1
