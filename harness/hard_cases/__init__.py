@@ -186,6 +186,16 @@ def with_columns(part: Array, columns: Mapping[int, float | Array]) -> Array:
     return changed
 
 
+def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable[[Mechanism, float, int], States]:
+    """``anywhere``, but for some columns of q, which ``positions`` gives for the knob's value."""
+
+    def states(mechanism: Mechanism, value: float, seed: int) -> States:
+        spread = anywhere(mechanism, value, seed)
+        return States.at(with_columns(spread.q, positions(value)), spread.v, spread.tau)
+
+    return states
+
+
 def turned(axis: tuple[float, float, float], angle: float) -> tuple[float, float, float, float]:
     """The quaternion (w, x, y, z) of a turn by ``angle`` [rad] about a unit ``axis``."""
     w, s = math.cos(angle / 2), math.sin(angle / 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from harness.hard_cases import STATES, Changes, HardCase, Theory, decades, turned, with_columns
+from harness.hard_cases import STATES, Changes, HardCase, Theory, decades, posed, turned
 from harness.mechanism import Mechanism
 from harness.states import States, sample
 
@@ -22,11 +22,6 @@ def _gimbal_numbers() -> dict[str, Changes]:
     return {"mjcf": mjcf, "urdf": urdf}
 
 
-def _near_lock(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    return States.at(with_columns(states.q, {1: value - math.pi / 2}), states.v, states.tau)
-
-
 GIMBAL_LOCK = HardCase(
     name="gimbal_lock",
     title="gyroscope in gimbals of hardly any inertia, near gimbal lock",
@@ -35,17 +30,12 @@ GIMBAL_LOCK = HardCase(
     values=decades(-9, 0),
     parameters=lambda angle: dict.fromkeys(_GIMBALS, _LIGHT),
     changes=_gimbal_numbers(),
-    states=_near_lock,
+    states=posed(lambda angle: {1: angle - math.pi / 2}),
     source="Diebel, Representing attitude, 2006, section 5.6 (singularities); kappa_s grows as 1/angle^2",
     remedy="use a ball joint with a quaternion where the gimbals' inertia does not matter, or give them the inertia they have",
     # As sqrt(kappa_s); see harness.hard_cases.singular.
     theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), Theory("unstable", growth=-1.0)),
 )
-
-
-def _near_pole(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    return States.at(with_columns(states.q, {0: value}), states.v, states.tau)
 
 
 SPHERICAL_POLE = HardCase(
@@ -54,16 +44,10 @@ SPHERICAL_POLE = HardCase(
     system="spherical_pendulum",
     knob=("angle from the downward vertical", "rad"),
     values=decades(-7, 0.4),
-    states=_near_pole,
+    states=posed(lambda angle: {0: angle}),
     source="Landau, Lifshitz, Mechanics, section 14, problem 1: M is diagonal with m L^2 sin^2(theta), kappa_s is 1",
     remedy="hang the mass on a ball joint, or on two horizontal hinges whose chart is singular where it never swings",
 )
-
-
-def _tilted(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    rotation = turned((1.0, 0.0, 0.0), value)
-    return States.at(with_columns(states.q, dict(zip(range(3, 7), rotation, strict=True))), states.v, states.tau)
 
 
 FREE_BODY_AT_THE_POLE = HardCase(
@@ -72,7 +56,7 @@ FREE_BODY_AT_THE_POLE = HardCase(
     system="free_body",
     knob=("angle from the singular attitude", "rad"),
     values=decades(-15, 0.4),
-    states=_tilted,
+    states=posed(lambda angle: dict(zip(range(3, 7), turned((1.0, 0.0, 0.0), angle), strict=True))),
     source="Diebel, Representing attitude, 2006, section 6: a unit quaternion has no singular attitude",
     remedy="nothing: a quaternion is the cure",
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.hard_cases import KNOB, STATES, HardCase, Theory, anywhere, decades, with_columns
+from harness.hard_cases import KNOB, STATES, HardCase, Theory, anywhere, decades, posed
 from harness.hard_cases.masses import bar_numbers
 from harness.mechanism import Mechanism
 from harness.states import States, sample
@@ -30,11 +30,6 @@ FAR_BASE = HardCase(
 )
 
 
-def _away(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    return States.at(with_columns(states.q, {0: value}), states.v, states.tau)
-
-
 FAR_CART = HardCase(
     name="far_cart",
     title="double pendulum on a cart that has rolled far away, on a spring too weak to feel",
@@ -43,7 +38,7 @@ FAR_CART = HardCase(
     values=decades(-1, 10),
     parameters=lambda distance: {"k": 1e-30},
     changes={"mjcf": {"joint slide@stiffness": "k"}, "urdf": {"gazebo slide/springStiffness@": "k"}},
-    states=_away,
+    states=posed(lambda distance: {0: distance}),
     source=_SYMMETRY,
     remedy=_NEARER,
     theory={"mujoco/mjcf": _IN_WORLD_COORDINATES},
@@ -55,7 +50,7 @@ FAR_FREE_BODY = HardCase(
     system="free_body",
     knob=("distance from the origin", "m"),
     values=decades(-1, 10),
-    states=_away,
+    states=posed(lambda distance: {0: distance}),
     source=_SYMMETRY,
     remedy=_NEARER,
 )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from harness.hard_cases import STATES, Changes, HardCase, Theory, Values, anywhere, decades, with_columns
+from harness.hard_cases import Changes, HardCase, Theory, Values, anywhere, decades, posed
 from harness.hard_cases.masses import bar_numbers
-from harness.mechanism import Mechanism
-from harness.states import States, sample
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 10.1 (Cholesky, scaled condition number)"
 # Changes of the parameters leave a vanishing pivot its relative accuracy and move the energy norm of the answer by
@@ -26,11 +24,6 @@ VANISHING_CART = HardCase(
 )
 
 
-def _straight(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    return States.at(with_columns(states.q, {1: 0.0}), states.v, states.tau)
-
-
 MASSLESS_KNEE = HardCase(
     name="massless_knee",
     title="straight double pendulum whose middle mass goes to zero",
@@ -39,7 +32,7 @@ MASSLESS_KNEE = HardCase(
     values=decades(-14, 0.4),
     parameters=lambda mass: {"m1": mass},
     changes={"mjcf": {"body mass_1/inertial@mass": "m1"}, "urdf": {"link mass_1/inertial/mass@value": "m1"}},
-    states=_straight,
+    states=posed(lambda value: {1: 0.0}),
     source=_HIGHAM + "; the knee moves freely where it weighs nothing, so that kappa_s grows as 1/m1",
     remedy="give the knee an inertia, or make the two rods one where the knee carries nothing",
     theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), _FACTORISED),
@@ -63,11 +56,6 @@ def _wrist_numbers() -> dict[str, Changes]:
     return {"mjcf": mjcf, "urdf": urdf}
 
 
-def _near_wrist_singularity(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
-    return States.at(with_columns(states.q, {5: 1e-3}), states.v, states.tau)
-
-
 VANISHING_WRIST = HardCase(
     name="vanishing_wrist",
     title="seven-joint arm 1 mrad from its wrist singularity, links 5 and 6 without inertia",
@@ -76,7 +64,7 @@ VANISHING_WRIST = HardCase(
     values=decades(-12, 0),
     parameters=lambda share: {name: share * value for name, value in {**_WRIST_MASSES, **_WRIST_INERTIAS}.items()},
     changes=_wrist_numbers(),
-    states=_near_wrist_singularity,
+    states=posed(lambda value: {5: 1e-3}),
     source=_HIGHAM + "; axes 5 and 7 coincide at the singularity, and nothing between them weighs against the second turn",
     remedy="give every joint its rotor's reflected inertia (armature), which the real drive has",
     theory={"lagrange": Theory("unstable"), "mujoco/mjcf": Theory("unstable")},
