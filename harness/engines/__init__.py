@@ -41,8 +41,76 @@ class LoadedModel:
     total_mass: float
 
 
+@dataclass(frozen=True)
+class Terms:
+    """The terms of M qdd + velocity + gravity = passive + applied at n states, as an engine computes them.
+
+    Attributes:
+        mass: M, (n, nv, nv), symmetric. velocity, gravity, passive, applied: (n, nv) [N or N m].
+    """
+
+    mass: Array
+    velocity: Array
+    gravity: Array
+    passive: Array
+    applied: Array
+
+
+@dataclass(frozen=True)
+class HeldJoint:
+    """A joint as an engine holds it after loading, in the world's frame with every joint at zero.
+
+    Attributes:
+        kind: "hinge", "slide", "ball" or "free".
+        parent: name of the joint whose body carries it; "" for the world.
+        anchor: a point of the axis, or the centre of a ball [m], (3,). axis: unit vector, (3,); zero for ball and free joints.
+        armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
+            spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
+            the harness adds for it, applies them.
+    """
+
+    kind: str
+    parent: str
+    anchor: Array
+    axis: Array
+    armature: float
+    damping: float
+    stiffness: float
+    spring_reference: float
+
+
+@dataclass(frozen=True)
+class HeldBody:
+    """Everything that moves rigidly with one joint and no further one, in the world's frame with every joint at zero.
+
+    Attributes:
+        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3).
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class HeldModel:
+    """What an engine holds after loading, for the static audit.
+
+    Attributes:
+        gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them.
+    """
+
+    gravity: Array
+    joints: Mapping[str, HeldJoint]
+    bodies: Mapping[str, HeldBody]
+
+
 class Model(Protocol):
-    """A mechanism loaded into an engine."""
+    """A mechanism loaded into an engine.
+
+    An engine may also offer ``terms(q, v, tau) -> Terms``, arguments and columns as in ``forward_dynamics``, and
+    ``held() -> HeldModel``; what it does not offer is not judged.
+    """
 
     def loaded(self) -> LoadedModel | None:
         """What the engine holds; None where there is no model file to audit."""
