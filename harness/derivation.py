@@ -41,6 +41,7 @@ _DERIVING_SOURCES = (
     "program.py",
     "kernels.py",
     "energies.py",
+    "relative_joints.py",
     "mechanism.py",
     "derivation.py",
     "notation.py",
@@ -98,7 +99,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     line = _line_of_declaration(file)
     started = time.perf_counter()
     try:
-        derived = [(chart, *_equations_and_program(chart)) for chart in atlas]
+        derived = [_derived(chart) for chart in atlas]
         _, equations, program = derived[0]
         # Longer equations are not worth the time, and nobody would read them.
         text, mathml = printed(equations) if _is_short(program) else ("", "")
@@ -135,16 +136,20 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     )
 
 
-def _equations_and_program(system: System) -> tuple[EquationsOfMotion, StraightLineProgram]:
+def _derived(system: System) -> tuple[System, EquationsOfMotion, StraightLineProgram]:
+    """The system as it was derived, its equations, and their program."""
     from harness.kernels import program_of
     from harness.lagrange import derive
 
     equations = derive(system)
     program = program_of(system, equations)
     if _is_short(program):
+        if system.measured_from:
+            system = system.in_joint_positions()
+            equations = derive(system)
         equations = equations.simplified()
         program = program_of(system, equations)
-    return equations, program
+    return system, equations, program
 
 
 def _start(system: System) -> tuple[tuple[float, float], ...]:
@@ -175,13 +180,13 @@ def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[f
 
 
 def load_system(path: Path) -> tuple[System, str]:
-    """``SYSTEM``, or a family's member, and the module docstring of a system file.
+    """``SYSTEM``, or a family's member, in the positions of its joints, and the module docstring of a system file.
 
     Raises:
         InvalidSystem: with the line at fault.
     """
-    atlas, docstring = load_atlas(path)
-    return atlas[0], docstring
+    (system, *_), docstring = load_atlas(path)
+    return system.in_joint_positions() if system.measured_from else system, docstring
 
 
 def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.program import StraightLineProgram, assemble
+from harness.relative_joints import in_joint_positions
 
 if TYPE_CHECKING:
     from harness.kernels import Array
@@ -46,7 +47,8 @@ def energy_program_of(system: System, equations: EquationsOfMotion) -> StraightL
     outputs["forces"] = list(joint.forces)
     if system.attitudes:
         outputs["regularity"] = [joint.regularity]
-    return assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
+    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
+    return in_joint_positions(program, system.parents) if system.measured_from else program
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.program import UNARY, StraightLineProgram, assemble
+from harness.relative_joints import in_joint_positions, to_coordinates, to_joints
 
 if TYPE_CHECKING:
     from harness.lagrange import EquationsOfMotion
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 OUTPUTS = ("mass", "velocity", "gravity", "passive")
+# Degrees of freedom. Compiling the solution of M x = b takes their third power, and minutes beyond.
+MOST_UNROLLED = 24
+# Straight-line machine code for more instructions takes minutes to compile; with loops it is slower to run.
+MOST_STRAIGHT = 20_000
 
 
 def upper_triangle(n: int) -> list[tuple[int, int]]:
@@ -61,7 +66,8 @@ def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_
     }
     if system.attitudes:
         outputs["regularity"] = [joint.regularity]
-    return assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
+    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
+    return in_joint_positions(program, system.parents) if system.measured_from else program
 
 
 class Float64Kernel:
@@ -75,8 +81,15 @@ class Float64Kernel:
         self.nv = len(program.outputs["velocity"])
 
     def accelerations(self, inputs: Array) -> Array:
-        """qdd, (nv, n), by L D L' factorisation without pivoting, unrolled."""
-        return np.asarray(self._accelerations(inputs))
+        """qdd, (nv, n), by L D L' factorisation without pivoting."""
+        if self.nv <= MOST_UNROLLED:
+            return np.asarray(self._accelerations(inputs))
+        entries = list(np.asarray(self._terms(inputs)))
+        first = position_count(self.program) + self.nv
+        velocity, gravity, passive = (entries[-k * self.nv :][: self.nv] for k in (3, 2, 1))
+        forces = zip(inputs[first : first + self.nv], passive, velocity, gravity, strict=True)
+        right_hand_side = [force + passive - (velocity + gravity) for force, passive, velocity, gravity in forces]
+        return np.stack(solve_symmetric(entries[: -3 * self.nv], right_hand_side))
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
@@ -90,14 +103,33 @@ class Float64Kernel:
 
     def input_derivatives(self, inputs: Array, accelerations: Array) -> Array:
         """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (nv, number of inputs, n)."""
+        if self._in_coordinates is not None:
+            return self._derivatives_in_joints(self._in_coordinates, inputs, accelerations)
         flat = np.asarray(self._derivatives(np.ascontiguousarray(np.vstack([inputs, accelerations]))))
         return flat.reshape(self.nv, len(self.program.inputs), -1)
+
+    def _derivatives_in_joints(self, kernel: Float64Kernel, inputs: Array, accelerations: Array) -> Array:
+        """``input_derivatives`` by the chain rule from those of ``kernel``, which is in coordinates: they are few."""
+        n, parents = self.nv, self.program.measured_from
+        positions, rates, forces = (slice(block * n, (block + 1) * n) for block in range(3))
+        moved = inputs.copy()
+        for block in (positions, rates):
+            moved[block] = to_coordinates(inputs[block], parents)
+        derivatives = to_joints(kernel.input_derivatives(moved, to_coordinates(accelerations, parents)), parents)
+        for block in (positions, rates):
+            derivatives[:, block] = to_joints(derivatives[:, block].swapaxes(0, 1), parents).swapaxes(0, 1)
+        derivatives[:, forces] = np.eye(n)[:, :, None]
+        return derivatives
 
     def regularity(self, inputs: Array) -> Array:
         """|regularity| of the program's chart, (n,): 0 where it is singular, 1 everywhere for a program without one."""
         if "regularity" not in self.program.outputs:
             return np.ones(inputs.shape[1])
         return np.asarray(np.abs(np.asarray(self._regularity(inputs))[0]))
+
+    @cached_property
+    def _in_coordinates(self) -> Float64Kernel | None:
+        return None if self.program.in_coordinates is None else Float64Kernel(self.program.in_coordinates)
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
@@ -115,10 +147,8 @@ class Float64Kernel:
 
     @cached_property
     def _terms(self) -> Any:
-        import heyoka
-
         inputs, outputs = self._symbols
-        return heyoka.cfunc([expression for name in OUTPUTS for expression in outputs[name]], vars=inputs)
+        return self._compiled([expression for name in OUTPUTS for expression in outputs[name]], inputs)
 
     @cached_property
     def _regularity(self) -> Any:
@@ -146,7 +176,12 @@ class Float64Kernel:
             if i != j:
                 residual[j] = residual[j] - entry * accelerations[i]
         jacobian = heyoka.diff_tensors(residual, diff_args=inputs, diff_order=1).jacobian
-        return heyoka.cfunc(list(jacobian.flatten()), vars=[*inputs, *accelerations])
+        return self._compiled(list(jacobian.flatten()), [*inputs, *accelerations])
+
+    def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
+        import heyoka
+
+        return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
 
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:

@@ -34,11 +34,15 @@ class StraightLineProgram:
         inputs: names of the run-time inputs, in order.
         instructions: (operation, operand, ...); an operand is the index of an earlier instruction.
         outputs: output name to instruction indices.
+        in_coordinates: the shorter program that this one was made of, see ``harness.relative_joints``; None for most.
+        measured_from: how it was made; () without ``in_coordinates``.
     """
 
     inputs: tuple[str, ...]
     instructions: tuple[type_instruction, ...]
     outputs: Mapping[str, tuple[int, ...]]
+    in_coordinates: StraightLineProgram | None = None
+    measured_from: tuple[int | None, ...] = ()
 
     @property
     def turning(self) -> list[int]:
@@ -65,11 +69,14 @@ class StraightLineProgram:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object that ``from_json`` turns back into an equal program."""
-        return {
+        plain: dict[str, Any] = {
             "inputs": list(self.inputs),
             "instructions": [list(instruction) for instruction in self.instructions],
             "outputs": {name: list(indices) for name, indices in self.outputs.items()},
         }
+        if self.in_coordinates is not None:
+            plain |= {"in_coordinates": self.in_coordinates.to_json(), "measured_from": list(self.measured_from)}
+        return plain
 
     @classmethod
     def from_json(cls, data: Any) -> StraightLineProgram:
@@ -85,6 +92,8 @@ class StraightLineProgram:
             inputs = tuple(data["inputs"])
             instructions = tuple(tuple(instruction) for instruction in data["instructions"])
             outputs = {name: tuple(indices) for name, indices in data["outputs"].items()}
+            in_coordinates = None if "in_coordinates" not in data else cls.from_json(data["in_coordinates"])
+            measured_from = () if in_coordinates is None else tuple(data["measured_from"])
         except (TypeError, KeyError, AttributeError) as error:
             raise ValueError(f"not a straight-line program: {error!r}") from error
         if not all(isinstance(name, str) for name in inputs):
@@ -94,7 +103,14 @@ class StraightLineProgram:
         for name, indices in outputs.items():
             if not all(_is_index(index, len(instructions)) for index in indices):
                 raise ValueError(f"output {name!r} points outside the program")
-        return cls(inputs, instructions, outputs)
+        if in_coordinates is not None and in_coordinates.inputs != inputs:
+            raise ValueError("the program in coordinates has other inputs")
+        if in_coordinates is not None and len(measured_from) != len(outputs.get("velocity", measured_from)):
+            raise ValueError("measured_from has another number of coordinates than the program")
+        for place, parent in enumerate(measured_from):
+            if not (parent is None or _is_index(parent, place)):
+                raise ValueError(f"coordinate {place} is measured from {parent!r}; expected an earlier one or none")
+        return cls(inputs, instructions, outputs, in_coordinates, measured_from)
 
 
 def check_lists(container: Any, keys: Iterable[Any]) -> None:
@@ -127,6 +143,26 @@ def _check_instruction(position: int, instruction: type_instruction, inputs: int
         valid = all(_is_index(operand, position) for operand in operands)
     if not valid:
         raise ValueError(f"instruction {position} is {instruction!r}; its operands are out of range")
+
+
+def with_operands(instruction: type_instruction, places: Sequence[int] | Mapping[int, int]) -> type_instruction:
+    """``instruction`` with each operand that is an earlier result moved to ``places[operand]``."""
+    operation, *operands = instruction
+    count = _ARITY.get(operation, 0)
+    return (operation, *(places[operand] for operand in operands[:count]), *operands[count:])
+
+
+def without_unused(program: StraightLineProgram) -> StraightLineProgram:
+    """The program without the instructions on which no output rests."""
+    used = {index for indices in program.outputs.values() for index in indices}
+    for place in reversed(range(len(program.instructions))):
+        if place in used:
+            operation, *operands = program.instructions[place]
+            used.update(operands[: _ARITY.get(operation, 0)])
+    places = {old: new for new, old in enumerate(sorted(used))}
+    instructions = tuple(with_operands(program.instructions[old], places) for old in places)
+    outputs = {name: tuple(places[index] for index in indices) for name, indices in program.outputs.items()}
+    return StraightLineProgram(program.inputs, instructions, outputs)
 
 
 def assemble(inputs: Sequence[sp.Symbol], outputs: Mapping[str, Sequence[sp.Expr]]) -> StraightLineProgram:

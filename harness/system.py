@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -28,6 +28,9 @@ class System:
         kinetic: kinetic energy T [J]; any polynomial of degree at most 2 in the rates, possibly
             depending on time explicitly.
         potential: potential energy V [J] of gravity and springs; no rates.
+        measured_from: coordinate to the earlier one that its joint's position is measured from: the joint stands at their
+            difference. So a chain is written in absolute angles, while its joints turn each link against the one before.
+            Ranges and start are of the joints' positions, and so are q, v and tau wherever else a coordinate is named.
         attitudes: for each ball or free joint, the Euler angles that describe its rotation; its coordinates
             stand together, those of the position first, and name the one joint.
         generalised_forces: non-conservative generalised force Q per coordinate [N or N m]; the applied
@@ -57,6 +60,7 @@ class System:
     ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
     start: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
     attitudes: tuple[Attitude, ...] = ()
+    measured_from: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for name in ("kinetic", "potential", "total_mass"):
@@ -79,6 +83,30 @@ class System:
         turned = sp.Tuple(self.kinetic, self.potential, *self.generalised_forces.values()).atoms(sp.sin, sp.cos, sp.tan)
         return tuple(q not in self.ranges or any(function.has(q) for function in turned) for q in self.coordinates)
 
+    @property
+    def parents(self) -> tuple[int | None, ...]:
+        """For each coordinate, the place of the one it is measured from; None for the world. () where all are measured from the world."""
+        order = list(self.coordinates)
+        return tuple(order.index(self.measured_from[q]) if q in self.measured_from else None for q in order) if self.measured_from else ()
+
+    def in_joint_positions(self) -> System:
+        """The same system with energies and forces written in the positions of its joints, each called as its coordinate."""
+        positions: dict[sp.Expr, sp.Expr] = {}
+        for q in self.coordinates:
+            positions[q] = q + positions[self.measured_from[q]] if q in self.measured_from else q
+        written_as = positions | {q.diff(TIME): position.diff(TIME) for q, position in positions.items()}
+
+        def written(expression: sp.Expr) -> sp.Expr:
+            return expression.xreplace(written_as)
+
+        forces: dict[sp.Expr, sp.Expr] = {q: written(force) for q, force in self.generalised_forces.items()}
+        for q in reversed(self.coordinates):
+            if q in forces and q in self.measured_from:
+                forces[self.measured_from[q]] = forces.get(self.measured_from[q], sp.S.Zero) + forces[q]
+        return replace(
+            self, kinetic=written(self.kinetic), potential=written(self.potential), generalised_forces=forces, measured_from=_EMPTY
+        )
+
     def _check_coordinates(self) -> None:
         if not self.coordinates:
             raise ValueError("coordinates is empty; expected at least one {coordinate: joint name}")
@@ -96,6 +124,12 @@ class System:
         for q in self.generalised_forces:
             if q not in self.coordinates:
                 raise ValueError(f"generalised force on {q}, which is no coordinate; expected one of {list(self.coordinates)}")
+        order = list(self.coordinates)
+        for q, other in self.measured_from.items():
+            if q not in order or other not in order or order.index(other) >= order.index(q):
+                raise ValueError(f"{q} is measured from {other}; expected a coordinate and an earlier one")
+        if self.measured_from and self.attitudes:
+            raise ValueError("measured_from beside ball or free joints; write the energies in the positions of the joints")
 
     def _check_attitudes(self) -> None:
         order = list(self.coordinates)

@@ -40,7 +40,7 @@ FASTER = {("pinocchio abaInParallel", "heyoka float64"): 5.0}
 OVERHEAD = {("harness check of mujoco", "mujoco batch"): 1.25, ("harness check of pinocchio", "pinocchio aba"): 1.25}
 SMALL = [name for name in WITH_URDF if load_mechanism(LIBRARY, name).nv <= 7]
 ROUNDS, SECONDS_EACH = 40, 0.001
-GROWTH_SECONDS = {"chain_16": 10.0, "chain_24": 30.0, "chain_32": 60.0}
+GROWTH_SECONDS = {"chain_16": 5.0, "chain_32": 15.0, "chain_64": 60.0}
 seconds_per_state: dict[tuple[str, str], float] = {}
 
 

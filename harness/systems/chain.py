@@ -1,8 +1,8 @@
 """Chain of n equal uniform bars hanging from a fixed pin, each pinned to the end of the one above.
 
 Zero: chain hanging straight down. x points right, z up; joint i turns bar i against bar i - 1, and a
-positive angle swings it towards +x, so every axis is -y. The text's angles are absolute, measured from
-the downward vertical: the sum of the joint angles up to the bar.
+positive angle swings it towards +x, so every axis is -y. The energies are written in the text's angles, which are
+absolute, measured from the downward vertical.
 Source: Greenwood, Principles of Dynamics, 2nd ed., section 6-6 (n-bar pendulum by Lagrange's equations).
 """
 
@@ -20,21 +20,21 @@ m, L, g = sp.symbols("m L g", positive=True)
 
 def system(n: int) -> System:
     """The chain of ``n`` bars."""
-    joints = [dynamicsymbols(f"q{i}") for i in range(1, n + 1)]
-    absolute = list(itertools.accumulate(joints))
-    turns = [angle.diff(TIME) for angle in absolute]
-    kinetic, height = sp.S.Zero, sp.S.Zero
-    for i, (angle, turn) in enumerate(zip(absolute, turns, strict=True)):
+    angles = [dynamicsymbols(f"q{i}") for i in range(1, n + 1)]
+    turns = [angle.diff(TIME) for angle in angles]
+    kinetic, height = [], []
+    for i, (angle, turn) in enumerate(zip(angles, turns, strict=True)):
         bars_below = n - 1 - i
         # A bar's end carries every bar below it; its own mass acts at half its length.
-        kinetic += m * L**2 * (sp.Rational(1, 3) + bars_below) * turn**2 / 2
-        height -= L * (sp.Rational(1, 2) + bars_below) * sp.cos(angle)
-        for other, other_turn in zip(absolute[:i], turns[:i], strict=True):
-            kinetic += m * L**2 * (sp.Rational(1, 2) + bars_below) * turn * other_turn * sp.cos(angle - other)
+        kinetic.append(m * L**2 * (sp.Rational(1, 3) + bars_below) * turn**2 / 2)
+        height.append(-L * (sp.Rational(1, 2) + bars_below) * sp.cos(angle))
+        for other, other_turn in zip(angles[:i], turns[:i], strict=True):
+            kinetic.append(m * L**2 * (sp.Rational(1, 2) + bars_below) * turn * other_turn * sp.cos(angle - other))
     return System(
-        coordinates={joint: f"joint_{i}" for i, joint in enumerate(joints, start=1)},
-        kinetic=kinetic,
-        potential=m * g * height,
+        coordinates={angle: f"joint_{i}" for i, angle in enumerate(angles, start=1)},
+        measured_from=dict(itertools.pairwise(reversed(angles))),
+        kinetic=sp.Add(*kinetic),
+        potential=m * g * sp.Add(*height),
         parameters={m: (1.5, "kg"), L: (0.5, "m"), g: (9.81, "m/s^2")},
         total_mass=n * m,
         gravity=g,
