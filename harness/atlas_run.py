@@ -22,7 +22,7 @@ class AtlasSettings:
     Attributes:
         library: whose engines are meant; the cases are the harness's own.
         cases: names; all for none.
-        subjects: as text; every one whose engine is installed for none.
+        subjects: as text; for none every native one whose engine is installed, as the cases try engines, not readers.
         motion: whether partings and stable steps are measured too.
     """
 
@@ -52,7 +52,7 @@ class AtlasRun:
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
         self.cases = list(dict.fromkeys(settings.cases)) or list(hard_cases())
         self.subjects: list[Subject] = []
-        for subject in select_subjects(settings.library, settings.subjects):
+        for subject in select_subjects(settings.library, settings.subjects, native_only=True):
             engine = load_engine(settings.library, subject.engine)
             if installed_version(engine) is not None:
                 self.subjects.append(subject)

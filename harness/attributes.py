@@ -197,11 +197,14 @@ class Watch:
         Joints are measured each by itself, or the wrist of an arm would hide its shoulder.
         """
         moved = self.accelerations(text)
-        if moved is None:
-            return None
-        scale = np.abs(self.healthy).max(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            change = np.abs(moved - self.healthy) / scale
-        change[moved == self.healthy] = 0.0
-        largest = float(change.max())
-        return math.inf if math.isnan(largest) else largest
+        return None if moved is None else largest_change(self.healthy, moved)
+
+
+def largest_change(healthy: Array, moved: Array) -> float:
+    """The largest change of any joint's accelerations, both (n, nv), relative to that joint's largest; inf where they are not finite."""
+    scale = np.abs(healthy).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.abs(moved - healthy) / scale
+    change[moved == healthy] = 0.0
+    largest = float(change.max())
+    return math.inf if math.isnan(largest) else largest

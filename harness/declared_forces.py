@@ -57,6 +57,11 @@ class PointSpring:
     damping: float
     line: int
 
+    @property
+    def ends(self) -> tuple[tuple[str, Point], tuple[str, Point]]:
+        """Body and point of either end."""
+        return (self.body_a, self.point_a), (self.body_b, self.point_b)
+
 
 @dataclass(frozen=True)
 class Armature:

@@ -29,12 +29,11 @@ from harness.kernels import Array
 from harness.library import Library
 from harness.minimal import CHANGE, NOISE
 from harness.models import ModelFile, read_model
+from harness.perturbation import DIFFERENCE, derivative, watch
 from harness.reference import Reference, ReferenceKernel, energy_norm
 from harness.states import sample
 from harness.verdict import AGREEMENT, Verdict
 
-# Of the central differences: their error is about u / DIFFERENCE, or DIFFERENCE^2.
-DIFFERENCE = 1e-5
 # Two neighbours in the search for the smallest change that is caught are this far apart.
 RESOLUTION = 2.0**0.25
 # Beyond this ratio to theory, digits are lost on the way from the engine to the verdict.
@@ -117,11 +116,7 @@ class FaultWalk:
         engine = load_engine(self.library, self.subject.engine)
         states = sample(mechanism, self.states, self.seed)
         self._reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
-
-        def answer(model: ModelFile) -> Array:
-            return engine.load(model, mechanism.joints, mechanism.gravity).forward_dynamics(states.q, states.v, states.tau)
-
-        self._watch = Watch(self.model, answer)
+        self._watch = watch(engine, mechanism, self.model, states)
 
     def caught(self) -> Iterator[Caught]:
         """Every live number, in the order of the file."""
@@ -141,38 +136,19 @@ class FaultWalk:
         return None
 
     def _look_for(self, number: Number, changed: Sequence[Number]) -> Caught:
-        theory = self._theory(changed)
-        low, high = theory, theory
-        while high < FURTHEST * theory and not self._is_caught(changed, high):
-            low, high = high, 2 * high
-        while low == high and self._is_caught(changed, low / 2):
-            low, high = low / 2, low / 2
-        if low == high:
-            low /= 2
-        while high / low > RESOLUTION:
-            middle = math.sqrt(low * high)
-            low, high = (low, middle) if self._is_caught(changed, middle) else (middle, high)
+        def text(change: float) -> str:
+            return scaled(self.model.text, changed, 1 + change)
+
+        theory = promised(self._reference, derivative(self._watch, text, 0.0, DIFFERENCE))
         return Caught(
             system=self.name,
             subject=str(self.subject),
             file=self.model.path.name,
             number=number,
             changed=tuple(changed),
-            smallest=high if high < FURTHEST * theory else math.inf,
+            smallest=smallest_caught(theory, lambda change: self._is_caught(changed, change)),
             theory=theory,
         )
-
-    def _theory(self, changed: Sequence[Number]) -> float:
-        steps = [(factor, self._watch.accelerations(scaled(self.model.text, changed, 1 + factor))) for factor in (DIFFERENCE, -DIFFERENCE)]
-        # Where physics forbids one direction, the difference is one-sided.
-        answered = [(factor, moved) for factor, moved in steps if moved is not None]
-        if len(answered) == 1:
-            answered.append((0.0, self._watch.healthy))
-        (first, up), (second, down) = answered
-        with np.errstate(all="ignore"):
-            derivative = energy_norm(self._reference.norm_factor, (up - down) / (first - second))
-            promised = AGREEMENT * self._reference.data_roundoff / derivative
-        return float(np.nanmin(promised))
 
     def _is_caught(self, changed: Sequence[Number], change: float) -> bool:
         moved = None
@@ -180,6 +156,32 @@ class FaultWalk:
             if moved is None:
                 moved = self._watch.accelerations(scaled(self.model.text, changed, factor))
         return moved is not None and bool((compare(self._reference, moved).verdicts != Verdict.AGREES.value).any())
+
+
+def promised(reference: Reference, slope: Array | None) -> float:
+    """The least size of a fault that theory says is caught at some state, by the accelerations' derivative by its size, (n, nv)."""
+    if slope is None:
+        return math.inf
+    with np.errstate(all="ignore"):
+        sizes = AGREEMENT * reference.data_roundoff / energy_norm(reference.norm_factor, slope)
+    return float(np.nanmin(sizes))
+
+
+def smallest_caught(theory: float, is_caught: Callable[[float], bool]) -> float:
+    """The smallest size that is caught, searched for from what ``theory`` promises; inf where none up to ``FURTHEST`` times that is."""
+    if not 0 < theory < math.inf:
+        return math.inf
+    low, high = theory, theory
+    while high < FURTHEST * theory and not is_caught(high):
+        low, high = high, 2 * high
+    while low == high and is_caught(low / 2):
+        low, high = low / 2, low / 2
+    if low == high:
+        low /= 2
+    while high / low > RESOLUTION:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if is_caught(middle) else (middle, high)
+    return high if high < FURTHEST * theory else math.inf
 
 
 def walkable(library: Library, names: Sequence[str], subjects: Sequence[str]) -> list[tuple[str, Subject]]:
@@ -190,7 +192,8 @@ def walkable(library: Library, names: Sequence[str], subjects: Sequence[str]) ->
     Raises:
         harness.errors.InvalidRequest: a system or subject that does not exist.
     """
-    chosen = select_subjects(library, subjects)
+    # A file's numbers are one file's: its native subject walks them, unless another is asked for.
+    chosen = select_subjects(library, subjects, native_only=True)
     smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
     systems = library.select(names) if names else smallest
     known = load_expectations(library, [str(subject) for subject in select_subjects(library, ())])

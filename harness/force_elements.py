@@ -1,4 +1,4 @@
-"""The springs and dampers a URDF declares, as generalised forces from Pinocchio's frames and Jacobians.
+"""The springs and dampers a model file declares, as generalised forces from Pinocchio's frames and Jacobians.
 
 Pinocchio's dynamics apply none of them. They are computed from the file and the engine's own
 kinematics, never from the symbolic potential, so that the comparison stays independent.
@@ -9,13 +9,15 @@ documentation, ``LinearSpringDamper``, for springs between points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from harness.engines._pinocchio_joints import JointPlace, joint_places
 from harness.kernels import Array
-from harness.models import JointDamper, JointSpring, PointSpring
+from harness.mjcf_forces import WORLD
+from harness.models import ForceElement, JointDamper, JointSpring, PointSpring
 
 
 class ForceElements:
@@ -25,9 +27,11 @@ class ForceElements:
     Pinocchio's kinematics state by state.
     """
 
-    def __init__(self, model: Any, elements: Sequence[JointSpring | JointDamper | PointSpring]) -> None:
+    def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace] | None = None) -> None:
         self._model = model
+        self._places = joint_places(model) if places is None else places
         self._data = model.createData()
+        self.elements = tuple(elements)
         self._joint_springs = [element for element in elements if isinstance(element, JointSpring)]
         self._joint_dampers = [element for element in elements if isinstance(element, JointDamper)]
         self._point_springs = [element for element in elements if isinstance(element, PointSpring)]
@@ -35,7 +39,7 @@ class ForceElements:
         dampers = [(self._joint(damper.joint), damper) for damper in self._joint_dampers]
         # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.
         self._springs_at = [(joint.idx_q, joint.idx_v, spring.stiffness, spring.reference) for joint, spring in springs]
-        self._dampers_at = [(joint.idx_v, damper.damping) for joint, damper in dampers]
+        self._dampers_at = [(slice(joint.idx_v, joint.idx_v + joint.nv), damper.damping) for joint, damper in dampers]
 
     @property
     def empty(self) -> bool:
@@ -50,7 +54,8 @@ class ForceElements:
             forces[joint.idx_v] -= spring.stiffness * (configuration[joint.idx_q] - spring.reference)
         for damper in self._joint_dampers:
             joint = self._joint(damper.joint)
-            forces[joint.idx_v] -= damper.damping * velocity[joint.idx_v]
+            rows = slice(joint.idx_v, joint.idx_v + joint.nv)
+            forces[rows] -= damper.damping * velocity[rows]
         if self._point_springs:
             for column in range(velocity.shape[1]):
                 forces[:, column] += self._of_point_springs(configuration[:, column], velocity[:, column])
@@ -61,12 +66,21 @@ class ForceElements:
         forces = self._of_point_springs(configuration, velocity) if self._point_springs else np.zeros(self._model.nv)
         for position, row, stiffness, reference in self._springs_at:
             forces[row] -= stiffness * (configuration[position] - reference)
-        for row, damping in self._dampers_at:
-            forces[row] -= damping * velocity[row]
+        for rows, damping in self._dampers_at:
+            forces[rows] -= damping * velocity[rows]
         return forces
 
-    def _joint(self, name: str) -> Any:
-        return self._model.joints[self._model.getJointId(name)]
+    def ends_of_point_springs(self, configuration: Array) -> list[tuple[PointSpring, Array]]:
+        """Each spring between points with its ends in the world at one configuration (nq,) [m], (2, 3)."""
+        import pinocchio
+
+        pinocchio.computeJointJacobians(self._model, self._data, configuration)
+        return [
+            (spring, np.array([self._point(body, np.array(point))[0] for body, point in spring.ends])) for spring in self._point_springs
+        ]
+
+    def _joint(self, name: str) -> JointPlace:
+        return self._places[name]
 
     def _of_point_springs(self, configuration: Array, velocity: Array) -> Array:
         import pinocchio
@@ -88,6 +102,8 @@ class ForceElements:
         """World position (3,) and translational Jacobian (3, nv) of a point fixed in ``body``."""
         import pinocchio
 
+        if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
+            return local, np.zeros((3, self._model.nv))
         frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
         placement = self._data.oMi[frame.parentJoint] * frame.placement
         position = placement.act(local)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.mechanism import Mechanism
-from harness.models import ModelFile, PointSpring
+from harness.models import ModelFile
 
 Vector = tuple[float, float, float]
 WORLD = -1
@@ -105,13 +105,11 @@ _Placer = Callable[[Mapping[str, float], Mapping[str, Sequence[float]]], Placeme
 def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
     import mujoco
 
+    from harness.engines._mujoco_held import joint_kinds
     from harness.engines.mujoco import ENGINE
 
     loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity).model
-    kinds = {
-        mujoco.mjtJoint.mjJNT_HINGE: "hinge", mujoco.mjtJoint.mjJNT_SLIDE: "slide",
-        mujoco.mjtJoint.mjJNT_BALL: "ball", mujoco.mjtJoint.mjJNT_FREE: "free",
-    }  # fmt: skip
+    kinds = joint_kinds()
     moving = [body for body in range(1, loaded.nbody) if loaded.body_weldid[body] != 0]
 
     def placed(positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
@@ -140,7 +138,7 @@ def _placer_of_mjcf(model: ModelFile, mechanism: Mechanism) -> _Placer:
         ]
         joints = []
         for number in range(loaded.njnt):
-            joint, kind = loaded.joint(number), kinds[mujoco.mjtJoint(int(loaded.jnt_type[number]))]
+            joint, kind = loaded.joint(number), kinds[int(loaded.jnt_type[number])]
             anchor, axis = data.xanchor[number], data.xaxis[number]
             slid = data.qpos[joint.qposadr[0]] - loaded.qpos0[joint.qposadr[0]] if kind == "slide" else 0.0
             joints.append(
@@ -168,7 +166,8 @@ def _placer_of_urdf(model: ModelFile, mechanism: Mechanism) -> _Placer:
 
     from harness.engines.pinocchio import ENGINE
 
-    loaded = ENGINE.load(model, mechanism.joints, mechanism.gravity).model
+    subject = ENGINE.load(model, mechanism.joints, mechanism.gravity)
+    loaded = subject.model
 
     def placed(positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
         data = loaded.createData()
@@ -197,21 +196,10 @@ def _placer_of_urdf(model: ModelFile, mechanism: Mechanism) -> _Placer:
                     _vector(angular if kind == "hinge" else linear),
                 )
             )  # fmt: skip
-        springs = [spring for spring in model.force_elements if isinstance(spring, PointSpring)]
-        return Placement(
-            tuple(bodies),
-            tuple(joints),
-            tuple(tuple(_vector(_point(loaded, data, *end)) for end in ((s.body_a, s.point_a), (s.body_b, s.point_b))) for s in springs),
-        )
+        springs = [(_vector(a), _vector(b)) for _, (a, b) in subject.force_elements.ends_of_point_springs(configuration)]
+        return Placement(tuple(bodies), tuple(joints), tuple(springs))
 
     return placed
-
-
-def _point(loaded: Any, data: Any, body: str, local: Vector) -> Any:
-    import pinocchio
-
-    frame = loaded.frames[loaded.getFrameId(body, pinocchio.FrameType.BODY)]
-    return (data.oMi[frame.parentJoint] * frame.placement).act(np.array(local))
 
 
 _PLACERS: Mapping[str, Callable[[ModelFile, Mechanism], _Placer]] = {"mjcf": _placer_of_mjcf, "urdf": _placer_of_urdf}

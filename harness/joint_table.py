@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 
 from lxml import etree
 
+from harness.mjcf_defaults import resolved
 from harness.model_xml import Document, literal_tag, parse_document
 from harness.models import ROOT_TAGS, ModelFile, PointSpring
 
@@ -106,20 +107,9 @@ def _pose(element: etree._Element) -> str:
 
 
 def _mjcf(joint: etree._Element, name: str) -> str:
-    """An attribute as MuJoCo resolves it: the joint's own, else that of its default class or one above it."""
-    if name in joint.attrib or joint.tag == "freejoint":
-        return str(joint.get(name, ""))
-    owners = [joint.get("class"), *(ancestor.get("childclass") for ancestor in joint.iterancestors("body", "worldbody", "frame"))]
-    chosen = next((owner for owner in owners if owner), None)
-    classes = joint.getroottree().getroot().iter("default")
-    # Without a class it is the outermost one, whatever its name.
-    start = next((default for default in classes if chosen is None or default.get("class") == chosen), None)
-    while start is not None and start.tag == "default":
-        given = start.find("joint")
-        if given is not None and name in given.attrib:
-            return str(given.get(name))
-        start = start.getparent()
-    return ""
+    """An attribute as MuJoCo resolves it; "" where nobody gives it."""
+    written = resolved(joint, name)
+    return "" if written is None else written.text
 
 
 def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:

@@ -23,7 +23,8 @@ URDF states neither springs nor reflected inertias. These conventions, and no ot
 - a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
   Drake, "Parsing model files", tag drake:joint.
 
-MJCF states springs, dampers and ``armature`` itself, and the engine that reads them applies them.
+MJCF states gravity, springs, dampers and ``armature`` itself. MuJoCo applies them; for readers that pass over them
+they are listed like those of a URDF (``harness.mjcf_forces``).
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.declared_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
+from harness.mjcf_forces import Unexpressed, read_forces
 from harness.model_checks import check_elements, check_inertia, numbers
 from harness.model_values import Numbers, positive
 from harness.model_xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, parse_document, read_document, resolve
@@ -55,9 +57,11 @@ class ModelFile:
         joint_lines: moving joint to the line of its element, in document order.
         gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
         root_line: line of the root element.
-        force_elements: springs and dampers the harness must add, in document order; none for MJCF.
-        armatures: reflected inertias the harness must add, in document order; none for MJCF.
+        force_elements: springs and dampers that the file declares; the harness adds them where a reader passes over them.
+        armatures: reflected inertias that a URDF declares, in document order, to be added likewise; none for MJCF.
         ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
+        gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
+        unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
     """
 
     path: Path
@@ -69,6 +73,8 @@ class ModelFile:
     force_elements: tuple[ForceElement, ...]
     armatures: tuple[Armature, ...] = ()
     ball_joint: str | None = None
+    gravity: tuple[float, float, float] | None = None
+    unexpressed: tuple[Unexpressed, ...] = ()
 
 
 def read_model(path: Path, format: str) -> ModelFile:
@@ -118,7 +124,18 @@ def _read_mjcf(document: Document) -> ModelFile:
         document.refuse(root, "has no joint in any body; expected one for each coordinate of the system")
     options = [*root.iterfind("option[@gravity]")] or [*root.iterfind("option")] or [root]
     lines = {name: document.lines[joint] for name, joint in joints.items()}
-    return ModelFile(document.path, "mjcf", document.text, lines, document.lines[options[-1]], document.lines[root], ())
+    forces = read_forces(document)
+    return ModelFile(
+        path=document.path,
+        format="mjcf",
+        text=document.text,
+        joint_lines=lines,
+        gravity_line=document.lines[options[-1]],
+        root_line=document.lines[root],
+        force_elements=forces.elements,
+        gravity=forces.gravity,
+        unexpressed=forces.unexpressed,
+    )
 
 
 def _owner(element: etree._Element) -> etree._Element:

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from harness.picture import draw
 from harness.report.html import equations
-from harness.show import Exhibit, audit_rows, coordinates, joint_table, number, whereabouts
+from harness.show import Exhibit, audit_rows, comparison_of_holdings, coordinates, joint_table, number, whereabouts
 from harness.views import choose_view
 
 
@@ -36,5 +36,6 @@ def render(exhibit: Exhibit, library: str) -> str:
         view=view,
         joints=joint_table(exhibit) if exhibit.joints else [],
         audit=audit_rows(exhibit),
+        held=comparison_of_holdings(exhibit),
         coordinates=coordinates(exhibit.mechanism),
     )

@@ -18,7 +18,7 @@ and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -45,6 +45,7 @@ _STATES_AT_ONCE = 2048
 MOST_IN_FLOAT64 = 1e8
 # Parameter sets whose constants are kept in balls.
 _MOST_BOUND = 256
+Indices = np.ndarray[Any, np.dtype[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Reference:
     sensitivity: Array
     instability: Array
     certified: np.ndarray[Any, np.dtype[np.bool_]]
-    bits: np.ndarray[Any, np.dtype[np.int64]]
+    bits: Indices
 
     def __len__(self) -> int:
         return len(self.high)
@@ -104,7 +105,7 @@ class ReferenceKernel:
 
     def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
         self.mechanism = mechanism
-        self._charts = [_ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
+        self._charts = [ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
 
     def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped.
@@ -112,35 +113,37 @@ class ReferenceKernel:
         ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
         default all have the mechanism's. Nothing is derived or compiled anew for them.
         """
+        count = len(self.mechanism.parameters)
         if parameters is None:
-            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), self._parameter_count))
-        if parameters.shape != (len(states), self._parameter_count):
-            raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), self._parameter_count)}")
+            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), count))
+        if parameters.shape != (len(states), count):
+            raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
         starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
         return Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
 
-    @property
-    def _parameter_count(self) -> int:
-        return len(self.mechanism.parameters)
-
-    def _evaluate(self, states: States, parameters: Array) -> Reference:
+    def by_chart(self, states: States, parameters: Array | None = None) -> Iterator[tuple[ChartKernel, Indices]]:
+        """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""
         if len(self._charts) == 1 or not len(states):
-            return self._charts[0].evaluate(states, parameters)
+            yield self._charts[0], np.arange(len(states))
+            return
         inputs = self.mechanism.inputs(states, parameters)
         with np.errstate(all="ignore"):
             regularity = np.array([chart.float64.regularity(inputs) for chart in self._charts])
         best = np.nan_to_num(regularity, nan=-1.0).argmax(axis=0)
-        parts, places = [], []
         for number, chart in enumerate(self._charts):
             chosen = np.flatnonzero(best == number)
             if len(chosen):
-                parts.append(chart.evaluate(states[chosen], parameters[chosen]))
-                places.append(chosen)
-        return Reference.concatenate(parts)[np.argsort(np.concatenate(places))]
+                yield chart, chosen
+
+    def _evaluate(self, states: States, parameters: Array) -> Reference:
+        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states, parameters)]
+        if len(parts) == 1:
+            return parts[0][0]
+        return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
 
 
-class _ChartKernel:
+class ChartKernel:
     """The reference of one mechanism by one of its programs."""
 
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
@@ -176,32 +179,26 @@ class _ChartKernel:
 
         nv = self.mechanism.nv
         pairs = upper_triangle(nv)
-        n = len(states)
-        results = np.empty((n, 3, nv))
-        mass = np.empty((n, nv, nv))
+        results = np.empty((len(states), 3, nv))
         exact: list[tuple[Any, ...]] = []
-        previous, flint.ctx.prec = flint.ctx.prec, precision
-        try:
-            rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
-            for index, (row, values_of_parameters) in enumerate(zip(rows, map(tuple, parameters.tolist()), strict=True)):
-                values = self._bind(precision, values_of_parameters)(*row)
+        with flint.ctx.workprec(precision):
+            for index, (row, values) in enumerate(self.in_balls(states, parameters)):
                 velocity, gravity, passive = (values[len(pairs) + k * nv : len(pairs) + (k + 1) * nv] for k in range(3))
                 force = [flint.arb(row[self.mechanism.nq + nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
-                for (i, j), entry in zip(pairs, values, strict=False):
-                    mass[index, i, j] = mass[index, j, i] = float(entry)
                 exact.append(values[: len(pairs)])
                 solution = _solve(values[: len(pairs)], pairs, force, nv)
                 for i, ball in enumerate(solution):
-                    midpoint = float(ball)
-                    results[index, 0, i] = midpoint
-                    results[index, 1, i] = float(ball - midpoint)
-                    results[index, 2, i] = float(ball.rad())
-            scale, factor = scaled_cholesky(mass)
-            for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)):
-                factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
-        finally:
-            flint.ctx.prec = previous
+                    results[index, :, i] = parts_of(ball)
+            scale, factor = factorise(exact, nv)
         return results[:, 0], results[:, 1], results[:, 2], scale, factor
+
+    def in_balls(self, states: States, parameters: Array) -> Iterator[tuple[list[float], tuple[Any, ...]]]:
+        """q, v, tau and time of each state, and the program's outputs there as ``arb`` at the working precision."""
+        import flint
+
+        rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
+        for row, values_of_parameters in zip(rows, map(tuple, parameters.tolist()), strict=True):
+            yield row, self._bind(flint.ctx.prec, values_of_parameters)(*row)
 
     def _bind(self, precision: int, parameters: tuple[float, ...]) -> Callable[..., tuple[Any, ...]]:
         """The ball kernel of one parameter set at the working precision, which is ``precision``."""
@@ -228,6 +225,25 @@ class _ChartKernel:
         of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
         instability = 16 * nv * condition_number(factor) * (energy_norm(norm_factor, accelerations) + of_terms)
         return norm_factor, sensitivity, instability
+
+
+def parts_of(ball: Any) -> tuple[float, float, float]:
+    """(high, low, radius): high + low is the ball's midpoint to twice the digits of float64."""
+    midpoint = float(ball)
+    return midpoint, float(ball - midpoint), float(ball.rad())
+
+
+def factorise(exact: Sequence[Sequence[Any]], nv: int) -> tuple[Array, Array]:
+    """``scaled_cholesky`` of mass matrices given by their upper triangles in balls; in balls where float64 would lose digits."""
+    pairs = upper_triangle(nv)
+    mass = np.empty((len(exact), nv, nv))
+    for index, upper in enumerate(exact):
+        for (i, j), entry in zip(pairs, upper, strict=True):
+            mass[index, i, j] = mass[index, j, i] = float(entry)
+    scale, factor = scaled_cholesky(mass)
+    for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)).tolist():
+        factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
+    return scale, factor
 
 
 def _solve(upper: Any, pairs: list[tuple[int, int]], force: list[Any], nv: int) -> list[Any]:

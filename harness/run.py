@@ -21,6 +21,7 @@ from harness.engines import (
     Subject,
     Unsupported,
     installed_version,
+    is_native,
     linear_velocity_in_body,
     load_engine,
     select_subjects,
@@ -252,8 +253,8 @@ class CrossCheck:
                 self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-")
             )
             work.append(Task((name, pair.subject, None), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
-        # The replay of one state is about that state alone.
-        if model is not None and self.settings.state is None:
+        # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
+        if model is not None and self.settings.state is None and is_native(self.settings.library, pair.subject):
             work.append(Task((name, pair.subject, None), tasks.find_superfluous, (assignment,)))
         pair.pending = len(work)
         return work

@@ -47,7 +47,7 @@ class SearchSettings:
 
     Attributes:
         library, name: where, and which system.
-        subjects: subjects as text; all that have a model for none.
+        subjects: subjects as text; for none the native ones that have a model, as it is engines that are searched, not readers.
         budget: states a subject is asked for; what shrinking asks comes on top.
         seed: of the random starts.
         keep: whether what is found is stored with the system.
@@ -173,7 +173,7 @@ def _describe(states: int, population: int) -> str:
 def _assignments(settings: SearchSettings, mechanism: Mechanism, workers: Workers, expectations: Any) -> list[tasks.Assignment]:
     """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
     chosen: list[Subject] = []
-    for subject in select_subjects(settings.library, settings.subjects):
+    for subject in select_subjects(settings.library, settings.subjects, native_only=True):
         reason = why_no_model(settings.library, mechanism.name, str(subject), subject.format, expectations)
         engine = load_engine(settings.library, subject.engine)
         if not reason and installed_version(engine) is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from harness.audit import audit
 from harness.derivation import load_mechanism
-from harness.engines import EQUATIONS, LoadedModel, Subject, installed_version, load_engine, subjects
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.errors import InvalidInput, InvalidModel
 from harness.expected import load_expectations, why_no_model
 from harness.family import member_of
@@ -20,6 +20,7 @@ from harness.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.library import MODEL_SUFFIXES, Library
 from harness.mechanism import Mechanism
 from harness.models import ModelFile, read_model
+from harness.static_audit import SOUND, differences, held_by, soundness
 from harness.tasks import Assignment
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task, Workers
@@ -33,6 +34,7 @@ class Holding:
 
     subject: Subject
     loaded: LoadedModel | None = None
+    held: HeldModel | None = None
     remark: str = ""
 
 
@@ -108,12 +110,13 @@ def _take_reasons(library: Library, exhibit: Exhibit) -> None:
             exhibit.reasons[subject] = reason
 
 
-def hold(assignment: Assignment, note: Callable[[str], None]) -> LoadedModel | None:
-    """What the subject's engine holds after loading, without a judgement of it."""
+def hold(assignment: Assignment, note: Callable[[str], None]) -> tuple[LoadedModel | None, HeldModel | None]:
+    """What the subject's engine holds after loading, as a whole and joint by joint, without a judgement of it."""
     model, mechanism = assignment.model, assignment.mechanism
     assert model is not None
     try:
-        return load_engine(assignment.library, assignment.subject.engine).load(model, mechanism.joints, mechanism.gravity).loaded()
+        loaded = load_engine(assignment.library, assignment.subject.engine).load(model, mechanism.joints, mechanism.gravity)
+        return loaded.loaded(), held_by(loaded)
     except ValueError as error:
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
 
@@ -146,9 +149,10 @@ def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holdin
         return replace(holding, remark=outcome.exception.problem)
     if outcome.exception is not None:
         return replace(holding, remark=f"{type(outcome.exception).__name__}: {outcome.exception}")
-    loaded = outcome.value
+    loaded, held = outcome.value
     if loaded is None:
         return replace(holding, remark="does not say what it holds")
+    holding = replace(holding, held=held)
     try:
         audit(loaded, exhibit.models[holding.subject.format], exhibit.mechanism)
     except InvalidInput as problem:
@@ -194,6 +198,15 @@ def _sum(mass: float) -> str:
     return f"{mass:.15g}"
 
 
+def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
+    """Lines on what the subjects hold, each joint and body in the world's frame; none where fewer than two say it."""
+    held = {str(holding.subject): holding.held for holding in exhibit.holdings if holding.held is not None}
+    if len(held) < 2:
+        return []
+    rows, rounded = (differences(exhibit.mechanism.name, held, exhibit.models, above) for above in (SOUND, 0.0))
+    return soundness(rows, rounded)
+
+
 def joint_table(exhibit: Exhibit) -> list[list[str]]:
     """Headings, and for each joint a row per format; columns that are empty throughout are left out."""
     rows = [
@@ -230,6 +243,9 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     yield from (f"  {model_format}, {text}" for model_format, text in exhibit.springs)
     yield "\nAfter loading:"
     yield from _columns(audit_rows(exhibit))
+    if compared := comparison_of_holdings(exhibit):
+        yield "\nHeld of each joint and body, in the world's frame with every joint at zero:"
+        yield from (f"  {line}" for line in compared)
 
 
 def coordinates(mechanism: Mechanism) -> list[list[str]]:

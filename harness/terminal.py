@@ -18,6 +18,7 @@ from harness.records import Record
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
+    from harness.fault_records import KindOfFault
     from harness.fault_walk import Caught
     from harness.minimal import Finding
 
@@ -126,6 +127,26 @@ def print_caught(caught: Sequence[Caught]) -> None:
     click.echo(
         f"\n{len(caught)} live numbers; {fine:.1%} caught below 1e-10; at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
     )
+
+
+def print_kinds(kinds: Sequence[KindOfFault]) -> None:
+    """One row per kind of fault of a campaign, and one for all."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("kind", no_wrap=True)
+    for heading in ("planted", "live", "caught", "judged", "named first", "in class", "blamed", "smallest", "theory", "seconds", "longest"):
+        table.add_column(heading, justify="right")
+    for one in kinds:
+        shares = [f"{count / one.judged:.0%}" if one.judged else "" for count in (one.named, one.in_class)]
+        counts = [str(count) for count in (one.planted, one.live, one.caught, one.judged)]
+        table.add_row(one.kind, *counts, *shares, str(one.blamed), *map(_number, (one.smallest, one.theory, one.seconds, one.longest)))
+    if not kinds:
+        click.echo("no faults: no model was found to plant them in")
+        return
+    console().print(table)
+    judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
+    live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
+    named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""
+    click.echo(f"\n{live} faults that change the dynamics, {caught} caught; {judged} of them judged{named}")
 
 
 def _number(value: float | None) -> str:

@@ -18,7 +18,7 @@ from support import PLAIN
 from harness.atlas import HEADINGS, measure, rows, table, why_undecided
 from harness.compare import Comparison, compare
 from harness.derivation import load_mechanism
-from harness.engines import EQUATIONS, Subject, load_engine, subjects
+from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
 from harness.errors import InvalidInput
 from harness.expected_hard_cases import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard_cases import hard_cases
@@ -309,7 +309,7 @@ def test_the_harnesss_own_expectations_can_be_read() -> None:
 
 
 @pytest.mark.parametrize("case", ["near_equilibrium", "collapsed_spring", "spherical_pole", "massless_knee"])
-@pytest.mark.parametrize("subject", subjects(Library.built_in()), ids=str)
+@pytest.mark.parametrize("subject", select_subjects(Library.built_in(), (), native_only=True), ids=str)
 def test_a_family_is_as_expected(case: str, subject: Subject) -> None:
     _check_family(case, subject)
 
@@ -317,7 +317,7 @@ def test_a_family_is_as_expected(case: str, subject: Subject) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("case", hard_cases())
 def test_every_family_is_as_expected(case: str) -> None:
-    for subject in subjects(Library.built_in()):
+    for subject in select_subjects(Library.built_in(), (), native_only=True):
         _check_family(case, subject)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from harness.derivation import cache_directory
-from harness.engines import Subject, subjects
+from harness.engines import Subject, is_native, subjects
 from harness.library import Library
 from harness.minimal import Finding, superfluous
 from harness.models import parse_model
@@ -22,7 +22,7 @@ PAIRS = [
     (name, subject)
     for name in LIBRARY.system_names()
     for subject in subjects(LIBRARY)
-    if subject.format != "equations" and LIBRARY.has_model(name, subject.format)
+    if subject.format != "equations" and is_native(LIBRARY, subject) and LIBRARY.has_model(name, subject.format)
 ]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 

@@ -30,7 +30,13 @@ from harness.states import States, sample
 
 BUILT_IN = Library.built_in()
 ENTRY = '[[expected]]\nsystem = "bar_pendulum"\nsubject = "{subject}"\nverdict = "{verdict}"\nreason = "{reason}"\nlink = "a page"\n'
-REASONS = {"mujoco/mjcf": "no such joint", "pinocchio/urdf": "no such loop"}
+REASONS = {
+    "mujoco/mjcf": "no such joint",
+    "pinocchio/mjcf": "no such tendon",
+    "mujoco/urdf": "no such wheel",
+    "pinocchio/urdf": "no such loop",
+}
+OF_MJCF, OF_URDF = ([subject for subject in REASONS if subject.endswith(ending)] for ending in ("/mjcf", "/urdf"))
 RADIUS = 0.4
 
 
@@ -59,7 +65,7 @@ def check(root: Path, stand_ins: dict[str, Path] | None = None) -> tuple[dict[st
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, stand_ins=stand_ins or {}, examples=None)
     cross_check = CrossCheck(settings, InThisProcess())
     records = {record.subject: record for record in cross_check.records()}
-    assert len(records) == cross_check.expected_records == 3
+    assert len(records) == cross_check.expected_records == 5
     return records, cross_check.problems
 
 
@@ -78,21 +84,21 @@ def test_without_an_entry_a_missing_model_is_an_error(root: Path) -> None:
     records, problems = check(root)
     assert {subject: record.verdict for subject, record in records.items()} == {
         "lagrange": "agrees",
-        "mujoco/mjcf": "error",
-        "pinocchio/urdf": "error",
+        **dict.fromkeys(REASONS, "error"),
     }
     assert sorted(problem.path.name for problem in problems) == ["bar_pendulum.urdf", "bar_pendulum.xml"]
 
 
 def test_an_entry_excuses_its_own_subject_only(root: Path) -> None:
-    excuse(root, entries("mujoco/mjcf"))
+    excuse(root, entries(*OF_MJCF, "mujoco/urdf"))
     records, problems = check(root)
-    assert (records["mujoco/mjcf"].verdict, records["pinocchio/urdf"].verdict) == ("unsupported", "error")
+    verdicts = {subject: records[subject].verdict for subject in REASONS}
+    assert verdicts == dict.fromkeys(REASONS, "unsupported") | {"pinocchio/urdf": "error"}
     assert [problem.path.name for problem in problems] == ["bar_pendulum.urdf"]
 
 
 def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> None:
-    excuse(root, entries("mujoco/mjcf", "pinocchio/urdf"))
+    excuse(root, entries(*REASONS))
     (root / "engines").mkdir()
     (root / "engines" / "other.py").write_text(
         'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n\n\nENGINE = Engine()\n'
@@ -100,7 +106,7 @@ def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> No
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, examples=None)
     cross_check = CrossCheck(settings, InThisProcess())
     verdicts = {record.subject: record.verdict for record in cross_check.records()}
-    assert verdicts == {"lagrange": "agrees", "mujoco/mjcf": "unsupported", "other/mjcf": "error", "pinocchio/urdf": "unsupported"}
+    assert verdicts == {"lagrange": "agrees", "other/mjcf": "error"} | dict.fromkeys(REASONS, "unsupported")
     assert [problem.path.name for problem in cross_check.problems] == ["bar_pendulum.xml"]
 
 
@@ -113,9 +119,10 @@ def test_an_entry_is_stale_once_there_is_a_model(root: Path, stands_in: bool) ->
         shutil.copy(model, root / "urdf")
     records, problems = check(root, {"urdf": model} if stands_in else {})
     assert problems == []
-    assert (records["pinocchio/urdf"].verdict, records["pinocchio/urdf"].expected) == ("agrees", "unsupported")
-    assert not records["pinocchio/urdf"].as_expected
-    assert records["mujoco/mjcf"].as_expected
+    for subject in OF_URDF:
+        assert (records[subject].verdict, records[subject].expected) == ("agrees", "unsupported")
+        assert not records[subject].as_expected
+    assert all(records[subject].as_expected for subject in OF_MJCF)
 
 
 def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
@@ -169,7 +176,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     assert re.search(r"^bar_pendulum +mujoco/mjcf +0 +unsupported *$", done.stdout, re.MULTILINE)
-    assert "6 of 6 as expected" in done.stdout
+    assert "10 of 10 as expected" in done.stdout
     records = {(record["system"], record["subject"]): record for record in json.loads((root / "out.json").read_text())["records"]}
     assert records["bar_pendulum", "mujoco/mjcf"]["message"] == "no such joint"
     assert records["spring_damper", "mujoco/mjcf"]["verdict"] == "agrees"
@@ -195,7 +202,7 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
     page = (root / "page.html").read_text()
     assert "There is no model." in page and "unsupported: no such joint" in page and "<svg" not in page
 
-    excuse(root, entries("mujoco/mjcf"))
+    excuse(root, entries(*OF_MJCF))
     done = run("harness", "show", "bar_pendulum", "--library", ".", cwd=root)
     assert done.returncode == 2
     assert "bar_pendulum.urdf" in done.stderr and "bar_pendulum.xml" not in done.stderr
@@ -208,11 +215,11 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
 
 
 def test_the_regression_passes_for_what_is_excused_only(root: Path) -> None:
-    excuse(root, entries("mujoco/mjcf"))
+    excuse(root, entries(*OF_MJCF, "mujoco/urdf"))
     arguments = ("-p", "no:cacheprovider", "-v", "--harness-library", ".", "--harness-states", "40", "--harness-workers", "1")
     done = run("pytest", *arguments, "-k", "bar_pendulum", cwd=root)
     assert done.returncode == 1
-    assert "1 failed, 2 passed" in done.stdout, done.stdout
+    assert "1 failed, 4 passed" in done.stdout, done.stdout
     assert "bar_pendulum.py::mujoco/mjcf PASSED" in done.stdout
     assert "bar_pendulum.py::pinocchio/urdf FAILED" in done.stdout
     assert "there is no such file" in done.stdout and "Traceback" not in done.stdout

@@ -112,7 +112,10 @@ def refusal(read: Reader, content: str | bytes, model_format: str) -> InvalidMod
 
 def test_what_is_read_from_mjcf(read: Reader) -> None:
     model = read(MJCF, "mjcf")
-    assert (model.text, model.format, model.force_elements) == (MJCF, "mjcf", ())
+    assert (model.text, model.format, model.gravity) == (MJCF, "mjcf", (0.0, 0.0, -9.81))
+    assert model.force_elements == (JointSpring("slide", 270.0, 0.0, 7), JointDamper("pin", 0.2, 11))
+    # The tendon runs through no site.
+    assert [missing.line for missing in model.unexpressed] == [19]
     assert list(model.joint_lines.items()) == [("slide", 7), ("pin", 11)]  # where the tag starts, not where it ends
     assert (model.root_line, model.gravity_line) == (2, 4)
 

@@ -56,6 +56,8 @@ def test_show_tells_joints_and_what_engines_hold(tmp_path: Path, name: str) -> N
     for subject in ("mujoco/mjcf", "pinocchio/urdf"):
         assert re.search(rf"^ +{subject} .* as the system says$", done.stdout, re.MULTILINE), done.stdout
     page = (tmp_path / "page.html").read_text()
+    (sound,) = re.findall(r"^  (sound: .*)$", done.stdout, re.MULTILINE)
+    assert sound in page
     assert page.count("<svg") == 2
     assert "<math" in page or "Too long to read" in page
     assert not re.search(r"(src|href)=", page)
@@ -115,6 +117,19 @@ def test_what_an_engine_holds_is_held_against_the_system(library: Path) -> None:
     done = harness("show", "example", "--library", ".", cwd=library)
     assert done.returncode == 2
     assert re.search(r"^ +mujoco/mjcf .* 10 +the moving bodies have 10 kg in all, expected 9 kg", done.stdout, re.MULTILINE)
+
+
+def test_what_the_engines_hold_is_compared_joint_by_joint(library: Path) -> None:
+    model = library / "urdf" / "example.urdf"
+    text = model.read_text()
+    found = re.search(r'<origin xyz="([^"]*)"', text[text.index("<joint") :])
+    assert found is not None
+    model.write_text(text.replace(found[0], '<origin xyz="0 0 -0.123"'))
+    done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^  example: anchor of \w+ is .*, but .*-0\.123 .* ulps; .*example\.urdf:\d+$", done.stdout, re.MULTILINE)
+    assert "sound:" not in done.stdout
+    assert "-0.123 (" in (library / "page.html").read_text()
 
 
 FATAL_ENGINE = """

@@ -61,7 +61,7 @@ def command(
     run = describe_run(library, settings.budget, seed, "search", ["harness", *sys.argv[1:]])
     pool = Workers(workers, time_limit=time_limit)
     # The equations, then of each subject its hunts and what they found.
-    steps = 1 + (len(hunts(settings.budget)) + 1) * len(select_subjects(library, subjects))
+    steps = 1 + (len(hunts(settings.budget)) + 1) * len(select_subjects(library, subjects, native_only=True))
     with pool, progress(steps, "search") as advance:
         result = run_search(settings, pool, advance)
     if json_path:

@@ -67,6 +67,8 @@ class HeldJoint:
         armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
             spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
             the harness adds for it, applies them.
+        frame: rotation to the world of the axes in which a ball or free joint has its angular velocity, (3, 3); the identity
+            for hinges and slides.
     """
 
     kind: str
@@ -77,6 +79,7 @@ class HeldJoint:
     damping: float
     stiffness: float
     spring_reference: float
+    frame: Array
 
 
 @dataclass(frozen=True)
@@ -93,16 +96,34 @@ class HeldBody:
 
 
 @dataclass(frozen=True)
+class HeldSpring:
+    """A spring and damper between points, with every joint at zero.
+
+    Attributes:
+        points: of its line in the world, from end to end [m], (n, 3).
+        stiffness: [N/m]. damping: [N s/m]. free_length: [m].
+    """
+
+    points: Array
+    stiffness: float
+    damping: float
+    free_length: float
+
+
+@dataclass(frozen=True)
 class HeldModel:
     """What an engine holds after loading, for the static audit.
 
     Attributes:
-        gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them.
+        gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them; a body without
+            mass and inertia between two joints may be absent, as formats differ in whether they need one.
+        springs: between points, in document order; those in a joint stand in the joint.
     """
 
     gravity: Array
     joints: Mapping[str, HeldJoint]
     bodies: Mapping[str, HeldBody]
+    springs: tuple[HeldSpring, ...] = ()
 
 
 class Model(Protocol):
@@ -128,7 +149,8 @@ class Engine(Protocol):
 
     Attributes:
         requires: importable module and distribution name of the program behind it.
-        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``.
+        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
+            native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
 
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant.
@@ -141,7 +163,7 @@ class Engine(Protocol):
         """Load once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.
 
         Raises:
-            Unsupported: the engine cannot express the mechanism.
+            Unsupported: the engine cannot express the mechanism, or a reader that is not its native one refuses the model.
             ValueError: the engine refuses the model; the message is the engine's.
         """
 
@@ -214,8 +236,13 @@ def subjects(library: Library) -> list[Subject]:
     return sorted(Subject(name, model_format) for name in engine_names(library) for model_format in load_engine(library, name).formats)
 
 
-def select_subjects(library: Library, names: Sequence[str]) -> list[Subject]:
-    """The subjects called ``names``, or all of them for none.
+def is_native(library: Library, subject: Subject) -> bool:
+    """Whether the subject reads the format that is its engine's own: what asks about engines, and not readers, asks those."""
+    return load_engine(library, subject.engine).formats[0] == subject.format
+
+
+def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:
+    """The subjects called ``names``; for none all of them, or those that are native.
 
     Raises:
         InvalidRequest: a name no subject has; the message gives the nearest one.
@@ -224,7 +251,8 @@ def select_subjects(library: Library, names: Sequence[str]) -> list[Subject]:
     for name in names:
         if name not in known:
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
-    return [known[name] for name in dict.fromkeys(names)] or list(known.values())
+    chosen = [known[name] for name in dict.fromkeys(names)]
+    return chosen or [subject for subject in known.values() if not native_only or is_native(library, subject)]
 
 
 def _engine_files(library: Library) -> list[Path]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from harness.engines import EQUATIONS
-from harness.kernels import Array, Float64Kernel
+from harness.engines import EQUATIONS, Terms
+from harness.kernels import OUTPUTS, Array, Float64Kernel
 from harness.mechanism import Mechanism
 from harness.models import ModelFile
 from harness.program import StraightLineProgram
@@ -32,12 +33,24 @@ class LagrangeModel:
         inputs = self._mechanism.inputs(States.at(self._within_a_turn(q), v, tau))
         if len(self._charts) == 1:
             return np.ascontiguousarray(self._charts[0].accelerations(inputs).T)
-        best = np.argmax([chart.regularity(inputs) for chart in self._charts], axis=0)
         accelerations = np.empty_like(v)
-        for number, chart in enumerate(self._charts):
-            chosen = best == number
+        for chart, chosen in self._chosen(inputs):
             accelerations[chosen] = chart.accelerations(np.ascontiguousarray(inputs[:, chosen])).T
         return accelerations
+
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        inputs = self._mechanism.inputs(States.at(self._within_a_turn(q), v, tau))
+        mass, velocity, gravity, passive = np.empty((*v.shape, v.shape[1])), np.empty_like(v), np.empty_like(v), np.empty_like(v)
+        for chart, chosen in self._chosen(inputs):
+            terms = chart.terms(np.ascontiguousarray(inputs[:, chosen]))
+            mass[chosen], velocity[chosen], gravity[chosen], passive[chosen] = (terms[name] for name in OUTPUTS)
+        return Terms(mass, velocity, gravity, passive, np.array(tau))
+
+    def _chosen(self, inputs: Array) -> Iterator[tuple[Float64Kernel, np.ndarray[Any, np.dtype[np.bool_]]]]:
+        """Each chart with the states at which it is the most regular one."""
+        best = np.argmax([chart.regularity(inputs) for chart in self._charts], axis=0)
+        for number, chart in enumerate(self._charts):
+            yield chart, best == number
 
     def _within_a_turn(self, q: Array) -> Array:
         """Positions with whole turns taken from large angles: in a sum with another angle they would round its digits away."""

@@ -1,7 +1,8 @@
-"""MuJoCo's ``mj_forward`` on an MJCF model, many states at a time through ``mujoco.batch.Batch``.
+"""MuJoCo's ``mj_forward`` on an MJCF or URDF model, many states at a time through ``mujoco.batch.Batch``.
 
 Applied forces go through ``qfrc_applied``. Automatic reset is switched off at load: with it, a batch
-answers a state beyond 1e10 with the rest state's accelerations and no error.
+answers a state beyond 1e10 with the rest state's accelerations and no error. What MuJoCo's reader of URDF passes
+over is supplied to it by ``harness.engines._mujoco_urdf``.
 
 Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 """
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines import LoadedModel, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_urdf, require_model
 from harness.kernels import Array
 from harness.mechanism import Mechanism
 from harness.models import ModelFile
@@ -23,8 +24,9 @@ from harness.models import ModelFile
 class MujocoModel:
     """An ``MjModel`` and the batch that runs it."""
 
-    def __init__(self, model: Any, joints: Sequence[str]) -> None:
+    def __init__(self, model: Any, joints: Sequence[str], edits: Sequence[Any] | None = None) -> None:
         self.model = model
+        self._edits = edits
         self._joints = joints
         self._batch: Any = None
 
@@ -37,6 +39,11 @@ class MujocoModel:
         moving = model.body_weldid != 0
         gravity = tuple(float(component) for component in model.opt.gravity)
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
+
+    def held(self) -> HeldModel:
+        from harness.engines import _mujoco_held
+
+        return _mujoco_held.held(self.model)
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -63,6 +70,11 @@ class MujocoModel:
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
 
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        from harness.engines import _mujoco_terms
+
+        return _mujoco_terms.terms_of(self.model, self.addresses, q, v, tau)
+
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.reproducer``."""
         positions, velocities = self.addresses
@@ -70,8 +82,14 @@ class MujocoModel:
         for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):
             values[places] = given
         qpos, qvel, applied, expected = (values.tolist() for values in own)
+        how = "path" if is_file else "string"
+        read = f"m = mujoco.MjModel.from_xml_{how}({source})"
+        if self._edits is not None:
+            # The reader of URDF passes over springs, armatures and more; they are set in its spec.
+            edits = [_mujoco_urdf.WITHOUT_DECORATION, *map(str, self._edits)]
+            read = f"s = mujoco.MjSpec.from_{how.replace('path', 'file')}({source}); {'; '.join(edits)}; m = s.compile()"
         return (
-            f"import mujoco; m = mujoco.MjModel.from_xml_{'path' if is_file else 'string'}({source}); d = mujoco.MjData(m)\n"
+            f"import mujoco; {read}; d = mujoco.MjData(m)\n"
             f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"
             f"mujoco.mj_forward(m, d); print(d.qacc.tolist(), {expected}, sep='\\n')  # engine, certified\n"
         )
@@ -79,14 +97,18 @@ class MujocoModel:
 
 class MujocoEngine:
     requires = ("mujoco", "mujoco")
-    formats = ("mjcf",)
+    formats = ("mjcf", "urdf")
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> MujocoModel:
         import mujoco
 
         # The default handler writes a log file into the current directory.
         mujoco.set_mju_user_warning(lambda message: None)
-        model = mujoco.MjModel.from_xml_string(require_model(source, "mujoco").text)
+        file = require_model(source, "mujoco")
+        if file.format == "urdf":
+            compiled, edits = _mujoco_urdf.read(file, gravity)
+            return MujocoModel(compiled, joints, edits)
+        model = mujoco.MjModel.from_xml_string(file.text)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return MujocoModel(model, joints)
 

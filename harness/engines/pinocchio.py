@@ -1,24 +1,26 @@
-"""Pinocchio's articulated-body algorithm on a URDF model, as ``pinocchio.aba`` computes it.
+"""Pinocchio's articulated-body algorithm on a URDF or MJCF model, as ``pinocchio.aba`` computes it.
 
 ``abaInParallel`` is faster, but not the same algorithm: it works in the world's frame, where an inertia
 about a joint is what is left of one about the origin, and loses digits that ``aba`` keeps.
 
-ABA applies no springs and dampers; those the URDF declares are added to the applied forces by
-``harness.force_elements``. The reflected inertias it declares become the model's armature, which ABA
-adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it.
+ABA applies no springs and dampers; those the file declares are added to the applied forces by
+``harness.force_elements``. The reflected inertias a URDF declares become the model's armature, which ABA
+adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it; an MJCF does, and Pinocchio's
+reader passes over it, as over much else that ``harness.engines._pinocchio_mjcf`` refuses by name.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 documentation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from harness.engines import LoadedModel, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
+from harness.engines._pinocchio_joints import joint_places
 from harness.force_elements import ForceElements
 from harness.kernels import Array
 from harness.mechanism import Mechanism
@@ -29,18 +31,26 @@ from harness.standard_error import captured_standard_error
 class PinocchioModel:
     """A ``pinocchio.Model`` and the force elements of its file."""
 
-    def __init__(self, model: Any, joints: Sequence[str], force_elements: ForceElements) -> None:
+    def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints
-        self.force_elements = force_elements
+        self._format = file.format
+        self.places = joint_places(model, composites)
+        self.force_elements = ForceElements(model, file.force_elements, self.places)
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
         model = self.model
-        joints = {name: (joint.nq, joint.nv) for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True)}
+        joints = {name: (place.nq, place.nv) for name, place in self.places.items()}
         gravity = tuple(float(component) for component in model.gravity.linear)
         mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), mass)
+
+    def held(self) -> HeldModel:
+        """See ``harness.engines``; springs and dampers are those the harness adds."""
+        from harness.engines import _pinocchio_held
+
+        return _pinocchio_held.held(self.model, self.places, self.force_elements)
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -48,7 +58,7 @@ class PinocchioModel:
         positions: list[int] = []
         velocities: list[int] = []
         for name in dict.fromkeys(self._joints):
-            joint = self.model.joints[self.model.getJointId(name)]
+            joint = self.places[name]
             indices = list(range(joint.idx_q, joint.idx_q + joint.nq))
             if joint.nq > joint.nv:
                 indices[-4:] = [indices[-1], *indices[-4:-1]]
@@ -74,6 +84,26 @@ class PinocchioModel:
             accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
 
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        from harness.engines import _pinocchio_terms
+
+        configuration, velocity, force = self.columns(q, v, tau)
+        passive = self.force_elements.generalised_forces(configuration, velocity)
+        return _pinocchio_terms.terms_of(self.model, self.addresses[1], configuration, velocity, force, passive)
+
+    def reading(self, source: str, is_file: bool) -> str:
+        """Python text that reads the model into ``m``."""
+        if self._format == "mjcf":
+            imports, write = "import numpy as np, pinocchio as pin", ""
+            if not is_file:
+                # This reader takes files only.
+                imports += ", pathlib, tempfile"
+                write = f"f = pathlib.Path(tempfile.mkdtemp(), 'model.xml'); f.write_text({source}); "
+            return f"{imports}; {write}m = pin.buildModelFromMJCF({source if is_file else 'f'})"
+        # Only the harness puts a ball joint at the root; see ``load``.
+        ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
+        return f"import numpy as np, pinocchio as pin; m = pin.buildModelFrom{'Urdf' if is_file else 'XML'}({source}{ball})"
+
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.reproducer``; what the harness adds for ABA is part of tau."""
         configuration, velocity, force = self.columns(q[None], v[None], tau[None])
@@ -81,13 +111,10 @@ class PinocchioModel:
         expected = np.zeros(self.model.nv)
         expected[self.addresses[1]] = certified
         inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
-        # Only the harness puts a ball joint at the root; see ``load``.
-        ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
         armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
-            f"import numpy as np, pinocchio as pin; m = pin.buildModelFrom{'Urdf' if is_file else 'XML'}({source}{ball}); "
-            f"m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
+            f"{self.reading(source, is_file)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
             f"print(pin.aba(m, m.createData(), q, v, tau).tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
@@ -95,13 +122,17 @@ class PinocchioModel:
 
 class PinocchioEngine:
     requires = ("pinocchio", "pin")
-    formats = ("urdf",)
+    formats = ("urdf", "mjcf")
     linear_velocity_in_body = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PinocchioModel:
         import pinocchio
 
         file = require_model(source, "pinocchio")
+        if file.format == "mjcf":
+            model, composites = _pinocchio_mjcf.read(file)
+            model.gravity.linear = np.array(file.gravity)
+            return PinocchioModel(model, joints, file, composites)
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:
@@ -113,7 +144,7 @@ class PinocchioEngine:
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         for armature in file.armatures:
             model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
-        return PinocchioModel(model, joints, ForceElements(model, file.force_elements))
+        return PinocchioModel(model, joints, file)
 
 
 ENGINE = PinocchioEngine()

@@ -1,0 +1,105 @@
+"""What an ``MjModel`` holds after loading, placed in the world by MuJoCo's own kinematics.
+
+Source: MuJoCo documentation, Computation, "Kinematic tree", and XML reference, body/inertial and body/joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
+from harness.kernels import Array
+
+
+def joint_kinds() -> dict[int, str]:
+    """MuJoCo's joint types by the names that ``HeldJoint`` gives them."""
+    from mujoco import mjtJoint
+
+    kinds = {"hinge": mjtJoint.mjJNT_HINGE, "slide": mjtJoint.mjJNT_SLIDE, "ball": mjtJoint.mjJNT_BALL, "free": mjtJoint.mjJNT_FREE}
+    return {int(value): name for name, value in kinds.items()}
+
+
+def held(model: Any) -> HeldModel:
+    """``model`` with every position at 0 and every quaternion at (1, 0, 0, 0), whatever its ``ref`` and ``qpos0``.
+
+    Bodies welded together are one. Of several joints of one body the last carries it, and each the next. Of stiffness and
+    damping the linear coefficient is told; both are 0 where the model switches them off.
+    """
+    import mujoco
+
+    kinds, data = joint_kinds(), mujoco.MjData(model)
+    data.qpos[:] = 0.0
+    for number in range(model.njnt):
+        if kinds[int(model.jnt_type[number])] in ("ball", "free"):
+            data.qpos[model.jnt_qposadr[number] + (3 if kinds[int(model.jnt_type[number])] == "free" else 0)] = 1.0
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_tendon(model, data)
+    off = int(model.opt.disableflags)
+    springs, dampers, gravity = (
+        0.0 if off & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}")) else 1.0 for part in ("SPRING", "DAMPER", "GRAVITY")
+    )
+
+    names = [model.joint(number).name for number in range(model.njnt)]
+    # Weld group, which is numbered as the body that has its joints, to its last joint; the world has none.
+    last = {int(model.jnt_bodyid[number]): name for number, name in enumerate(names)}
+    joints = {}
+    for number, name in enumerate(names):
+        body, kind = int(model.jnt_bodyid[number]), kinds[int(model.jnt_type[number])]
+        above = int(model.body_weldid[model.body_parentid[body]])
+        turning, column = kind in ("ball", "free"), model.jnt_dofadr[number]
+        joints[name] = HeldJoint(
+            kind=kind,
+            parent=names[number - 1] if number > model.body_jntadr[body] else last.get(above, ""),
+            anchor=data.xanchor[number].copy(),
+            axis=np.zeros(3) if turning else data.xaxis[number].copy(),
+            armature=float(model.dof_armature[column]),
+            damping=dampers * float(model.dof_damping[column]),
+            stiffness=springs * float(model.jnt_stiffness[number]),
+            spring_reference=0.0 if turning else float(model.qpos_spring[model.jnt_qposadr[number]]),
+            frame=data.xmat[body].reshape(3, 3).copy() if turning else np.eye(3),
+        )
+    parts: dict[str, list[tuple[float, Array, Array]]] = {}
+    for body in range(1, model.nbody):
+        if group := int(model.body_weldid[body]):
+            turned = data.ximat[body].reshape(3, 3).astype(np.longdouble)
+            inertia = turned * model.body_inertia[body] @ turned.T
+            parts.setdefault(last[group], []).append((float(model.body_mass[body]), data.xipos[body], inertia))
+    return HeldModel(
+        gravity=gravity * np.array(model.opt.gravity),
+        joints=joints,
+        bodies={name: fused(welded) for name, welded in parts.items()},
+        springs=tuple(_springs(model, data, springs, dampers)),
+    )
+
+
+def fused(parts: Sequence[tuple[float, Array, Array]]) -> HeldBody:
+    """One body of several (mass [kg], centre [m], inertia about it [kg m^2]), by parallel axes in extended precision."""
+    masses = np.array([mass for mass, _, _ in parts], dtype=np.longdouble)
+    centres = np.array([centre for _, centre, _ in parts], dtype=np.longdouble)
+    total = masses.sum()
+    centre = masses @ centres / total if total else centres[0]
+    inertia = np.zeros((3, 3), dtype=np.longdouble)
+    for mass, arm, (_, _, own) in zip(masses, centres - centre, parts, strict=True):
+        inertia += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return HeldBody(float(total), centre.astype(np.float64), inertia.astype(np.float64))
+
+
+def _springs(model: Any, data: Any, springs: float, dampers: float) -> list[HeldSpring]:
+    """Spatial tendons that are springs or dampers; of a spring with a slack range the lower length is told."""
+    found = []
+    for tendon in range(model.ntendon):
+        first, count = int(data.ten_wrapadr[tendon]), int(data.ten_wrapnum[tendon])
+        if count > 1 and (model.tendon_stiffness[tendon] or model.tendon_damping[tendon]):
+            found.append(
+                HeldSpring(
+                    points=data.wrap_xpos.reshape(-1, 3)[first : first + count].copy(),
+                    stiffness=springs * float(model.tendon_stiffness[tendon]),
+                    damping=dampers * float(model.tendon_damping[tendon]),
+                    free_length=float(model.tendon_lengthspring[tendon, 0]),
+                )
+            )
+    return found

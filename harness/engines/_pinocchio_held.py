@@ -1,0 +1,79 @@
+"""What a ``pinocchio.Model`` holds after loading, placed in the world by Pinocchio's own kinematics.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms, sections 4.4 (joint models) and 7.3; Pinocchio 4 documentation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
+from harness.engines._pinocchio_joints import JointPlace
+from harness.force_elements import ForceElements
+from harness.models import JointDamper, JointSpring
+
+_KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
+
+
+def held(model: Any, places: Mapping[str, JointPlace], force_elements: ForceElements) -> HeldModel:
+    """``model`` with every position at 0 and every quaternion at the identity.
+
+    ``places`` name the joints, the parts of composite ones too; ``force_elements`` are what the harness adds to ABA.
+    """
+    import pinocchio
+
+    elements, data = force_elements.elements, model.createData()
+    pinocchio.forwardKinematics(model, data, pinocchio.neutral(model))
+    names = {place.idx_v: name for name, place in places.items()}
+    joints: dict[str, HeldJoint] = {}
+    bodies: dict[str, HeldBody] = {}
+    # The last joint of each of Pinocchio's, which may be composed of several.
+    last = [""]
+    for number in range(1, model.njoints):
+        after, above = data.oMi[number], model.parents[number]
+        # Not from Jacobians, which rotations that are off by roundings enter three times.
+        motions = np.array(data.joints[number].S).reshape(6, -1)
+        parent, frame = last[above], data.oMi[above] * model.jointPlacements[number]
+        first = model.joints[number].idx_v
+        for part, shift in _parts(model.joints[number]):
+            frame = frame * shift
+            name = names[part.idx_v]
+            column = motions[:, part.idx_v - first]
+            linear, angular = after.rotation @ column[:3], after.rotation @ column[3:]
+            kind = _KINDS.get(part.shortname(), "hinge" if angular.any() else "slide")
+            turning = kind not in ("hinge", "slide")
+            springs = [element for element in elements if isinstance(element, JointSpring) and element.joint == name]
+            joints[name] = HeldJoint(
+                kind=kind,
+                parent=parent,
+                anchor=frame.translation.copy(),
+                axis=np.zeros(3) if turning else angular if kind == "hinge" else linear,
+                armature=float(model.armature[part.idx_v]),
+                damping=sum(element.damping for element in elements if isinstance(element, JointDamper) and element.joint == name),
+                stiffness=sum(element.stiffness for element in springs),
+                spring_reference=springs[-1].reference if springs else 0.0,
+                frame=frame.rotation.copy() if turning else np.eye(3),
+            )
+            parent = name
+        last.append(parent)
+        inertia, turned = model.inertias[number], after.rotation.astype(np.longdouble)
+        bodies[parent] = HeldBody(float(inertia.mass), after.act(inertia.lever), (turned @ inertia.inertia @ turned.T).astype(np.float64))
+    springs_between_points = tuple(
+        HeldSpring(ends, spring.stiffness, spring.damping, spring.free_length)
+        for spring, ends in force_elements.ends_of_point_springs(pinocchio.neutral(model))
+    )
+    return HeldModel(model.gravity.linear.copy(), joints, bodies, springs_between_points)
+
+
+def _parts(joint: Any) -> Iterator[tuple[Any, Any]]:
+    """The joints that make up one of Pinocchio's, each with its frame in the one before at zero."""
+    import pinocchio
+
+    if joint.shortname() != "JointModelComposite":
+        yield joint, pinocchio.SE3.Identity()
+        return
+    composite = joint.extract()
+    yield from zip(composite.joints, composite.jointPlacements, strict=True)

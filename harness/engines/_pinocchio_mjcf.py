@@ -1,0 +1,137 @@
+"""What Pinocchio's MJCF reader passes over or reads otherwise than MuJoCo, and the model it reads.
+
+Gravity, springs and dampers are supplied by the caller from the file (``harness.mjcf_forces``). Everything else that the
+harness lets stand in an MJCF and that this reader does not read as MuJoCo does is refused here by name and line.
+
+Source: Pinocchio 4.1, parsers/mjcf/mjcf-graph; MuJoCo documentation, XML reference.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from harness.engines import Unsupported
+from harness.mjcf_defaults import childclass_of, of_class, resolved
+from harness.model_xml import Document, describe, parse_document, shorten
+from harness.models import ROOT_TAGS, ModelFile
+from harness.standard_error import captured_standard_error
+
+# Sections of which the reader takes the first as often as there are some.
+_ONCE = ("compiler", "default", "worldbody")
+# What it reads of a joint's default classes.
+_FROM_DEFAULTS = ("type", "axis", "armature", "ref")
+# What places a body in its parent.
+_POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
+_UNIT = 4 * 2.0**-53
+
+
+def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
+    """The ``pinocchio.Model``, without gravity and forces, and the joints that each composite joint is made of.
+
+    Raises:
+        Unsupported: the file holds what the reader passes over or reads otherwise, or the reader refuses it.
+    """
+    import pinocchio
+
+    document = parse_document(file.path, file.text, ROOT_TAGS["mjcf"])
+    refuse_ignored(file, document)
+    with tempfile.TemporaryDirectory() as folder, captured_standard_error() as captured:
+        path = Path(folder, "model.xml")
+        path.write_text(file.text, encoding="utf-8")
+        try:
+            model = pinocchio.buildModelFromMJCF(path)
+        except Exception as error:
+            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured.text() or ' '.join(str(error).split())}") from error
+    return model, composites(document)
+
+
+def composites(document: Document) -> dict[str, tuple[str, ...]]:
+    """Name of each composite joint that the reader makes to the joints it is made of, in their order."""
+    joints = {body: [str(joint.get("name")) for joint in body.iterchildren("joint")] for body in document.root.iter("body")}
+    return {f"Composite_{names[0]}": tuple(names) for names in joints.values() if len(names) > 1}
+
+
+def refuse_ignored(file: ModelFile, document: Document) -> None:
+    """Raises Unsupported, with all that this reader does not read as MuJoCo does and nobody supplies."""
+    found = [(missing.line, f"{missing.what}, which the harness cannot supply") for missing in file.unexpressed]
+    found += [(document.lines[element], f"{_shown(element)} {why}") for element, why in _ignored(document.root)]
+    if found:
+        raise Unsupported("Pinocchio's MJCF reader: " + "; ".join(f"line {line}: {what}" for line, what in sorted(found)))
+
+
+def _shown(element: etree._Element) -> str:
+    return f"<{element.tag}>" if element.tag in _ONCE else describe(element)
+
+
+def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    for tag in _ONCE:
+        for again in root.findall(tag)[1:]:
+            yield again, f"is a second <{tag}>, which it passes over; write one"
+    for world in root.iterfind("worldbody"):
+        for body in world.findall("body")[1:]:
+            yield body, "is a further body in <worldbody>, which it passes over; it reads the first"
+        for element in world.iter("frame", "body", "joint"):
+            yield from {"frame": _of_frame, "body": _of_body, "joint": _of_joint}[element.tag](element)
+        for element in world.iter("body", "inertial"):
+            yield from _of_orientation(element)
+
+
+def _of_frame(frame: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    yield frame, "is passed over with all that it holds; write its pose into what is inside"
+
+
+def _of_body(body: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    if not body.get("name"):
+        yield body, "has no name, by which it tells bodies apart; add one"
+    joints = body.findall("joint")
+    kinds = [resolved(joint, "type") for joint in joints]
+    if body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds):
+        for name in _POSE:
+            if _nonzero(body, name):
+                yield body, f'has {name}="{shorten(str(body.get(name)))}" and a free joint, which it measures from there; leave it out'
+    if len(joints) > 1:
+        for joint in joints:
+            if _nonzero(joint, "ref"):
+                yield joint, 'has a "ref" beside other joints of its body, which it takes for none; measure from zero'
+
+
+def _of_joint(joint: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    for name, why in (("pos", "passes over there"), ("ref", "may read in other units there")):
+        written = resolved(joint, name)
+        if written is not None and written.owner is not joint and _nonzero(joint, name):
+            yield joint, f'takes {name}="{shorten(written.text)}" from a default class, which it {why}; write it into the joint'
+    kind = resolved(joint, "type")
+    if kind is not None and kind.text in ("ball", "free") and _nonzero(joint, "ref"):
+        yield joint, f'has a "ref", which a {kind.text} joint does not feel; remove it'
+    if kind is not None and kind.text == "free" and _nonzero(joint, "armature"):
+        yield joint, 'has an "armature", which it adds in the frame of the body and not of the world; remove it'
+    chosen, around = joint.get("class"), childclass_of(joint)
+    if chosen and around:
+        for name in _FROM_DEFAULTS:
+            if resolved(joint, name) is None and (other := of_class(joint, around, name)) is not None:
+                yield joint, f'has a class of its own, and yet it takes {name}="{shorten(other.text)}" from childclass {around!r}; write it'
+
+
+def _of_orientation(element: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+    compilers = element.getroottree().getroot().findall("compiler")
+    if "euler" in element.attrib and any(compiler.get("eulerseq", "xyz").isupper() for compiler in compilers):
+        yield element, "is turned about fixed axes by eulerseq in capitals, which it takes for small letters; write a quat"
+    if "axisangle" in element.attrib:
+        *axis, _ = map(float, str(element.get("axisangle")).split())
+        if abs(math.hypot(*axis) - 1) > _UNIT:
+            yield element, f'axisangle="{shorten(str(element.get("axisangle")))}" has no unit axis, which it needs; write a quat'
+    if "zaxis" in element.attrib:
+        x, y, z = map(float, str(element.get("zaxis")).split())
+        if x == y == 0 > z:
+            yield element, f'zaxis="{shorten(str(element.get("zaxis")))}" points down, and it chooses another turn; write a quat'
+
+
+def _nonzero(element: etree._Element, name: str) -> bool:
+    written = resolved(element, name)
+    return written is not None and any(float(word) for word in written.text.split())

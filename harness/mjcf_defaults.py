@@ -1,0 +1,64 @@
+"""What an attribute of an MJCF element is once its default classes are applied.
+
+Source: MuJoCo documentation, Modeling, section Default settings.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lxml import etree
+
+# Name of the outermost class where its author gave it none.
+MAIN = "main"
+# Where the defaults of an element stand under another tag than its own.
+_DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon"}
+
+
+class Written(NamedTuple):
+    """The text of an attribute, and the element in which it is written."""
+
+    text: str
+    owner: etree._Element
+
+
+def resolved(element: etree._Element, name: str) -> Written | None:
+    """An attribute as MuJoCo resolves it: the element's own, else that of its class or of a class around that; None where nobody gives it.
+
+    An element without a class of its own has the childclass of the innermost body or frame around it that names one.
+    """
+    if name in element.attrib:
+        return Written(str(element.get(name)), element)
+    # A free joint takes nothing from the defaults of joints.
+    return None if element.tag == "freejoint" else of_class(element, class_of(element), name)
+
+
+def class_of(element: etree._Element) -> str:
+    """Name of the default class that holds for ``element``."""
+    return str(element.get("class") or childclass_of(element) or MAIN)
+
+
+def childclass_of(element: etree._Element) -> str | None:
+    """The childclass of the innermost ancestor that names one."""
+    return next((name for ancestor in element.iterancestors() if (name := ancestor.get("childclass"))), None)
+
+
+def of_class(element: etree._Element, name_of_class: str, name: str) -> Written | None:
+    """What a default class, or one around it, says about an attribute of elements like ``element``."""
+    tag = _DEFAULT_TAG.get(element.tag, element.tag)
+    sections = element.getroottree().getroot().iterchildren("default")
+    classes = [default for section in sections for default in section.iter("default") if name_of_class in _names(default)]
+    found: Written | None = None
+    for default in classes:
+        for given in default.iterchildren(tag):
+            if name in given.attrib:
+                found = Written(str(given.get(name)), given)
+    if found is None and classes and classes[-1].getparent().tag == "default":
+        return of_class(element, _names(classes[-1].getparent())[-1], name)
+    return found
+
+
+def _names(default: etree._Element) -> tuple[str, ...]:
+    """What a class is called: the outermost one is ``MAIN`` besides."""
+    own = default.get("class")
+    return (*([MAIN] if default.getparent().tag == "mujoco" else []), *([str(own)] if own else []))

@@ -1,0 +1,171 @@
+"""The textbook side of a diagnosis: the one parameter of the system whose other value explains a subject's answers.
+
+The subject behaves as if the textbook had this value. The reference at other values is certified like the
+reference itself, without a new derivation; its derivatives are those that the data roundoff is made of.
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12; DESIGN's numerics.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from harness.compare import compare
+from harness.diagnosis_result import PARAMETER, Diagnosis, Explanation, Finding, digits_of, to_four_digits
+from harness.gauss_newton import Deadline, fit, settled
+from harness.hypotheses import Place
+from harness.kernels import Array
+from harness.mechanism import Mechanism
+from harness.perturbation import Whitening, backward_errors, held_out
+from harness.reference import Reference, ReferenceKernel
+from harness.states import States
+from harness.verdict import AGREEMENT, Verdict
+
+# Of the time, what the search may take; the rest is for telling.
+SHARE_OF_TIME = 0.85
+# So many of the best are fitted once more from these multiples of their values.
+FITTED_FROM_OTHER_STARTS, OTHER_STARTS = 8, (0.5, 2.0, -1.0)
+
+
+def diagnose_textbook(
+    kernel: ReferenceKernel,
+    states: States,
+    accelerations: Array,
+    file: Path,
+    *,
+    seconds: float = 10.0,
+    tolerance: float = AGREEMENT,
+) -> Diagnosis:
+    """Find the one parameter of the textbook that a subject seems to have another value of.
+
+    Args:
+        kernel: certified accelerations of the system, in the subject's frames.
+        states: n of them; every third is held out of fits. See ``harness.perturbation.diagnostic_states``.
+        accelerations: the subject's answers, (n, nv) [SI per s^2].
+        file: of the system, to be named. seconds, tolerance: as for ``harness.diagnosis.diagnose``.
+    """
+    search = _Search(kernel, states, accelerations, tolerance, Deadline.after(SHARE_OF_TIME * seconds))
+    before = search.left_at(None, 0.0)
+    if not search.certified.any():
+        return Diagnosis(file=file, finding=Finding.UNDECIDED, before=before, seconds=seconds)
+    if before <= tolerance:
+        return Diagnosis(file=file, finding=Finding.SOUND, before=before, seconds=seconds)
+    found = search.fit_all() if math.isfinite(before) else {}
+    tried = [_explanation(kernel.mechanism, file, place, value, left, tolerance) for place, (value, left) in found.items() if left < before]
+    tried.sort(key=lambda one: (not one.explains, digits_of(one.value) if one.explains else 0, one.residual))
+    verdicts = compare(search.reference, accelerations).verdicts[search.certified].tolist()
+    ending = Finding.UNEXPLAINED if Verdict.DISAGREES.value in verdicts else Finding.UNSTABLE
+    if tried and tried[0].explains:
+        ending = Finding.EXPLAINED
+    elif math.isinf(before):
+        ending = Finding.NOT_FINITE
+    return Diagnosis(file=file, finding=ending, before=before, tried=tuple(tried), seconds=seconds, stopped=search.out_of_time())
+
+
+class _Search:
+    """One subject's answers and the parameters they are compared at."""
+
+    def __init__(self, kernel: ReferenceKernel, states: States, accelerations: Array, tolerance: float, out_of_time: Deadline) -> None:
+        self.kernel, self.states, self.accelerations = kernel, states, accelerations
+        self.tolerance, self.out_of_time = tolerance, out_of_time
+        self.values: Sequence[float] = kernel.mechanism.parameter_values
+        self.reference = kernel.evaluate(states)
+        self.certified = self.reference.certified
+        self._seen = self.certified & ~held_out(len(states))
+
+    def fit_all(self) -> dict[int, tuple[float, float]]:
+        """Place of a parameter to its best value and the largest backward error left, those that promise most first."""
+        here = self.residual(self.reference)[self._seen]
+        columns = {place: column for place in range(len(self.values)) if (column := self.column(self.reference, self.values, place)).any()}
+        order = sorted(columns, key=lambda place: -abs(np.vdot(columns[place], here)) / float(np.linalg.norm(columns[place])))
+        found: dict[int, tuple[float, float]] = {}
+        for place in order:
+            self._fit(found, place, self.values[place], columns[place])
+        if not any(left <= self.tolerance for _, left in found.values()):
+            for place in order[:FITTED_FROM_OTHER_STARTS]:
+                for factor in OTHER_STARTS:
+                    self._fit(found, place, factor * self.values[place], None)
+        return {place: self._settled(place, *value) for place, value in found.items()}
+
+    def _fit(self, found: dict[int, tuple[float, float]], place: int, start: float, column: Array | None) -> None:
+        if self.out_of_time():
+            return
+        scale = abs(self.values[place]) or 1.0
+
+        def residual(value: float) -> Array | None:
+            reference = self.at(place, value)
+            return self.residual(reference)[self._seen] if reference.certified[self.certified].all() else None
+
+        value = fit(residual, lambda at: self._slope(place, at), start, column, scale, self.out_of_time)
+        left = math.inf if value is None else self.left_at(place, value)
+        if value is not None and left < found.get(place, (0.0, math.inf))[1]:
+            found[place] = value, left
+
+    def _settled(self, place: int, value: float, left: float) -> tuple[float, float]:
+        if left > self.tolerance:
+            return value, left
+        return settled(value, self._slope(place, value), left, self.tolerance, lambda at: self.left_at(place, at))
+
+    def at(self, place: int | None, value: float) -> Reference:
+        """The reference with another value of one parameter; as it is for None."""
+        return self.reference if place is None else self.kernel.evaluate(self.states, self._parameters(place, value))
+
+    def _parameters(self, place: int, value: float) -> Array:
+        changed = [value if number == place else own for number, own in enumerate(self.values)]
+        return np.broadcast_to(np.array(changed), (len(self.states), len(changed)))
+
+    def residual(self, reference: Reference) -> Array:
+        """Whitened errors of the answers, (n, nv)."""
+        return Whitening(reference).residual(self.accelerations)
+
+    def left_at(self, place: int | None, value: float) -> float:
+        """Largest backward error over all states; inf where an answer or the reference is not finite."""
+        reference = self.at(place, value)
+        if not self.certified.any() or not reference.certified[self.certified].all():
+            return math.inf
+        errors = backward_errors(self.residual(reference)[self.certified])
+        return float(errors.max()) if np.isfinite(errors).all() else math.inf
+
+    def _slope(self, place: int, value: float) -> Array:
+        changed = [value if number == place else own for number, own in enumerate(self.values)]
+        return self.column(self.at(place, value), changed, place)
+
+    def column(self, reference: Reference, values: Sequence[float], place: int) -> Array:
+        """Derivative of the whitened residual by one parameter at states that fits see: -R^-T d(force - M qdd)/dp, per data roundoff."""
+        parameters = np.broadcast_to(np.array(values), (len(self.states), len(values)))
+        forces = np.empty_like(reference.high)
+        for chart, chosen in self.kernel.by_chart(self.states, parameters):
+            inputs = self.kernel.mechanism.inputs(self.states[chosen], parameters[chosen])
+            derivatives = chart.float64.input_derivatives(inputs, np.ascontiguousarray(reference.high[chosen].T))
+            forces[chosen] = derivatives[:, len(inputs) - len(values) + place].T
+        seen = self._seen
+        with np.errstate(all="ignore"):
+            whitened = np.linalg.solve(reference.norm_factor[seen].transpose(0, 2, 1), forces[seen, :, None])[:, :, 0]
+            column = -whitened / reference.data_roundoff[seen, None]
+        return np.where(np.isfinite(column), column, 0.0)
+
+
+def _explanation(mechanism: Mechanism, file: Path, place: int, value: float, left: float, tolerance: float) -> Explanation:
+    name, own, unit = mechanism.parameters[place]
+    explains = left <= tolerance
+    value = value if explains else to_four_digits(value, own)
+    where = Place(_line(file, name), PARAMETER, name, None, repr(own))
+    return Explanation(PARAMETER, "", where, value, f"{name} = {own!r} {unit}".strip(), f"{value!r} {unit}".strip(), left, explains)
+
+
+def _line(file: Path, name: str) -> int:
+    """The line that gives the parameter its value, or where the values of all begin; 1 where neither is found."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return 1
+    for pattern in (rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="):
+        for number, line in enumerate(lines, 1):
+            if re.match(pattern, line):
+                return number
+    return 1

@@ -1,0 +1,474 @@
+"""Engines reading the format that is not their own: every element and attribute that a model file may hold is read, supplied or refused.
+
+The native reader of each format is the measure. Each entry of the tables changes one thing in a small model, and says what
+the other engine makes of it; that the tables leave nothing out is held against ``harness.model_formats``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines import Unsupported, load_engine
+from harness.kernels import Array
+from harness.library import Library
+from harness.model_formats import SUPPORTED
+from harness.models import JointDamper, ModelFile, parse_model
+
+LIBRARY = Library.built_in()
+NATIVE, OTHER = {"mjcf": "mujoco", "urdf": "pinocchio"}, {"mjcf": "pinocchio", "urdf": "mujoco"}
+JOINTS = ("shoulder", "slider")
+COUNT = 4
+# What rounding in two engines leaves, and what a change that is felt exceeds by far.
+SAME, FELT = 1e-11, 1e-7
+
+MJCF = """\
+<mujoco model="base">
+  <compiler angle="radian"/>
+  <option gravity="1 2 -9.81"><flag constraint="disable"/></option>
+  <default>
+    <joint armature="0.01"/>
+    <default class="other"><joint armature="0.02"/></default>
+  </default>
+  <worldbody>
+    <site name="wall" pos="0.3 -0.2 0.9"/>
+    <body name="upper" pos="0.1 0.2 0.3">
+      <joint name="shoulder" axis="0 1 0"/>
+      <inertial pos="0.1 0 -0.2" mass="2" diaginertia="0.1 0.2 0.25"/>
+      <body name="fore" pos="0 0.1 -0.5">
+        <joint name="slider" type="slide" axis="1 0 0"/>
+        <inertial pos="0 0.05 -0.1" mass="0.5" diaginertia="0.02 0.03 0.04"/>
+        <site name="eye" pos="0.1 0 -0.3"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="cord" stiffness="30" springlength="0.4"><site site="wall"/><site site="eye"/></spatial>
+  </tendon>
+</mujoco>
+"""
+URDF = """\
+<robot name="base" xmlns:drake="http://drake.mit.edu">
+  <link name="world"/>
+  <link name="upper"><inertial>
+    <origin xyz="0.1 0 -0.2"/>
+    <mass value="2"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"/>
+  </inertial></link>
+  <link name="fore"><inertial>
+    <mass value="0.5"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.04"/>
+  </inertial></link>
+  <joint name="shoulder" type="revolute">
+    <parent link="world"/>
+    <child link="upper"/>
+    <origin xyz="0.1 0.2 0.3"/>
+    <axis xyz="0 1 0"/>
+    <limit effort="5" velocity="1"/>
+  </joint>
+  <joint name="slider" type="prismatic">
+    <parent link="upper"/>
+    <child link="fore"/>
+    <axis xyz="1 0 0"/>
+    <limit effort="5" velocity="1"/>
+  </joint>
+</robot>
+"""
+SPRING = """<drake:linear_spring_damper>
+    <drake:linear_spring_damper_body_A name="world"/>
+    <drake:linear_spring_damper_p_AP value="0.3 -0.2 0.9"/>
+    <drake:linear_spring_damper_body_B name="fore"/>
+    <drake:linear_spring_damper_p_BQ value="0.1 0 -0.3"/>
+    <drake:linear_spring_damper_free_length value="0.4"/>
+    <drake:linear_spring_damper_stiffness value="30"/>
+    <drake:linear_spring_damper_damping value="2"/>
+  </drake:linear_spring_damper>"""
+ROTOR = """<transmission name="gear"><type>transmission_interface/SimpleTransmission</type><joint name="shoulder"/>
+    <actuator name="motor"><drake:rotor_inertia value="0.01"/><drake:gear_ratio value="3"/></actuator></transmission>"""
+TYPED_ROTOR = re.sub("<type>.*</type>", "", ROTOR).replace('"gear"', '"gear" type="transmission_interface/SimpleTransmission"')
+BALL = '<drake:joint name="shoulder" type="ball"><parent link="world"/><child link="upper"/></drake:joint>'
+GAZEBO = '<gazebo reference="shoulder"><springStiffness>7</springStiffness><springReference>0.3</springReference></gazebo>'
+BASES = {"mjcf": MJCF, "urdf": URDF}
+
+# What comes of a change: both engines feel it alike, neither feels it, or else the other engine refuses it with these words.
+ALIKE, UNFELT = "felt alike", "not felt"
+# A file that is nobody's to compare.
+NATIVE_REFUSES = "native refuses"
+# Texts, what stands in their place, what comes of it.
+Variant = tuple[Sequence[str], Sequence[str], str]
+
+SHOULDER, SLIDER, UPPER = '<joint name="shoulder" axis="0 1 0"', '<joint name="slider"', '<body name="upper" pos="0.1 0.2 0.3"'
+INERTIAL, EYE, CORD = 'mass="2" diaginertia="0.1 0.2 0.25"', '<site name="eye" pos="0.1 0 -0.3"', '<spatial name="cord"'
+JOINT_DEFAULT, RADIANS = '<joint armature="0.01"', '<compiler angle="radian"/>'
+TURNS = {
+    "quat": "0.9 0.1 -0.3 0.2",
+    "axisangle": "0.6 0 0.8 0.7",
+    "euler": "0.3 -0.4 0.5",
+    "xyaxes": "0.6 0.8 0.1 0 1 0.3",
+    "zaxis": "0.3 0.4 0.9",
+}
+
+
+def one(old: str, new: str, outcome: str = ALIKE) -> Variant:
+    """A change in one place."""
+    return [old], [new], outcome
+
+
+def added(key: str, after: str, attributes: Mapping[str, tuple[str, str]]) -> dict[str, list[Variant]]:
+    """Attributes, each with its value and outcome, put behind a text."""
+    return {f"{key}@{name}": [one(after, f'{after} {name}="{value}"', outcome)] for name, (value, outcome) in attributes.items()}
+
+
+def alike(attributes: Mapping[str, str], outcome: str = ALIKE) -> dict[str, tuple[str, str]]:
+    return {name: (value, outcome) for name, value in attributes.items()}
+
+
+def with_default(tag: str, attribute: str, value: str, own: str, outcome: str = ALIKE) -> Variant:
+    """An attribute that a default class gives instead of the element."""
+    return [JOINT_DEFAULT, own], [f'<{tag} {attribute}="{value}"/>{JOINT_DEFAULT}', ""], outcome
+
+
+def fixed(attributes: str, outcome: str = UNFELT) -> list[Variant]:
+    joints = '<joint joint="shoulder" coef="2"/><joint joint="slider" coef="-1"/>'
+    return [one(CORD, f'<fixed name="coupling"{attributes}>{joints}</fixed>{CORD}', outcome)]
+
+
+NOT_STRAIGHT, INERTIA = "line 21: .*does not run straight from one site to another", "is an inertia in a tendon"
+FLAGS = {
+    f"flag@{flag}": [one("<flag ", f'<flag {flag}="disable" ', UNFELT)]
+    for flag in SUPPORTED["mjcf"]["option"]["flag"]
+    if flag != "constraint"
+}
+MJCF_VARIANTS: dict[str, list[Variant]] = {
+    "mujoco@model": [one('model="base"', 'model="x"', UNFELT), one(' model="base"', "", UNFELT)],
+    "compiler@angle": [
+        one(RADIANS, '<compiler angle="degree"/>', UNFELT),
+        ([RADIANS, SHOULDER], ["", f'{SHOULDER} stiffness="9" springref="30" ref="10"'], ALIKE),
+        ([RADIANS, UPPER], ["", f'{UPPER} euler="20 30 -40"'], ALIKE),
+        ([RADIANS, UPPER], ["", f'{UPPER} axisangle="0 0 1 20"'], ALIKE),
+    ],
+    "compiler@eulerseq": [
+        ([RADIANS, UPPER], ['<compiler angle="radian" eulerseq="zyx"/>', f'{UPPER} euler="0.3 -0.4 0.5"'], ALIKE),
+        (
+            [RADIANS, UPPER],
+            ['<compiler angle="radian" eulerseq="XYZ"/>', f'{UPPER} euler="0.3 -0.4 0.5"'],
+            'line 10: <body name="upper"> .*eulerseq',
+        ),
+        one(RADIANS, '<compiler angle="radian" eulerseq="XYZ"/>', UNFELT),
+    ],
+    "option@gravity": [one('gravity="1 2 -9.81"', 'gravity="-3 1 4"'), one(' gravity="1 2 -9.81"', "")],
+    **FLAGS,
+    "flag@constraint": [one('constraint="disable"', 'constraint="enable"', UNFELT)],
+    "flag@gravity": [one("<flag ", '<flag gravity="disable" ')],
+    "flag@spring": [one("<flag ", '<flag spring="disable" ')],
+    "flag@damper": [
+        (["<flag ", SHOULDER], ['<flag damper="enable" ', f'{SHOULDER} damping="2"'], ALIKE),
+        (["<flag ", SHOULDER], ['<flag damper="disable" ', f'{SHOULDER} damping="2"'], UNFELT),
+    ],
+    "default@class": [one("<default>", '<default class="main">', UNFELT)],
+    "default/default@class": [one('class="other"', 'class="another"', UNFELT)],
+    **added("body", UPPER, {**alike(TURNS), "childclass": ("other", ALIKE)}),
+    "body@name": [one('name="fore"', 'name="hand"', UNFELT), one(' name="fore"', "", "line 13: <body> has no name")],
+    "body@pos": [one('pos="0 0.1 -0.5"', 'pos="0.2 0.3 -0.5"'), one(' pos="0 0.1 -0.5"', "")],
+    "body@axisangle": [
+        one(UPPER, f'{UPPER} axisangle="0.6 0 0.8 0.7"'),
+        one(UPPER, f'{UPPER} axisangle="3 0 4 0.7"', 'line 10: .*axisangle="3 0 4 0.7" has no unit axis'),
+    ],
+    "body@zaxis": [one(UPPER, f'{UPPER} zaxis="0.3 0.4 0.9"'), one(UPPER, f'{UPPER} zaxis="0 0 -2"', "line 10: .*points down")],
+    **added("inertial", INERTIAL, alike(TURNS)),
+    "inertial@pos": [one('pos="0.1 0 -0.2"', 'pos="0.1 0.3 -0.4"')],
+    "inertial@mass": [one('mass="2"', 'mass="3"')],
+    "inertial@diaginertia": [one('diaginertia="0.1 0.2 0.25"', 'diaginertia="0.1 0.25 0.2"')],
+    "inertial@fullinertia": [one('diaginertia="0.1 0.2 0.25"', 'fullinertia="0.1 0.22 0.25 0.01 0.02 -0.03"')],
+    **added("joint", SHOULDER, alike({"pos": "0.1 0.3 -0.2", "stiffness": "4", "damping": "5", "armature": "0.5", "class": "other"})),
+    **added("joint", SHOULDER, {"frictionloss": ("0", UNFELT), "springref": ("0.3", UNFELT)}),
+    "joint@name": [one(SLIDER, SLIDER, UNFELT)],
+    "joint@type": [one('type="slide"', 'type="hinge"'), one(' type="slide"', "")],
+    "joint@axis": [one('axis="0 1 0"', 'axis="0.6 0 0.8"'), one(' axis="0 1 0"', "")],
+    "joint@stiffness": [
+        one(SHOULDER, f'{SHOULDER} stiffness="4" springref="0.3"'),
+        one(SLIDER, f'{SLIDER} stiffness="4" springref="0.3" ref="0.2"'),
+        one(SHOULDER, f'{SHOULDER} stiffness="4 1"', 'line 11: <joint name="shoulder"> stiffness="4 1" is not linear'),
+    ],
+    "joint@damping": [
+        one(SHOULDER, f'{SHOULDER} damping="4 0 0"'),
+        one(SHOULDER, f'{SHOULDER} damping="0 0 1"', 'line 11: <joint name="shoulder"> damping="0 0 1" is not linear'),
+    ],
+    "joint@ref": [
+        one(SHOULDER, f'{SHOULDER} ref="0.4"'),
+        one(SLIDER, f'{SLIDER} ref="0.4"'),
+    ],
+    "joint@class": [one(SHOULDER, f'{SHOULDER} class="other"')],
+    # Its velocities stand in two frames; see the test of free joints.
+    "freejoint@name": [one(SHOULDER, SHOULDER, UNFELT)],
+    **added("site", EYE, {**alike(TURNS, UNFELT), "class": ("other", UNFELT)}),
+    "site@name": [(['name="eye"', 'site="eye"'], ['name="hook"', 'site="hook"'], UNFELT)],
+    "site@pos": [one('pos="0.1 0 -0.3"', 'pos="0.4 0 -0.3"'), one(' pos="0.1 0 -0.3"', "")],
+    "frame": [
+        one(f"{SHOULDER}/>", f'<frame pos="0 0 0.1">{SHOULDER}/></frame>', "line 11: <frame> is passed over"),
+        one(f"{EYE}/>", f'<frame name="f" pos="0 0 0.1">{EYE}/></frame>', 'line 16: <frame name="f"> is passed over'),
+    ],
+    **added("default/joint", JOINT_DEFAULT, alike({"stiffness": "4", "damping": "5", "type": "slide"})),
+    **added("default/joint", JOINT_DEFAULT, alike({"springref": "0.3", "frictionloss": "0"}, UNFELT)),
+    "default/joint@axis": [([JOINT_DEFAULT, ' axis="0 1 0"'], [f'{JOINT_DEFAULT} axis="0.6 0 0.8"', ""], ALIKE)],
+    "default/joint@pos": [
+        one(JOINT_DEFAULT, f'{JOINT_DEFAULT} pos="1 3 2"', 'line 11: <joint name="shoulder"> takes pos="1 3 2" from a default')
+    ],
+    "default/joint@ref": [
+        one(JOINT_DEFAULT, f'{JOINT_DEFAULT} ref="0.4"', 'line 14: <joint name="slider"> takes ref="0.4" from a default')
+    ],
+    "default/joint@armature": [one(JOINT_DEFAULT, '<joint armature="0.3"')],
+    "default/joint@class": [one(JOINT_DEFAULT, f'{JOINT_DEFAULT} class="main"', NATIVE_REFUSES)],
+    "default/site@pos": [with_default("site", "pos", "0.2 0.2 0", ' pos="0.1 0 -0.3"')],
+    **{f"default/site@{name}": [with_default("site", name, value, "", UNFELT)] for name, value in TURNS.items()},
+    **added("spatial", CORD, {"damping": ("2", ALIKE), "frictionloss": ("0", UNFELT), "class": ("other", UNFELT)}),
+    "spatial@armature": [one(CORD, f'{CORD} armature="0.1"', f'line 21: <spatial name="cord"> armature="0.1" {INERTIA}')],
+    "spatial@name": [one('name="cord"', 'name="rope"', UNFELT)],
+    "spatial@stiffness": [
+        one('stiffness="30"', 'stiffness="60"'),
+        one('stiffness="30"', 'stiffness="60 0 0"'),
+        one('stiffness="30"', 'stiffness="30 10"', 'line 21: .*stiffness="30 10" is not linear'),
+    ],
+    "spatial@springlength": [
+        one('springlength="0.4"', 'springlength="0.6"'),
+        one('springlength="0.4"', 'springlength="0.6 0.6"'),
+        one('springlength="0.4"', 'springlength="0.4 0.6"', "line 21: .*is slack between two lengths"),
+        one(' springlength="0.4"', "", "line 21: .*leaves its springlength to the reader"),
+        one('stiffness="30" springlength="0.4"', 'damping="3"'),
+    ],
+    "spatial/site@site": [one('<site site="wall"/><site site="eye"/>', '<site site="eye"/><site site="wall"/>', UNFELT)],
+    "spatial/pulley@divisor": [one("</spatial>", '<pulley divisor="2"/><site site="wall"/><site site="eye"/></spatial>', NOT_STRAIGHT)],
+    "default/tendon@stiffness": [with_default("tendon", "stiffness", "60", ' stiffness="30"')],
+    "default/tendon@springlength": [with_default("tendon", "springlength", "0.6", ' springlength="0.4"')],
+    "default/tendon@damping": [with_default("tendon", "damping", "2", "")],
+    "default/tendon@frictionloss": [with_default("tendon", "frictionloss", "0", "", UNFELT)],
+    "default/tendon@armature": [with_default("tendon", "armature", "0.1", "", f"line 5: .*{INERTIA}")],
+    "default/tendon@class": [with_default("tendon", "class", "main", "", NATIVE_REFUSES)],
+    "fixed@stiffness": fixed(' stiffness="5"', NOT_STRAIGHT),
+    "fixed@damping": fixed(' damping="5"', NOT_STRAIGHT),
+    "fixed@armature": fixed(' armature="5"', f"line 21: .*{INERTIA}"),
+    **{
+        f"fixed@{name}": fixed(f' {name}="{value}"')
+        for name, value in {"springlength": "0.3", "frictionloss": "0", "class": "other"}.items()
+    },
+    **{key: fixed("") for key in ("fixed@name", "fixed/joint@joint", "fixed/joint@coef")},
+}
+
+
+def of_spring(part: str, attribute: str, old: str, new: str, outcome: str = ALIKE) -> dict[str, list[Variant]]:
+    return {f"drake:linear_spring_damper{part}@{attribute}": [one("</robot>", SPRING.replace(old, new) + "</robot>", outcome)]}
+
+
+MASS_2, LIMIT, SHOULDER_TYPE = (
+    '<mass value="2"/>',
+    '<limit effort="5" velocity="1"/>\n  </joint>\n</robot>',
+    'name="shoulder" type="revolute"',
+)
+URDF_VARIANTS: dict[str, list[Variant]] = {
+    "robot@name": [one('name="base"', 'name="x"', UNFELT)],
+    "robot@version": [one('name="base"', 'name="base" version="1.0"', UNFELT)],
+    "link@name": [(['<link name="fore"', 'link="fore"'], ['<link name="hand"', 'link="hand"'], UNFELT)],
+    "joint@name": [one('name="slider"', 'name="slider"', UNFELT)],
+    "joint@type": [
+        one(SHOULDER_TYPE, 'name="shoulder" type="prismatic"'),
+        one('type="prismatic"', 'type="revolute"'),
+        one('type="prismatic"', 'type="planar"', 'line 19: <joint name="slider"> is planar'),
+        one(SHOULDER_TYPE, 'name="shoulder" type="floating"', 'line 12: <joint name="shoulder"> floats from another origin'),
+    ],
+    "gazebo@reference": [one("</robot>", GAZEBO.replace("shoulder", "slider") + "</robot>")],
+    "gazebo/springStiffness@": [one("</robot>", GAZEBO + "</robot>")],
+    "gazebo/springReference@": [one("</robot>", GAZEBO.replace("0.3", "0.7") + "</robot>")],
+    "transmission@name": [one("</robot>", ROTOR + "</robot>")],
+    "transmission@type": [one("</robot>", TYPED_ROTOR + "</robot>")],
+    "transmission/type@": [one("</robot>", ROTOR + "</robot>")],
+    "transmission/joint@name": [one("</robot>", ROTOR.replace('"shoulder"', '"slider"') + "</robot>")],
+    "transmission/actuator@name": [one("</robot>", ROTOR.replace("motor", "drive") + "</robot>")],
+    "actuator/drake:rotor_inertia@value": [one("</robot>", ROTOR.replace("0.01", "0.03") + "</robot>")],
+    "actuator/drake:gear_ratio@value": [one("</robot>", ROTOR.replace('"3"', '"4"') + "</robot>")],
+    **of_spring("_body_A", "name", "world", "upper"),
+    **of_spring("_p_AP", "value", "0.3 -0.2 0.9", "0.4 -0.2 0.9"),
+    **of_spring("_body_B", "name", "fore", "upper"),
+    **of_spring("_p_BQ", "value", "0.1 0 -0.3", "0.1 0.3 -0.3"),
+    **of_spring("_free_length", "value", '"0.4"', '"0.5"'),
+    **of_spring("_stiffness", "value", '"30"', '"60"'),
+    **of_spring("_damping", "value", '"2"', '"5"'),
+    "drake:joint": [one("</robot>", "</robot>", UNFELT)],
+    "inertial/origin@xyz": [one('<origin xyz="0.1 0 -0.2"/>', '<origin xyz="0.1 0.3 -0.4"/>'), one('<origin xyz="0.1 0 -0.2"/>', "")],
+    "inertial/origin@rpy": [one('<origin xyz="0.1 0 -0.2"/>', '<origin xyz="0.1 0 -0.2" rpy="0.3 -0.4 0.5"/>')],
+    "inertial/mass@value": [one('<mass value="2"/>', '<mass value="3"/>')],
+    **{
+        f"inertial/inertia@{name}": [
+            ([f'{old} ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"', 'xyz="0 1 0"'], [new, 'xyz="0.6 0 0.8"'], ALIKE)
+        ]
+        for name, old, new in (
+            ("ixx", 'ixx="0.1"', 'ixx="0.12" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"'),
+            ("ixy", 'ixx="0.1"', 'ixx="0.1" ixy="0.03" ixz="0" iyy="0.2" iyz="0" izz="0.25"'),
+            ("ixz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="-0.02" iyy="0.2" iyz="0" izz="0.25"'),
+            ("iyy", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.3" iyz="0" izz="0.25"'),
+            ("iyz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0.03" izz="0.25"'),
+            ("izz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"'),
+        )
+    },
+    "joint/origin@xyz": [one('<child link="fore"/>', '<child link="fore"/><origin xyz="0.1 0.3 -0.4"/>')],
+    "joint/origin@rpy": [one('<origin xyz="0.1 0.2 0.3"/>', '<origin xyz="0.1 0.2 0.3" rpy="0.3 -0.4 0.5"/>')],
+    "joint/parent@link": [(['<link name="world"/>', 'link="world"'], ['<link name="base"/>', 'link="base"'], UNFELT)],
+    "joint/child@link": [(['<link name="upper"', 'link="upper"'], ['<link name="arm"', 'link="arm"'], UNFELT)],
+    "joint/axis@xyz": [one('<axis xyz="0 1 0"/>', '<axis xyz="0.6 0 0.8"/>'), one('<axis xyz="0 1 0"/>', "")],
+    "joint/limit@lower": [one(LIMIT, LIMIT.replace("effort", 'lower="0.01" upper="0.02" effort'), UNFELT)],
+    "joint/limit@upper": [one(LIMIT, LIMIT.replace("effort", 'upper="-3" effort'), UNFELT)],
+    "joint/limit@effort": [one(LIMIT, LIMIT.replace('"5"', '"0"'), UNFELT)],
+    "joint/limit@velocity": [one(LIMIT, LIMIT.replace('"1"', '"0"'), UNFELT)],
+    "joint/dynamics@damping": [one(LIMIT, '<dynamics damping="4"/>' + LIMIT)],
+    "joint/dynamics@friction": [one(LIMIT, '<dynamics damping="0" friction="0"/>' + LIMIT, UNFELT)],
+}
+# Elements that hold others of which the tag alone does not tell what they are.
+TOLD_BY_HOLDER = {"default", "spatial", "fixed", "inertial", "joint", "gazebo", "transmission", "actuator"}
+VARIANTS = {"mjcf": MJCF_VARIANTS, "urdf": URDF_VARIANTS}
+ALL = [(model_format, key, number) for model_format, table in VARIANTS.items() for key in table for number in range(len(table[key]))]
+
+
+def keys(model_format: str) -> Iterator[str]:
+    """A key of the tables for each attribute that the validator lets stand."""
+    for holder, elements in SUPPORTED[model_format].items():
+        for tag, attributes in elements.items():
+            for name in attributes:
+                if model_format == "mjcf" and "frame" in (holder, tag):
+                    yield "frame"
+                elif "drake:joint" in (holder, tag):
+                    yield "drake:joint"
+                else:
+                    yield f"{holder}/{tag}@{name}" if holder in TOLD_BY_HOLDER else f"{tag}@{name}"
+
+
+def changed(model_format: str, old: Sequence[str], new: Sequence[str]) -> str:
+    text = BASES[model_format]
+    for before, after in zip(old, new, strict=True):
+        assert before in text
+        text = text.replace(before, after) if before else text
+    return text
+
+
+def accelerations(engine: str, file: ModelFile, states: tuple[Array, Array, Array] | None = None, joints: Sequence[str] = JOINTS) -> Array:
+    if states is None:
+        generator = np.random.default_rng(0)
+        states = tuple(generator.uniform(-1, 1, (COUNT, len(joints))) for _ in range(3))  # type: ignore[assignment]
+    assert states is not None
+    return load_engine(LIBRARY, engine).load(file, joints, 9.81).forward_dynamics(*states)
+
+
+def difference(one: Array, other: Array) -> float:
+    return float((np.abs(one - other) / np.abs(one).max()).max())
+
+
+@pytest.mark.parametrize("model_format", VARIANTS)
+def test_nothing_that_may_stand_in_a_file_is_left_out(model_format: str) -> None:
+    assert set(keys(model_format)) == set(VARIANTS[model_format])
+    assert all(VARIANTS[model_format].values())
+
+
+@pytest.mark.parametrize(("model_format", "key", "number"), ALL, ids=[f"{f}-{key}-{number}" for f, key, number in ALL])
+def test_what_may_stand_in_a_file_is_read_supplied_or_refused(model_format: str, key: str, number: int) -> None:
+    old, new, outcome = VARIANTS[model_format][key][number]
+    path = Path(f"model.{model_format}")
+    healthy, file = (parse_model(path, text, model_format) for text in (BASES[model_format], changed(model_format, old, new)))
+    if outcome == NATIVE_REFUSES:
+        with pytest.raises(ValueError, match="class"):
+            accelerations(NATIVE[model_format], file)
+        return
+    if outcome not in (ALIKE, UNFELT):
+        # The file is sound, and its own engine reads it.
+        load_engine(LIBRARY, NATIVE[model_format]).load(file, JOINTS, 9.81)
+        with pytest.raises(Unsupported, match=outcome):
+            accelerations(OTHER[model_format], file)
+        return
+    before, after = accelerations(NATIVE[model_format], healthy), accelerations(NATIVE[model_format], file)
+    assert (difference(before, after) > FELT) == (outcome == ALIKE)
+    assert difference(after, accelerations(OTHER[model_format], file)) < SAME
+
+
+def places(number: int, sizes: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
+    """States of joints of the given sizes; four positions are a rotation, or end in one."""
+    generator = np.random.default_rng(number)
+    columns = []
+    for nq, _ in sizes:
+        column = generator.uniform(-1, 1, (COUNT, nq))
+        if nq >= 4:
+            column[:, -4:] /= np.linalg.norm(column[:, -4:], axis=1, keepdims=True)
+        columns.append(column)
+    velocities = sum(nv for _, nv in sizes)
+    return np.hstack(columns), generator.uniform(-1, 1, (COUNT, velocities)), generator.uniform(-1, 1, (COUNT, velocities))
+
+
+def test_a_body_with_several_joints_is_one_composite_joint() -> None:
+    """Springs and dampers find the parts, and a reference of one of them, which the reader would pass over, is refused."""
+    two = f'{SHOULDER} damping="2"/><joint name="turn" axis="0 0 1" pos="0.1 0.2 0" stiffness="3" springref="0.2" armature="0.3"'
+    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, two), "mjcf")
+    joints = ("turn", "slider", "shoulder")
+    states = places(1, [(1, 1)] * 3)
+    assert difference(accelerations("mujoco", file, states, joints), accelerations("pinocchio", file, states, joints)) < SAME
+    loaded = load_engine(LIBRARY, "pinocchio").load(file, joints, 9.81).loaded()
+    assert loaded is not None and dict(loaded.joints) == dict.fromkeys(("shoulder", "turn", "slider"), (1, 1))
+    with pytest.raises(Unsupported, match='line 11: <joint name="turn"> has a "ref" beside other joints'):
+        accelerations("pinocchio", parse_model(Path("model.xml"), MJCF.replace(SHOULDER, two + ' ref="0.2"'), "mjcf"), states, joints)
+
+
+@pytest.mark.parametrize("pose", ["", ' quat="0.9 0.1 -0.3 0.2"'])
+def test_a_ball_joint_in_mjcf_is_damped_and_a_spring_in_it_is_refused(pose: str) -> None:
+    ball = MJCF.replace(SHOULDER, '<joint name="shoulder" type="ball" damping="0.7" pos="0.1 0.2 0.3"').replace(UPPER, UPPER + pose)
+    file = parse_model(Path("model.xml"), ball, "mjcf")
+    sound = accelerations("mujoco", file, states := places(2, [(4, 3), (1, 1)]), joints := ("shoulder",) * 3 + ("slider",))
+    assert difference(sound, accelerations("pinocchio", file, states, joints)) < SAME
+    damped = replace(file, force_elements=tuple(one for one in file.force_elements if not isinstance(one, JointDamper)))
+    assert difference(sound, accelerations("pinocchio", damped, states, joints)) > FELT
+    sprung = parse_model(Path("model.xml"), ball.replace("damping", "stiffness"), "mjcf")
+    with pytest.raises(Unsupported, match=r'line 11: <joint name="shoulder"> stiffness="0\.7" is a spring in a ball joint'):
+        accelerations("pinocchio", sprung, states, joints)
+
+
+@pytest.mark.parametrize(
+    ("joint", "pose", "refused"),
+    [
+        ('<freejoint name="shoulder"', ' pos="1 2 3"', r'line 10: <body name="upper"> has pos="1 2 3" and a free joint'),
+        ('<freejoint name="shoulder"', ' quat="0.9 0.1 -0.3 0.2"', 'line 10: <body name="upper"> has quat=.* and a free joint'),
+        ('<joint name="shoulder" type="free" armature="0.2"', "", 'line 11: <joint name="shoulder"> has an "armature"'),
+    ],
+)
+def test_a_free_joint_in_mjcf_that_pinocchio_measures_otherwise_is_refused(joint: str, pose: str, refused: str) -> None:
+    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose), "mjcf")
+    with pytest.raises(Unsupported, match=refused):
+        accelerations("pinocchio", file, places(1, [(7, 6), (1, 1)]), ("shoulder",) * 6 + ("slider",))
+
+
+@pytest.mark.parametrize("joint", ['<freejoint name="shoulder"', '<joint name="shoulder" type="free" damping="0.8"'])
+def test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it(joint: str) -> None:
+    """Pinocchio's linear velocities and forces are in the body's frame."""
+    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', ""), "mjcf")
+    joints = ("shoulder",) * 6 + ("slider",)
+    q, v, tau = places(3, [(7, 6), (1, 1)])
+    answers = accelerations("mujoco", file, (q, v, tau), joints)
+    turned = [part.copy() for part in (v, tau, answers)]
+    for row, (w, x, y, z) in enumerate(q[:, 3:7]):
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        for part in turned:
+            part[row, :3] = rotation.T @ part[row, :3]
+        # The body's frame turns: d(R' v)/dt = R' a - omega x R' v.
+        turned[2][row, :3] -= np.cross(v[row, 3:6], turned[0][row, :3])
+    assert difference(turned[2], accelerations("pinocchio", file, (q, turned[0], turned[1]), joints)) < SAME
+
+
+def test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco() -> None:
+    text = re.sub('  <joint name="shoulder".*?</joint>', BALL, URDF, flags=re.DOTALL).replace('  <link name="world"/>\n', "")
+    file = parse_model(Path("model.urdf"), text, "urdf")
+    states, joints = places(4, [(4, 3), (1, 1)]), ("shoulder",) * 3 + ("slider",)
+    assert difference(accelerations("pinocchio", file, states, joints), accelerations("mujoco", file, states, joints)) < SAME
