@@ -37,14 +37,11 @@ from harness.perturbation import (
     numeric_candidates,
 )
 from harness.reference import Reference
+from harness.screening import fit_in_order, screen
 from harness.verdict import AGREEMENT, Verdict
 
 __all__ = ["Diagnosis", "Explanation", "diagnose"]
 
-# So many of the best by linear screening are fitted at least, and so many more where something explains already.
-LEAST_FITTED, FITTED_FOR_CLASS = 8, 16
-# A candidate whose column leaves more than this [data roundoffs, root mean square] is not fitted because of it.
-NOT_WORTH_FITTING = 1e3 * AGREEMENT
 # Where a fit may also start, as factors of the value found: missing, sign, factors of two, other units.
 OTHER_STARTS = (0.0, -1.0, 2.0, 0.5, math.pi / 180, 180 / math.pi, 1e3, 1e-3)
 FITTED_FROM_OTHER_STARTS = 12
@@ -54,8 +51,6 @@ SHARE_OF_TIME = 0.85
 UNEXPLAINING_SHOWN = 12
 # Relative error from which on a fit may need another start.
 LARGE = 1e-3
-# A step of a tenth of the scale may turn a column into any other.
-BEND = 10.0
 
 
 def diagnose(
@@ -194,30 +189,14 @@ class _Search:
 
     def fit_best(self, columns: Sequence[Column]) -> None:
         """Fit the candidates whose columns explain most, until what remains cannot explain anything."""
-        here = self._here[self._seen]
-        size, count = float(np.linalg.norm(here)), max(1, int(self._seen.sum()))
-        if not 0 < size < math.inf:
-            return
-        promising: list[tuple[float, float, Column]] = []
-        for column in columns:
-            seen = column.values[self._seen]
-            square = float(np.vdot(seen, seen))
-            along = float(np.vdot(seen, here))
-            share = along**2 / square / size**2 if square else 0.0
-            unexplained = math.sqrt(max(0.0, 1 - share))
-            # A step this long, in units of the scale, may bend the column by as much.
-            bend = BEND * abs(along) / square / column.candidate.scale if square else 0.0
-            worth = unexplained <= bend + NOT_WORTH_FITTING * math.sqrt(count) / size
-            promising.append((unexplained, not worth, column))
-        promising.sort(key=lambda entry: entry[0])
-        for place, (_, not_worth, column) in enumerate(promising):
-            if self.out_of_time():
-                return
-            if place >= LEAST_FITTED and (
-                not_worth or (place >= FITTED_FOR_CLASS and self.explaining and not self._in_class(column, columns))
-            ):
-                continue
-            self._fit(column.candidate, column.candidate.start, column.values[self._seen])
+        seen = [column.values[self._seen] for column in columns]
+        promises = screen(seen, [column.candidate.scale for column in columns], self._here[self._seen])
+
+        def fit_one(place: int) -> None:
+            if not self.out_of_time():
+                self._fit(columns[place].candidate, columns[place].candidate.start, seen[place])
+
+        fit_in_order(promises, fit_one, lambda place: self._in_class(columns[place], columns), lambda: bool(self.explaining))
 
     def _in_class(self, column: Column, columns: Sequence[Column]) -> bool:
         """Whether a column is parallel to that of a candidate that explains."""

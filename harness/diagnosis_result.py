@@ -15,7 +15,6 @@ from typing import Any
 from harness.attributes import find_elements
 from harness.hypotheses import Place
 
-
 PARAMETER = "parameter"
 
 

@@ -169,9 +169,8 @@ class Campaign:
         one = min(red, key=lambda one: one.engine.formats[0] != self.model.format)
         started = time.perf_counter()
         try:
-            watched = watch(
-                one.engine, self.bench.mechanism, parse_model(self.model.path, text, self.model.format), self.bench.diagnostic_states
-            )
+            wrong = parse_model(self.model.path, text, self.model.format)
+            watched = watch(one.engine, self.bench.mechanism, wrong, self.bench.diagnostic_states)
         except (Unsupported, ValueError):
             return fault
         diagnosis = diagnose(watched, self.bench.reference(one.in_body, True), seconds=self.settings.seconds)

@@ -33,6 +33,8 @@ NUMBER = "number"
 DIFFERENCE = 1e-5
 # Of a value beside far larger ones, which may be what a wrong unit left: its scale is at least this share of theirs.
 LEAST_SHARE = 1e-3
+# A file whose lengths are all below this [m] has none by which to measure one.
+NEGLIGIBLE_LENGTH = 1e-6
 # Sampled states: of three, the last is held out of fits; of twelve, three are at rest and three without applied forces.
 STATES = 96
 HELD_OUT_OF = 3
@@ -268,7 +270,9 @@ def _scale(elements: Sequence[Element], element: Element, attribute: Attribute, 
         if (_is_length(holder, own) if is_length else (holder.tag, own.name) == (element.tag, attribute.name))
         for other in own.numbers
     ]
-    alike = max(like, default=0.0) or 1.0
+    alike = max(like, default=0.0)
+    if alike <= (NEGLIGIBLE_LENGTH if attribute.name in _LENGTHS else 0.0):
+        alike = 1.0
     # A length far below all others may be what is wrong: its step must be felt.
     return max(abs(number.value) or largest or alike, LEAST_SHARE * alike)
 

@@ -145,6 +145,21 @@ class _Regression:
         check, _ = self._check_of(system)
         return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
 
+    def cause(self, system: str, subject: str) -> str:
+        """First line of the diagnosis of a record that is known and not as expected."""
+        from harness.causes import find_causes
+
+        check, coming = self._check_of(system)
+        # Who is wrong is told by who is right.
+        while len([known for known in self._known if known[0] == system]) < len(check.subjects):
+            record = next(coming)
+            self._known[record.system, record.subject] = record
+        records = [record for record in self._known.values() if record.system == system]
+        assert self._workers is not None
+        wanted = [record for record in records if record.as_expected or record.subject == subject]
+        causes = find_causes(check.settings, wanted, self._workers, verdicts_of=records)
+        return next((cause.first_line for cause in causes), "")
+
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
         group = system if self._distributed else ""
@@ -201,7 +216,7 @@ class CrossCheckItem(pytest.Item):
         record = self.regression.record(self.system, self.subject)
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
-            raise NotAsExpected(record)
+            raise NotAsExpected(record, self.regression.cause(self.system, self.subject))
         superfluous = self.regression.superfluous(self.system, self.subject)
         if superfluous:
             raise Superfluous(superfluous)
@@ -227,13 +242,14 @@ class Superfluous(Exception):
 
 
 class NotAsExpected(Exception):
-    """A record whose verdict is not the expected one; prints what a person needs to go on."""
+    """A record whose verdict is not the expected one; prints what a person needs to go on, and the cause as far as it is known."""
 
-    def __init__(self, record: Record) -> None:
-        super().__init__(record)
+    def __init__(self, record: Record, cause: str) -> None:
+        super().__init__(record, cause)
         self.record = record
+        self.cause = cause
 
     def __str__(self) -> str:
         from harness.explanation import explain
 
-        return explain(self.record)
+        return explain(self.record) + (f"\n  cause: {self.cause}" if self.cause else "")

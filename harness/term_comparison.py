@@ -34,6 +34,7 @@ TITLES = {
     APPLIED: "applied forces",
 }
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
+_SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
 _MOST_NAMED = 3
 _AXES = "xyz"
 
@@ -85,7 +86,7 @@ class TermFinding:
         size = "" if self.backward_error is None else f"{self.backward_error:.3g} data roundoffs"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED):
             return f"{title}: {self.verdict}" + (f"; {size}" if size else "")
-        when = _WHEN[self.since] if self.wrong == self.states else f"at {self.wrong} of {self.states} states, from {self.since} on"
+        when = _WHEN[self.since] if self.wrong == self.states else f"at {self.wrong} of {self.states} states, {_SINCE[self.since]}"
         if self.verdict == Verdict.ERROR:
             return f"{title}: not finite {when}"
         kind = ("entry", "entries") if self.term == MASS else ("force on", "forces on")
@@ -122,11 +123,11 @@ class TermComparison:
             return tuple(finding.sentence for finding in self.wrong)
         if not self.accelerations_since:
             return ("every term agrees" if self.findings else "the engine states no terms",)
-        when = _WHEN[self.accelerations_since]
+        since = _SINCE[self.accelerations_since]
         if not self.findings:
-            return (f"the engine states no terms; its accelerations are wrong, {when} or at some such states",)
+            return (f"the engine states no terms; its accelerations are wrong, {since}",)
         return (
-            f"every term agrees, but accelerations do not, from {self.accelerations_since} on: "
+            f"every term agrees, but accelerations do not, {since}: "
             "solving for them is wrong, or a force that the engine counts as no term",
         )
 

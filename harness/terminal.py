@@ -18,6 +18,7 @@ from harness.records import Record
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.fault_records import KindOfFault
     from harness.fault_walk import Caught
     from harness.minimal import Finding
@@ -100,6 +101,14 @@ def print_superfluous(findings: Sequence[Finding]) -> None:
         click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
     for finding in sorted(findings, key=lambda finding: (finding.path, finding.subject, finding.line)):
         click.echo(f"  {finding}")
+
+
+def print_causes(causes: Sequence[Cause]) -> None:
+    """For each wrong subject who is at fault, which terms are wrong, and the first line of its diagnosis."""
+    for cause in causes:
+        click.echo(f"\n{cause.system} {cause.subject}: {cause.inference}")
+        for line in (*cause.terms, *cause.diagnosis[:1]):
+            click.echo(f"  {line}")
 
 
 def print_caught(caught: Sequence[Caught]) -> None:

@@ -23,6 +23,7 @@ from harness.kernels import Array
 from harness.mechanism import Mechanism
 from harness.perturbation import Whitening, backward_errors, held_out
 from harness.reference import Reference, ReferenceKernel
+from harness.screening import fit_in_order, screen
 from harness.states import States
 from harness.verdict import AGREEMENT, Verdict
 
@@ -30,6 +31,8 @@ from harness.verdict import AGREEMENT, Verdict
 SHARE_OF_TIME = 0.85
 # So many of the best are fitted once more from these multiples of their values.
 FITTED_FROM_OTHER_STARTS, OTHER_STARTS = 8, (0.5, 2.0, -1.0)
+# By which the cosine of parallel columns differs from 1.
+ROUNDING = 1e-12
 
 
 def diagnose_textbook(
@@ -81,15 +84,23 @@ class _Search:
     def fit_all(self) -> dict[int, tuple[float, float]]:
         """Place of a parameter to its best value and the largest backward error left, those that promise most first."""
         here = self.residual(self.reference)[self._seen]
-        columns = {place: column for place in range(len(self.values)) if (column := self.column(self.reference, self.values, place)).any()}
-        order = sorted(columns, key=lambda place: -abs(np.vdot(columns[place], here)) / float(np.linalg.norm(columns[place])))
+        columns = self.columns(self.reference, self.values)
+        promises = screen(list(columns), [abs(value) or 1.0 for value in self.values], here)
         found: dict[int, tuple[float, float]] = {}
-        for place in order:
-            self._fit(found, place, self.values[place], columns[place])
-        if not any(left <= self.tolerance for _, left in found.values()):
-            for place in order[:FITTED_FROM_OTHER_STARTS]:
+
+        def explaining() -> list[int]:
+            return [place for place, (_, left) in found.items() if left <= self.tolerance]
+
+        def in_class(place: int) -> bool:
+            return any(_are_parallel(columns[place], columns[other]) for other in explaining())
+
+        fit_in_order(
+            promises, lambda place: self._fit(found, place, self.values[place], columns[place]), in_class, lambda: bool(explaining())
+        )
+        if not explaining():
+            for promise in promises[:FITTED_FROM_OTHER_STARTS]:
                 for factor in OTHER_STARTS:
-                    self._fit(found, place, factor * self.values[place], None)
+                    self._fit(found, promise.place, factor * self.values[promise.place], None)
         return {place: self._settled(place, *value) for place, value in found.items()}
 
     def _fit(self, found: dict[int, tuple[float, float]], place: int, start: float, column: Array | None) -> None:
@@ -113,11 +124,13 @@ class _Search:
 
     def at(self, place: int | None, value: float) -> Reference:
         """The reference with another value of one parameter; as it is for None."""
-        return self.reference if place is None else self.kernel.evaluate(self.states, self._parameters(place, value))
+        return self.reference if place is None else self.kernel.evaluate(self.states, self._for_all(self._changed(place, value)))
 
-    def _parameters(self, place: int, value: float) -> Array:
-        changed = [value if number == place else own for number, own in enumerate(self.values)]
-        return np.broadcast_to(np.array(changed), (len(self.states), len(changed)))
+    def _changed(self, place: int, value: float) -> list[float]:
+        return [value if number == place else own for number, own in enumerate(self.values)]
+
+    def _for_all(self, values: Sequence[float]) -> Array:
+        return np.broadcast_to(np.array(values, dtype=np.float64), (len(self.states), len(values)))
 
     def residual(self, reference: Reference) -> Array:
         """Whitened errors of the answers, (n, nv)."""
@@ -132,22 +145,30 @@ class _Search:
         return float(errors.max()) if np.isfinite(errors).all() else math.inf
 
     def _slope(self, place: int, value: float) -> Array:
-        changed = [value if number == place else own for number, own in enumerate(self.values)]
-        return self.column(self.at(place, value), changed, place)
+        return np.asarray(self.columns(self.at(place, value), self._changed(place, value))[place])
 
-    def column(self, reference: Reference, values: Sequence[float], place: int) -> Array:
-        """Derivative of the whitened residual by one parameter at states that fits see: -R^-T d(force - M qdd)/dp, per data roundoff."""
-        parameters = np.broadcast_to(np.array(values), (len(self.states), len(values)))
-        forces = np.empty_like(reference.high)
+    def columns(self, reference: Reference, values: Sequence[float]) -> Array:
+        """Derivatives of the whitened residual by each parameter p at the states that fits see, (parameters, n, nv).
+
+        They are -R^-T d(force - M qdd)/dp, divided by the data roundoff.
+        """
+        parameters = self._for_all(values)
+        forces = np.empty((len(values), *reference.high.shape))
         for chart, chosen in self.kernel.by_chart(self.states, parameters):
             inputs = self.kernel.mechanism.inputs(self.states[chosen], parameters[chosen])
             derivatives = chart.float64.input_derivatives(inputs, np.ascontiguousarray(reference.high[chosen].T))
-            forces[chosen] = derivatives[:, len(inputs) - len(values) + place].T
+            forces[:, chosen] = derivatives[:, -len(values) :].transpose(1, 2, 0)
         seen = self._seen
         with np.errstate(all="ignore"):
-            whitened = np.linalg.solve(reference.norm_factor[seen].transpose(0, 2, 1), forces[seen, :, None])[:, :, 0]
-            column = -whitened / reference.data_roundoff[seen, None]
-        return np.where(np.isfinite(column), column, 0.0)
+            whitened = np.linalg.solve(reference.norm_factor[seen].transpose(0, 2, 1), forces[:, seen].transpose(1, 2, 0))
+            found = -whitened.transpose(2, 0, 1) / reference.data_roundoff[seen, None]
+        return np.where(np.isfinite(found), found, 0.0)
+
+
+def _are_parallel(first: Array, second: Array) -> bool:
+    """To the rounding of exact derivatives."""
+    lengths = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
+    return abs(float(np.vdot(first, second))) >= (1 - ROUNDING) * lengths > 0
 
 
 def _explanation(mechanism: Mechanism, file: Path, place: int, value: float, left: float, tolerance: float) -> Explanation:

@@ -10,15 +10,21 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from harness.engines import Unsupported, load_engine
+from harness.derivation import load_mechanism
+from harness.engines import Subject, Unsupported, is_native, load_engine, select_subjects
+from harness.engines._mujoco_urdf import LEAST
+from harness.errors import InvalidModel
+from harness.expected import load_expectations
 from harness.kernels import Array
 from harness.library import Library
 from harness.model_formats import SUPPORTED
-from harness.models import JointDamper, ModelFile, parse_model
+from harness.models import JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
+from harness.tasks import Assignment, load_audited
 
 LIBRARY = Library.built_in()
 NATIVE, OTHER = {"mjcf": "mujoco", "urdf": "pinocchio"}, {"mjcf": "pinocchio", "urdf": "mujoco"}
@@ -433,8 +439,7 @@ def test_a_ball_joint_in_mjcf_is_damped_and_a_spring_in_it_is_refused(pose: str)
 @pytest.mark.parametrize(
     ("joint", "pose", "refused"),
     [
-        ('<freejoint name="shoulder"', ' pos="1 2 3"', r'line 10: <body name="upper"> has pos="1 2 3" and a free joint'),
-        ('<freejoint name="shoulder"', ' quat="0.9 0.1 -0.3 0.2"', 'line 10: <body name="upper"> has quat=.* and a free joint'),
+        ('<freejoint name="shoulder"', ' pos="1 2 3" quat="0.9 0.1 -0.3 0.2"', 'line 10: <body name="upper"> has a free joint and a pose'),
         ('<joint name="shoulder" type="free" armature="0.2"', "", 'line 11: <joint name="shoulder"> has an "armature"'),
     ],
 )
@@ -444,10 +449,11 @@ def test_a_free_joint_in_mjcf_that_pinocchio_measures_otherwise_is_refused(joint
         accelerations("pinocchio", file, places(1, [(7, 6), (1, 1)]), ("shoulder",) * 6 + ("slider",))
 
 
-@pytest.mark.parametrize("joint", ['<freejoint name="shoulder"', '<joint name="shoulder" type="free" damping="0.8"'])
-def test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it(joint: str) -> None:
+@pytest.mark.parametrize("pose", ["", ' pos="1 2 3"', ' quat="0.9 0.1 -0.3 0.2"'])
+@pytest.mark.parametrize("joint", ['<freejoint name="shoulder"', '<joint name="shoulder" type="free" damping="0.8" armature="0"'])
+def test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it(joint: str, pose: str) -> None:
     """Pinocchio's linear velocities and forces are in the body's frame."""
-    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', ""), "mjcf")
+    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose), "mjcf")
     joints = ("shoulder",) * 6 + ("slider",)
     q, v, tau = places(3, [(7, 6), (1, 1)])
     answers = accelerations("mujoco", file, (q, v, tau), joints)
@@ -472,3 +478,171 @@ def test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco() -> None:
     file = parse_model(Path("model.urdf"), text, "urdf")
     states, joints = places(4, [(4, 3), (1, 1)]), ("shoulder",) * 3 + ("slider",)
     assert difference(accelerations("pinocchio", file, states, joints), accelerations("mujoco", file, states, joints)) < SAME
+
+
+def test_a_free_joint_in_urdf_that_mujoco_counts_from_elsewhere_is_refused() -> None:
+    text = URDF.replace(SHOULDER_TYPE, 'name="shoulder" type="floating"')
+    for where in ('<origin xyz="0 0 0"/>', ""):
+        load_engine(LIBRARY, "mujoco").load(parsed(text.replace('<origin xyz="0.1 0.2 0.3"/>', where)), JOINTS, 9.81)
+    fixed_base = (
+        '<link name="base"/><joint name="mount" type="fixed"><parent link="world"/><child link="base"/><origin rpy="0.3 0 0"/></joint>'
+    )
+    behind = text.replace('<origin xyz="0.1 0.2 0.3"/>', "").replace('<parent link="world"/>', '<parent link="base"/>')
+    behind = behind.replace('<link name="world"/>', f'<link name="world"/>{fixed_base}')
+    with pytest.raises(Unsupported, match=r'line 12: <joint name="shoulder"> floats from another origin .* behind <joint name="mount">'):
+        load_engine(LIBRARY, "mujoco").load(parsed(behind), JOINTS, 9.81)
+
+
+def parsed(text: str) -> ModelFile:
+    model_format = "mjcf" if "<mujoco" in text else "urdf"
+    return parse_model(Path(f"model.{model_format}"), text, model_format)
+
+
+# Every kind of what the harness supplies: a model that has it, and the same file without it being supplied.
+LOADED_URDF = URDF.replace(LIMIT, '<dynamics damping="2"/>' + LIMIT).replace("</robot>", GAZEBO + SPRING + ROTOR + "</robot>")
+LOADED_MJCF = MJCF.replace(SHOULDER, f'{SHOULDER} stiffness="4" springref="0.2"').replace(SLIDER, f'{SLIDER} damping="3"')
+
+
+def without(kind: type) -> Any:
+    return lambda file: replace(file, force_elements=tuple(one for one in file.force_elements if not isinstance(one, kind)))
+
+
+SUPPLIED = {
+    "gravity in mjcf": (LOADED_MJCF, lambda file: replace(file, gravity=(0.0, 0.0, -9.81))),
+    "joint spring in mjcf": (LOADED_MJCF, without(JointSpring)),
+    "joint damper in mjcf": (LOADED_MJCF, without(JointDamper)),
+    "point spring in mjcf": (LOADED_MJCF, without(PointSpring)),
+    "joint spring in urdf": (LOADED_URDF, without(JointSpring)),
+    "point spring in urdf": (LOADED_URDF, without(PointSpring)),
+    "armature in urdf": (LOADED_URDF, lambda file: replace(file, armatures=())),
+}
+
+
+@pytest.mark.parametrize("kind", SUPPLIED)
+def test_what_is_supplied_is_missed_where_it_is_dropped(kind: str) -> None:
+    text, drop = SUPPLIED[kind]
+    file = parsed(text)
+    native = accelerations(NATIVE[file.format], file)
+    assert difference(native, accelerations(OTHER[file.format], file)) < SAME
+    assert difference(native, accelerations(OTHER[file.format], drop(file))) > 1e-3
+
+
+def test_mujoco_itself_damps_the_joints_of_a_urdf() -> None:
+    """It would be damped twice if the harness supplied that, too."""
+    file = parsed(LOADED_URDF)
+    assert difference(accelerations("mujoco", file), accelerations("mujoco", without(JointDamper)(file))) == 0
+    assert (
+        difference(accelerations("mujoco", file), accelerations("mujoco", parsed(LOADED_URDF.replace('damping="2"', 'damping="0"')))) > 1e-3
+    )
+
+
+def test_gravity_of_a_urdf_is_what_the_harness_says() -> None:
+    file, still = parsed(URDF), tuple(np.zeros((1, 2)) for _ in range(3))
+    on_the_moon, here = (load_engine(LIBRARY, "mujoco").load(file, JOINTS, gravity).forward_dynamics(*still) for gravity in (1.62, 9.81))
+    assert np.allclose(here, on_the_moon * 9.81 / 1.62, rtol=1e-13, atol=1e-15) and here.any()
+
+
+REFUSED = {
+    "second body": (MJCF.replace("</worldbody>", '<body name="more"/></worldbody>'), 'line 19: <body name="more"> is a further body'),
+    "second worldbody": (MJCF.replace("<tendon>", "<worldbody/><tendon>"), "line 20: <worldbody> is a second <worldbody>"),
+    "second compiler": (MJCF.replace("<tendon>", "<compiler/><tendon>"), "line 20: <compiler> is a second <compiler>"),
+    "second default": (MJCF.replace("<worldbody>", "<default/><worldbody>"), "line 8: <default> is a second <default>"),
+    "reference in a ball joint": (MJCF.replace(SHOULDER, '<joint name="shoulder" type="ball" ref="1"'), 'line 11: .*has a "ref"'),
+    # MuJoCo takes nothing from a childclass once a class is named; Pinocchio takes what that leaves open.
+    "class beside childclass": (
+        MJCF.replace('<joint armature="0.01"/>', '<default class="turned"><joint axis="0 0 1"/></default>')
+        .replace(UPPER, f'{UPPER} childclass="turned"')
+        .replace(' axis="0 1 0"', ' class="other"'),
+        'line 11: <joint name="shoulder"> has a class of its own, and yet it takes axis="0 0 1" from childclass',
+    ),
+    "two things": (MJCF.replace(' name="fore"', "").replace("<tendon>", "<worldbody/><tendon>"), "line 13: .*; line 20: "),
+    "link world": (
+        URDF.replace('<link name="world"/>', '<link name="base"/>').replace('"world"', '"base"').replace('"upper"', '"world"'),
+        "line 12: <joint name=\"shoulder\"> carries the link 'world'",
+    ),
+    "no mass to speak of": (URDF.replace('<mass value="2"/>', '<mass value="1e-17"/>'), "line 5: .*'upper' has a principal mass of 1e-17"),
+    "no inertia to speak of": (
+        URDF.replace('ixx="0.02"', 'ixx="1e-16"').replace('iyy="0.03"', 'iyy="0.04"'),
+        "line 10: .*inertia of 1e-16",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_is_neither_read_nor_supplied_is_refused_with_its_line(what: str) -> None:
+    text, words = REFUSED[what]
+    file = parsed(text)
+    with pytest.raises(Unsupported, match=words):
+        load_engine(LIBRARY, OTHER[file.format]).load(file, JOINTS, 9.81)
+
+
+RODS = {
+    "point": ('ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.04"', 'ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"'),
+    "rod": ('ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.04"', 'ixx="0.04" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.04"'),
+    # 12.5 (1 - n n') of a heavy rod along n = (0.6, 0, 0.8), whose zero is a rounding.
+    "tilted rod": ('ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.04"', 'ixx="8" ixy="0" ixz="-6" iyy="12.5" iyz="0" izz="4.5"'),
+}
+
+
+@pytest.mark.parametrize("kind", RODS)
+def test_a_moving_link_without_inertia_gets_the_least_that_mujoco_takes(kind: str) -> None:
+    text = URDF.replace(*RODS[kind]).replace('type="prismatic"', 'type="revolute"')
+    file = parsed(text.replace('<mass value="0.5"/>', '<origin xyz="0 0 -0.3" rpy="0.1 0.2 0.3"/><mass value="0.5"/>'))
+    assert difference(accelerations("pinocchio", file), accelerations("mujoco", file)) < SAME
+
+
+def test_a_massless_link_between_two_joints_weighs_the_least_that_mujoco_takes() -> None:
+    file = parsed(
+        URDF.replace('<mass value="2"/>', '<mass value="0"/>')
+        .replace('ixx="0.1"', 'ixx="0"')
+        .replace('iyy="0.2"', 'iyy="0"')
+        .replace('izz="0.25"', 'izz="0"')
+    )
+    assert difference(accelerations("pinocchio", file), accelerations("mujoco", file)) < SAME
+    masses = load_engine(LIBRARY, "mujoco").load(file, JOINTS, 9.81).model.body_mass  # type: ignore[attr-defined]
+    assert masses.tolist() == [0.0, LEAST, 0.5]
+
+
+def test_fixed_links_are_fused_and_springs_find_them() -> None:
+    tool = """<link name="tool"><inertial><origin xyz="0.1 0 0"/><mass value="0.3"/>
+        <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link><link name="tip"><inertial>
+        <mass value="0.1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+        <joint name="grip" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0.2 0.1 0" rpy="0.3 0.4 0.5"/></joint>
+        <joint name="end" type="fixed"><parent link="tool"/><child link="tip"/><origin xyz="0 0.1 0.2" rpy="-0.3 0 1"/></joint>"""
+    file = parsed(URDF.replace("</robot>", tool + SPRING.replace('"fore"', '"tip"') + "</robot>"))
+    assert difference(accelerations("pinocchio", file), accelerations("mujoco", file)) < SAME
+
+
+def test_decoration_of_a_urdf_neither_weighs_nor_is_looked_for() -> None:
+    """MuJoCo would take a link's missing inertia from its shape, and fetch the mesh."""
+    shapes = """<link name="hull"><collision><geometry><box size="1 1 1"/></geometry></collision>
+        <visual><geometry><mesh filename="nowhere.stl"/></geometry></visual>
+        <collision><geometry><mesh filename="nowhere.stl"/></geometry></collision></link>
+        <joint name="bolt" type="fixed"><parent link="fore"/><child link="hull"/></joint><!-- decoration: visual collision -->"""
+    text = URDF.replace('<link name="world"/>', '<link name="world"/>' + shapes)
+    with pytest.raises(InvalidModel, match="moves but has no <inertial>"):
+        parsed(text)
+    massless = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>'
+    leaf = '<link name="leaf"><inertial><mass value="0.1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    leaf += '<joint name="stem" type="fixed"><parent link="hull"/><child link="leaf"/></joint></robot>'
+    file = parsed(text.replace("</link>\n        <joint", massless + "<joint").replace("</robot>", leaf))
+    assert difference(accelerations("pinocchio", file), accelerations("mujoco", file)) < SAME
+
+
+def test_only_native_subjects_are_asked_about_engines() -> None:
+    every = select_subjects(LIBRARY, ())
+    native = select_subjects(LIBRARY, (), native_only=True)
+    assert {"mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf", "lagrange"} <= set(map(str, every))
+    assert {"mujoco/mjcf", "pinocchio/urdf", "lagrange"} <= set(map(str, native))
+    assert not {"mujoco/urdf", "pinocchio/mjcf"} & set(map(str, native))
+    assert [str(subject) for subject in select_subjects(LIBRARY, ["mujoco/urdf"], native_only=True)] == ["mujoco/urdf"]
+    assert not is_native(LIBRARY, Subject("mujoco", "urdf"))
+
+
+def test_the_catalogues_two_bodies_in_the_world_are_refused_and_expected_to_be() -> None:
+    (subject,) = select_subjects(LIBRARY, ["pinocchio/mjcf"])
+    model = read_model(LIBRARY.model_path("coupled_oscillators", "mjcf"), "mjcf")
+    with pytest.raises(Unsupported, match='line 23: <body name="mass_2"> is a further body'):
+        load_audited(Assignment(LIBRARY, subject, load_mechanism(LIBRARY, "coupled_oscillators"), model))
+    expected = load_expectations(LIBRARY, [str(one) for one in select_subjects(LIBRARY, ())])
+    assert expected["coupled_oscillators", "pinocchio/mjcf"].verdict == "unsupported"

@@ -21,6 +21,7 @@ from support import InThisProcess
 from harness import tasks
 from harness.attributes import scaled
 from harness.cli import main
+from harness.compare import compare
 from harness.engines import Subject, is_native, subjects
 from harness.fault_walk import Caught, walk, walkable
 from harness.library import Library
@@ -91,7 +92,7 @@ def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> 
     """The check accepts a hundred times what the data roundoff of the states allows: no number reaches theory."""
     from harness import fault_walk
 
-    accepted = fault_walk.compare
+    accepted = compare
 
     def blunt(reference: Reference, accelerations: np.ndarray) -> object:
         middle = reference.high + reference.low

@@ -33,6 +33,7 @@ def test_any_library_from_an_empty_folder(library: Path) -> None:
     assert "harness: library mechanisms, 1000 states per system, seed 0" in done.stdout
     assert "bar_pendulum.py::mujoco/mjcf FAILED" in done.stdout
     assert "bar_pendulum mujoco/mjcf: disagrees, expected agrees" in done.stdout
+    assert "cause: " in done.stdout
     assert "replay: harness check bar_pendulum --subject mujoco/mjcf --library ../mechanisms --state" in done.stdout
     assert "Traceback" not in done.stdout
 

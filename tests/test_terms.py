@@ -40,8 +40,8 @@ DIGITS = 80
 POSITIONS = 5
 # Of the sum of an engine's terms, in the units of test_engine_properties.
 BAR = 64.0
-# The largest backward error of a term of a sound engine is 39: MuJoCo, reading a URDF, turns a body to its principal axes
-# by a quaternion that is off unit length by 2e-15. Everything else stays below 8.
+# The largest backward error of a term of a sound engine is 41: MuJoCo, reading a URDF, turns a body to its principal axes
+# by a quaternion that is off unit length by 2e-15. No other is beyond 10.
 SOUND = 45.0
 
 
@@ -141,7 +141,8 @@ def test_certified_terms_and_their_data_roundoff_are_those_of_mpmath(name: str, 
                 [mpmath.fsum(abs(column[i * nv + j]) for column in moved) + lengths[i] * lengths[j] for j in range(nv)] for i in range(nv)
             ]
             shares = {
-                VELOCITY: (v.T * mass * v)[0] * mpmath.fsum(reach[i] for i in range(nv) if rotating[i]),
+                VELOCITY: mpmath.fsum((lengths[i] * v[i]) ** 2 for i in range(nv))
+                * mpmath.fsum(reach[i] for i in range(nv) if rotating[i]),
                 GRAVITY: mechanism.gravity * mpmath.sqrt(mechanism.total_mass) * mpmath.fdot(lengths, reach),
                 PASSIVE: 0,
             }
@@ -261,7 +262,7 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
             assert not found.wrong, (seed, found.sentences)
 
 
-@pytest.mark.parametrize("name", ["inertia_wheel_pendulum", "cart_pendulum", "furuta_pendulum", "arm_2r", "gyroscope_gimbals"])
+@pytest.mark.parametrize("name", ["inertia_wheel_pendulum", "cart_pendulum", "furuta_pendulum", "puma_560", "gyroscope_gimbals"])
 def test_special_positions_do_not_make_a_sound_term_wrong(name: str) -> None:
     """Where algebra leaves nothing of a term, engines leave what their frames round; tiny velocities underflow."""
     mechanism = load_mechanism(BUILT_IN, name)
@@ -405,7 +406,7 @@ def test_sound_terms_beside_wrong_accelerations_blame_what_is_no_term() -> None:
     found = compared(lambda terms: terms, lambda accelerations: accelerations * (1 + 1e-9))
     assert not found.wrong
     assert found.accelerations_since == AT_REST
-    assert "every term agrees, but accelerations do not, from at rest on" in found.sentences[0]
+    assert "every term agrees, but accelerations do not, at rest already: " in found.sentences[0]
 
 
 def test_a_term_that_is_no_number_is_an_error() -> None:
@@ -416,7 +417,7 @@ def test_a_term_that_is_no_number_is_an_error() -> None:
 
     (finding,) = compared(spoilt).wrong
     assert (finding.term, finding.verdict, finding.wrong, finding.states) == (GRAVITY, Verdict.ERROR, 1, 3 * POSITIONS)
-    assert finding.sentence == f"gravity: not finite at 1 of {3 * POSITIONS} states, from at rest on"
+    assert finding.sentence == f"gravity: not finite at 1 of {3 * POSITIONS} states, at rest already"
 
 
 def test_an_engine_without_terms_is_judged_by_its_accelerations_alone() -> None:

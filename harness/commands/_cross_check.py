@@ -10,6 +10,7 @@ from harness.commands._options import AS_EXPECTED, CRASHED, NOT_AS_EXPECTED, tel
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.records import Record, Run
     from harness.run import CrossCheck, Settings
 
@@ -22,14 +23,15 @@ def cross_check_all(
     time_limit: float,
     json_path: str | None,
     keep: Callable[[Record], Any] = lambda record: None,
-) -> tuple[CrossCheck, list[Record]]:
-    """Run to the end, keeping each record as it comes, and write the JSON file as it grows."""
+) -> tuple[CrossCheck, list[Record], list[Cause]]:
+    """Run to the end, keeping each record as it comes, find why some are not as expected, and write the JSON file as it grows."""
     from harness.records import write_json
     from harness.run import CrossCheck
     from harness.terminal import progress
     from harness.workers import Workers
 
     records: list[Record] = []
+    causes: list[Cause] = []
     pool = Workers(workers, scheduler, time_limit)
     cross_check = CrossCheck(settings, pool)
     try:
@@ -40,21 +42,29 @@ def cross_check_all(
                 if json_path:
                     write_json(json_path, run, records, superfluous=cross_check.superfluous)
                 advance(f"{record.system} {record.subject}")
+            if not all(record.as_expected for record in records):
+                # Imported late: a run in which all is well needs nothing of it.
+                from harness.causes import find_causes
+
+                causes += find_causes(settings, records, pool)
     except OSError as error:
         raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
     records.sort(key=lambda record: (record.system, record.subject))
+    causes.sort(key=lambda cause: (cause.system, cause.subject))
     if json_path:
-        write_json(json_path, run, records, superfluous=cross_check.superfluous)
-    return cross_check, records
+        further = {"causes": [cause.as_json() for cause in causes]} if causes else None
+        write_json(json_path, run, records, superfluous=cross_check.superfluous, further=further)
+    return cross_check, records, causes
 
 
-def finish(cross_check: CrossCheck, records: list[Record]) -> None:
+def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) -> None:
     """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
-    from harness.terminal import print_superfluous, print_table, print_unexpected
+    from harness.terminal import print_causes, print_superfluous, print_table, print_unexpected
 
     print_table(records)
     print_unexpected(records)
     print_superfluous(cross_check.superfluous)
+    print_causes(causes)
     tell(cross_check.problems)
     if cross_check.crashed:
         sys.exit(CRASHED)

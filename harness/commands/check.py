@@ -69,8 +69,7 @@ def command(
         replay_options=[word for option, value in options if value for word in (option, value)],
     )
     run = describe_run(settings.library, states, seed, "check", ["harness", *sys.argv[1:]])
-    cross_check, records = cross_check_all(settings, run, workers, scheduler, time_limit, json_path)
-    finish(cross_check, records)
+    finish(*cross_check_all(settings, run, workers, scheduler, time_limit, json_path))
 
 
 def _parse_state(text: str | None) -> Any:

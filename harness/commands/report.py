@@ -63,7 +63,7 @@ def command(
     with History(directory / "history.sqlite") as history:
         identifier = history.begin(run)
         keep = functools.partial(history.append, identifier)
-        cross_check, records = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep)
+        cross_check, records, causes = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep)
         for card in cross_check.cards:
             history.append_system(identifier, card)
         for finding in cross_check.superfluous:
@@ -72,4 +72,4 @@ def command(
             options = settings.replay_options
             history.append_worst_cases(identifier, ranked(settings.library, run, records, pool, replay_options=options))
         write_page(directory, history, settings.library.name, identifier)
-    finish(cross_check, records)
+    finish(cross_check, records, causes)

@@ -25,7 +25,6 @@ def terms_of(model: Any, addresses: tuple[Sequence[int], Sequence[int]], q: Arra
     positions, velocities = addresses
     weightless = copy.copy(model)
     weightless.opt.gravity[:] = 0.0
-    # Only the smooth terms are asked for; a switched-off pipeline stage stays off.
     data, without_gravity = mujoco.MjData(model), mujoco.MjData(weightless)
     full = np.zeros((model.nv, model.nv))
     mass, (velocity, gravity, passive, applied) = np.empty((len(q), model.nv, model.nv)), np.empty((4, len(q), model.nv))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -70,7 +69,9 @@ class Edit:
 
 
 def _text(value: Any) -> str:
-    return f"mujoco.{value}" if isinstance(value, Enum) else repr(value).replace("nan", "float('nan')")
+    import mujoco
+
+    return f"mujoco.{value}" if isinstance(value, mujoco.mjtJoint) else repr(value).replace("nan", "float('nan')")
 
 
 def read(file: ModelFile, gravity: float) -> tuple[Any, tuple[Edit, ...]]:

@@ -26,8 +26,7 @@ from harness.standard_error import captured_standard_error
 _ONCE = ("compiler", "default", "worldbody")
 # What it reads of a joint's default classes.
 _FROM_DEFAULTS = ("type", "axis", "armature", "ref")
-# What places a body in its parent.
-_POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
+_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _UNIT = 4 * 2.0**-53
 
 
@@ -91,10 +90,10 @@ def _of_body(body: etree._Element) -> Iterator[tuple[etree._Element, str]]:
         yield body, "has no name, by which it tells bodies apart; add one"
     joints = body.findall("joint")
     kinds = [resolved(joint, "type") for joint in joints]
-    if body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds):
-        for name in _POSE:
-            if _nonzero(body, name):
-                yield body, f'has {name}="{shorten(str(body.get(name)))}" and a free joint, which it measures from there; leave it out'
+    is_free = body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds)
+    # Its placement p of a free body turned by R is undone as p - R p.
+    if is_free and _nonzero(body, "pos") and any(name in body.attrib for name in _TURNS):
+        yield body, "has a free joint and a pose both shifted and turned, which it undoes wrongly; leave the pose out, for q replaces it"
     if len(joints) > 1:
         for joint in joints:
             if _nonzero(joint, "ref"):

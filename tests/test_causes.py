@@ -1,0 +1,60 @@
+"""A check that is red names who is at fault, the wrong terms, and the number of the file that explains it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support import InThisProcess
+
+from harness.causes import Cause, find_causes
+from harness.library import Library
+from harness.records import Record
+from harness.run import CrossCheck, Settings
+
+LIBRARY = Library.built_in()
+
+
+def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tuple[list[Record], list[Cause]]:
+    """Records and causes of a check of the pendulum whose model holds ``planted`` in the place of ``found``."""
+    path = LIBRARY.model_path("simple_pendulum", model_format)
+    text = path.read_text()
+    assert text.count(found) == 1
+    stand_in = tmp_path / path.name
+    stand_in.write_text(text.replace(found, planted))
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins={model_format: stand_in}, examples=None)
+    records = list(CrossCheck(settings, InThisProcess()).records())
+    return records, list(find_causes(settings, records, InThisProcess()))
+
+
+@pytest.mark.parametrize(
+    ("model_format", "found", "planted"),
+    [("mjcf", 'mass="1.5"', 'mass="1.5000001"'), ("mjcf", 'mass="1.5"', 'mass="3"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.5000001"/>')],
+)
+def test_a_wrong_number_is_named_with_its_line_and_the_value_that_explains_it(
+    tmp_path: Path, model_format: str, found: str, planted: str
+) -> None:
+    records, causes = causes_of(tmp_path, model_format, found, planted)
+    assert {cause.subject for cause in causes} == {f"mujoco/{model_format}", f"pinocchio/{model_format}"}
+    assert {record.subject for record in records if not record.as_expected} == {cause.subject for cause in causes}
+    for cause in causes:
+        assert cause.inference.startswith(f"the {model_format} model is at fault")
+        assert any("gravity" in sentence for sentence in cause.terms)
+        assert planted.split('"')[1] in cause.first_line
+        assert "explains it with 1.5 " in cause.first_line
+        assert cause.found is not None and cause.found["finding"] == "explained"
+
+
+def test_where_all_is_well_there_is_no_cause(tmp_path: Path) -> None:
+    records, causes = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
+    assert records and not causes
+
+
+def test_an_engine_that_reads_no_model_gets_the_inference_alone(tmp_path: Path) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
+    wrong = [replace(record, verdict="disagrees") if record.subject == "lagrange" else record for record in records]
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    (cause,) = find_causes(settings, wrong, InThisProcess())
+    assert (cause.subject, cause.diagnosis) == ("lagrange", ())
+    assert cause.first_line.startswith("the float64 kernel of lagrange is at fault")
