@@ -71,27 +71,26 @@ def diagnose(
         tolerance: the largest backward error that explains [data roundoffs].
         hypotheses: what may be wrong beside single numbers; all that are declared by default.
     """
-    deadline = Deadline.after(SHARE_OF_TIME * seconds)
-    search = _Search(watch, reference, tolerance, deadline)
+    deadline, end = Deadline.after(SHARE_OF_TIME * seconds), Deadline.after(seconds)
+    search = _Search(watch, reference, tolerance, deadline, end)
     if search.finding is not None:
         return Diagnosis(file=watch.model.path, finding=search.finding, before=search.before, seconds=seconds)
     hypotheses = find_hypotheses() if hypotheses is None else hypotheses
     numbers = numeric_candidates(watch.model)
     structural = [candidate for hypothesis in hypotheses for candidate in hypothesis.mend(watch.model)]
-    unvalued = [candidate for candidate in structural if candidate.start is None]
-    if search.is_large:
-        search.evaluate(unvalued)
-    columns = find_columns(watch, reference, [*numbers, *structural], deadline)
+    valued = [candidate for candidate in structural if candidate.start is not None]
+    # Numbers first: they explain most of what is wrong, should time run out.
+    columns = find_columns(watch, reference, numbers, deadline)
     search.fit_best(columns)
-    if not search.is_large and not search.explaining:
-        search.evaluate(unvalued)
+    if search.is_large or not search.explaining:
+        search.evaluate(candidate for candidate in structural if candidate.start is None)
+    search.fit_best(find_columns(watch, reference, valued, deadline))
     if search.is_large and not any(tried.candidate.hypothesis == NUMBER for tried in search.explaining):
         # What is left out may be felt by its square only, or there may be no answer without it.
-        search.fit_from_other_starts([*numbers, *(candidate for candidate in structural if candidate.start is not None)])
+        search.fit_from_other_starts([*numbers, *valued])
     stopped = deadline()
     tried = search.result()
-    felt = [column for column in columns if column.candidate.hypothesis == NUMBER]
-    base = base_parameters(felt)
+    base = base_parameters(columns)
     return Diagnosis(
         file=watch.model.path,
         finding=search.ending,
@@ -99,9 +98,9 @@ def diagnose(
         tried=tuple(explanation for explanation, _ in tried),
         seconds=seconds,
         stopped=stopped,
-        live=len(felt),
+        live=len(columns),
         rank=base.rank,
-        together=_together(watch.model, tried[0][1], felt, base) if tried else (),
+        together=_together(watch.model, tried[0][1], columns, base) if tried else (),
     )
 
 
@@ -123,6 +122,7 @@ class _Search:
     reference: Reference
     tolerance: float
     out_of_time: Callable[[], bool]
+    at_the_end: Callable[[], bool]
     tried: list[_Tried] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -248,7 +248,7 @@ class _Search:
 
     def _rounded(self, tried: _Tried) -> _Tried:
         """With the shortest decimal that explains as well."""
-        if tried.value is None:
+        if tried.value is None or self.at_the_end():
             return tried
 
         def left_at(value: float) -> float:
@@ -261,21 +261,19 @@ class _Search:
 
 def _explanation(model: ModelFile, tried: _Tried) -> Explanation:
     candidate, value = tried.candidate, tried.value
-    found = written(model.text, model.format, candidate.place)
-    if value is None:
-        return Explanation(
-            candidate.hypothesis, candidate.statement, candidate.place, None, tag(candidate.place, found), "", tried.left, tried.explains
-        )
-    if not tried.explains:
+    place = candidate.place
+    if value is not None and not tried.explains:
         value = to_four_digits(value, candidate.start or 0.0)
-    shown = written(candidate.text(value), model.format, candidate.place) if candidate.place.index is not None else repr(value)
-    if candidate.hypothesis == NUMBER and candidate.place.index is not None:
+    found = written(model.text, model.format, place)
+    shown = written(candidate.text(0.0 if value is None else value), model.format, place)
+    if shown == found:
+        # The place is where something is missing, or what changes stands elsewhere.
+        shown = "" if value is None else repr(value)
+    elif candidate.hypothesis == NUMBER and place.index is not None:
         # A component of an axis stops at the axis's length.
-        value = float(shown.split()[candidate.place.index])
+        value = float(shown.split()[place.index])
     shown = f'"{shown}"' if " " in shown else shown
-    return Explanation(
-        candidate.hypothesis, candidate.statement, candidate.place, value, tag(candidate.place, found), shown, tried.left, tried.explains
-    )
+    return Explanation(candidate.hypothesis, candidate.statement, place, value, tag(place, found), shown, tried.left, tried.explains)
 
 
 def _together(model: ModelFile, candidate: Candidate, columns: Sequence[Column], base: BaseParameters) -> tuple[str, ...]:

@@ -213,12 +213,16 @@ def to_four_digits(value: float, start: float) -> float:
 
 def written(text: str, model_format: str, place: Place) -> str:
     """The whole of the attribute that a place is in, or what the place says was found."""
-    for element in find_elements(text, model_format):
-        for attribute in element.attributes:
-            for number in attribute.numbers:
-                if (*place.key, place.index) == (number.line, number.element, number.attribute, number.index):
-                    return " ".join(attribute.value.split())
-    return place.found
+    of_place = (
+        attribute
+        for element in find_elements(text, model_format)
+        for attribute in element.attributes
+        if element.tag == place.element and attribute.name == place.attribute
+        for line in {attribute.line, *(number.line for number in attribute.numbers if place.index in (None, number.index))}
+        if line == place.line
+    )
+    attribute = next(of_place, None)
+    return place.found if attribute is None else " ".join(attribute.value.split())
 
 
 def tag(place: Place, whole: str) -> str:

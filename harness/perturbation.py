@@ -44,8 +44,8 @@ SECOND_ORDER = 1e-8
 
 _INERTIAS = {("urdf", "inertia"): ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ("mjcf", "inertial"): ("diaginertia", "fullinertia")}
 _LENGTHS = {"pos", "xyz", "springlength"}
-# Elements whose value is a point.
-_POINTS = "drake:linear_spring_damper_p_"
+# Elements whose value is a length or a point.
+_POINTS = ("drake:linear_spring_damper_p_", "drake:linear_spring_damper_free_length")
 _ANGLES = {"rpy", "euler", "quat", "axisangle", "xyaxes", "zaxis", "axis"}
 
 

@@ -320,7 +320,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_a_surplus_is_exit_status_1_and_in_the_json(library: Path) -> None:
     done = run("harness", "check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "3 of 3 as expected" in done.stdout
+    assert "5 of 5 as expected" in done.stdout
     assert "1 superfluous part of a model:" in done.stdout
     model = library / "mjcf" / "bar_pendulum.xml"
     line = next(number for number, text in enumerate(model.read_text().splitlines(), start=1) if "<flag" in text)
@@ -338,6 +338,6 @@ def test_a_surplus_fails_the_regression_of_its_subject(library: Path) -> None:
     arguments = ("-p", "no:cacheprovider", "-v", "--harness-library", str(library), "--harness-states", "40")
     done = run("pytest", *arguments, cwd=library)
     assert done.returncode == 1
-    assert "1 failed, 2 passed" in done.stdout
+    assert "1 failed, 4 passed" in done.stdout
     assert "bar_pendulum.py::mujoco/mjcf FAILED" in done.stdout
     assert "superfluous parts of the model:" in done.stdout and "Traceback" not in done.stdout

@@ -1,0 +1,145 @@
+"""Everything a diagnosis says of one subject that does not agree: its terms, its model file, and the textbook's side.
+
+What the load audit refuses is diagnosed all the same: the engine answers, and its answers say what is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from harness.attributes import Watch
+from harness.diagnosis import diagnose
+from harness.diagnosis_result import Diagnosis, Finding
+from harness.engines import linear_velocity_in_body, load_engine
+from harness.errors import InvalidModel
+from harness.family import member_of
+from harness.kernels import Array
+from harness.perturbation import diagnostic_states, watch
+from harness.reference import ReferenceKernel
+from harness.states import States, sample
+from harness.tasks import Assignment, reference_kernel
+from harness.term_comparison import TermComparison, compare_terms
+from harness.textbook_diagnosis import diagnose_textbook
+from harness.verdict import AGREEMENT
+
+# Positions at which terms are compared.
+TERM_STATES = 64
+# Of the time of a first line, what the model side may take before the textbook's side is asked.
+SHARE_OF_MODEL = 0.7
+
+
+@dataclass(frozen=True)
+class SubjectDiagnosis:
+    """What is known of one subject.
+
+    Attributes:
+        subject: as "mujoco/mjcf". terms: its terms against the certified ones.
+        model: the diagnosis of its file; None for one that reads none. textbook: that of the system's parameters.
+    """
+
+    subject: str
+    terms: TermComparison
+    model: Diagnosis | None
+    textbook: Diagnosis
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All of it as text, the terms first."""
+        of_model = () if self.model is None else self.model.lines
+        return (*self.terms.sentences, *of_model, *self.textbook.lines)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "subject": self.subject,
+            "terms": self.terms.as_json(),
+            "model": None if self.model is None else self.model.as_json(),
+            "textbook": self.textbook.as_json(),
+        }
+
+
+@dataclass(frozen=True)
+class _Answered:
+    """A subject's accelerations at the states of a diagnosis, and what answers changed texts where it reads a file."""
+
+    kernel: ReferenceKernel
+    states: States
+    accelerations: Array
+    watch: Watch | None
+
+
+def diagnose_subject(
+    assignment: Assignment,
+    seed: int,
+    seconds: float,
+    tolerance: float,
+    worst_states: Sequence[Mapping[str, Sequence[float]]],
+    note: Callable[[str], None],
+) -> SubjectDiagnosis:
+    """Diagnose a subject, as a task for ``harness.workers``.
+
+    Args:
+        seed: of the sampled states. seconds: that each side may take. tolerance: the largest backward error that explains.
+        worst_states: {"q", "v", "tau"} of states at which it is known to be wrong, to be among those of the diagnosis.
+
+    Raises:
+        InvalidModel: the engine refuses the model.
+        harness.engines.Unsupported: the engine cannot express the mechanism.
+    """
+    mechanism = assignment.mechanism
+    note("loading")
+    asked = _answered(assignment, seed, worst_states)
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    source = assignment.model if assignment.model is not None else mechanism
+    note("comparing terms")
+    loaded = engine.load(source, mechanism.joints, mechanism.gravity)
+    terms = compare_terms(mechanism, loaded, asked.kernel, sample(mechanism, TERM_STATES, seed), str(assignment.subject))
+    note("diagnosing the model")
+    return SubjectDiagnosis(
+        str(assignment.subject), terms, _of_model(asked, seconds, tolerance), _of_textbook(assignment, asked, seconds, tolerance)
+    )
+
+
+def first_line(assignment: Assignment, seconds: float, note: Callable[[str], None]) -> str:
+    """The first line of a subject's diagnosis within ``seconds``, as a task for ``harness.workers``; raises as ``diagnose_subject``.
+
+    It names the model's place where one explains, else the textbook's parameter, else says what the model side came to.
+    """
+    asked = _answered(assignment, 0, ())
+    of_model = _of_model(asked, SHARE_OF_MODEL * seconds, AGREEMENT)
+    if of_model is not None and of_model.finding != Finding.UNEXPLAINED:
+        return of_model.first_line
+    of_textbook = _of_textbook(assignment, asked, (1 - SHARE_OF_MODEL) * seconds, AGREEMENT)
+    return of_textbook.first_line if of_model is None or of_textbook.finding == Finding.EXPLAINED else of_model.first_line
+
+
+def _answered(assignment: Assignment, seed: int, worst_states: Sequence[Mapping[str, Sequence[float]]]) -> _Answered:
+    mechanism, model = assignment.mechanism, assignment.model
+    states = States.concatenate(
+        [diagnostic_states(mechanism, seed), *(States.at(state["q"], state["v"], state["tau"]) for state in worst_states)]
+    )
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    kernel = reference_kernel(mechanism, linear_velocity_in_body(engine))
+    if model is None:
+        answers = engine.load(mechanism, mechanism.joints, mechanism.gravity).forward_dynamics(states.q, states.v, states.tau)
+        return _Answered(kernel, states, answers, None)
+    try:
+        watched = watch(engine, mechanism, model, states)
+    except ValueError as error:
+        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    return _Answered(kernel, states, watched.healthy, watched)
+
+
+def _of_model(asked: _Answered, seconds: float, tolerance: float) -> Diagnosis | None:
+    if asked.watch is None:
+        return None
+    return diagnose(asked.watch, asked.kernel.evaluate(asked.states), seconds=seconds, tolerance=tolerance)
+
+
+def _of_textbook(assignment: Assignment, asked: _Answered, seconds: float, tolerance: float) -> Diagnosis:
+    path = assignment.library.system_path(assignment.mechanism.name)
+    member = member_of(path)
+    file = path if member is None else member[0]
+    return diagnose_textbook(asked.kernel, asked.states, asked.accelerations, file, seconds=seconds, tolerance=tolerance)
