@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from harness.agreement_pattern import infer_from_records
 from harness.derivation import load_mechanism
-from harness.diagnosis import Diagnosis, diagnose
-from harness.engines import Subject, linear_velocity_in_body, load_engine, subjects
+from harness.engines import EQUATIONS, Subject, is_native, subjects
+from harness.errors import InvalidInput
 from harness.library import Library
 from harness.models import read_model
-from harness.perturbation import diagnostic_states, watch
 from harness.records import Record
-from harness.reference import ReferenceKernel
 from harness.run import Settings
-from harness.states import sample
-from harness.term_comparison import compare_terms
-from harness.verdict import Verdict
+from harness.subject_diagnosis import SubjectDiagnosis, diagnose_subject
+from harness.tasks import Assignment
+from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
 
 SECONDS = 10.0
-_TERM_STATES = 32
+# What all diagnoses of one run may take together on each worker, when very much is wrong, and the least that any may.
+SECONDS_IN_ALL, LEAST_SECONDS = 120.0, 2.0
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
@@ -34,79 +33,126 @@ class Cause:
     Attributes:
         system, subject: names.
         inference: what the verdicts of all subjects say together.
-        terms: a sentence for each term that is wrong; () where the engine states none.
-        diagnosis: the answer first, then what else is known; () where a model cannot be asked.
-        found: the diagnosis as plain data; None without one.
+        first_line: the answer in one line.
+        diagnosed: the subject that was examined: of those that a wrong model makes wrong, its format's own engine.
+        found: ``SubjectDiagnosis.as_json``; None without a diagnosis.
     """
 
     system: str
     subject: str
     inference: str
-    terms: tuple[str, ...] = ()
-    diagnosis: tuple[str, ...] = ()
+    first_line: str
+    diagnosed: str = ""
     found: dict[str, Any] | None = None
 
     @property
-    def first_line(self) -> str:
-        """The answer in one line."""
-        return self.diagnosis[0] if self.diagnosis else self.inference
+    def is_shared(self) -> bool:
+        """Whether the diagnosis is that of another subject, which reads the same file."""
+        return self.diagnosed not in ("", self.subject)
 
     @property
-    def lines(self) -> list[str]:
-        """Everything, a line each."""
-        return [f"{self.system} {self.subject}", *(f"  {line}" for line in (self.inference, *self.terms, *self.diagnosis))]
+    def terms(self) -> list[str]:
+        """A sentence for each term that is wrong."""
+        return list(self.found["terms"]["sentences"]) if self.found else []
+
+    @property
+    def sides(self) -> list[list[str]]:
+        """The diagnosis on the side of the model, where there is one, and on that of the textbook, in lines; or why there is none."""
+        if not self.found:
+            return [[self.first_line]]
+        return [list(side["text"]) for side in (self.found["model"], self.found["textbook"]) if side]
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
 
 
-def find_causes(
-    settings: Settings, records: Sequence[Record], workers: Workers, verdicts_of: Sequence[Record] | None = None
-) -> Iterator[Cause]:
-    """The cause of each of ``records`` that is wrong and not as expected; a diagnosis takes ``SECONDS`` at most, on ``workers``.
+def wrong_records(records: Iterable[Record]) -> list[Record]:
+    """Those that have a cause: wrong, and not for a reason that is known."""
+    return [record for record in records if record.verdict in _WRONG and not record.as_expected]
 
-    Who is at fault is told from the verdicts of all records of a system, ``verdicts_of`` or else ``records`` themselves.
+
+def find_causes(
+    settings: Settings,
+    records: Sequence[Record],
+    workers: Workers,
+    *,
+    seconds: float = SECONDS,
+    crashes: Collection[tuple[str, str | None]] = (),
+) -> Iterator[Cause]:
+    """The cause of each of ``records`` that is wrong and not as expected, as soon as it is known.
+
+    Args:
+        settings: of the cross-check. records: of all its subjects, for who is wrong is told by who is right.
+        workers: on which a diagnosis takes ``seconds`` at most, less where very much is wrong.
+        crashes: (system, what died or hung, and would again): a subject, a model's format, or None for the system itself.
     """
-    every = [str(subject) for subject in subjects(settings.library)]
-    inferences = infer_from_records(records if verdicts_of is None else verdicts_of, every)
-    wrong = [record for record in records if record.verdict in _WRONG and not record.as_expected]
-    work: list[Task] = []
-    for record in wrong:
-        cause = Cause(system=record.system, subject=record.subject, inference=inferences[record.system].sentence)
-        engine, _, model_format = record.subject.partition("/")
-        if not model_format:
+    inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
+    chosen: dict[tuple[str, str], Record] = {}
+    causes: dict[tuple[str, str], list[Cause]] = {}
+    for record in sorted(wrong_records(records), key=lambda record: not _is_native(settings, record)):
+        inference = inferences[record.system]
+        cause = Cause(system=record.system, subject=record.subject, inference=inference.sentence, first_line=inference.sentence)
+        _, _, model_format = record.subject.partition("/")
+        if any((record.system, what) in crashes for what in (record.subject, model_format, None)):
             yield cause
             continue
-        path = settings.stand_ins.get(model_format) or settings.library.model_path(record.system, model_format)
-        subject = Subject(engine, model_format)
-        work.append(Task(cause, examine, (settings.library, record.system, subject, path, settings.seed)))
+        is_of_the_model = inference.party == f"model {model_format}"
+        key = record.system, model_format if is_of_the_model else record.subject
+        chosen.setdefault(key, record)
+        causes.setdefault(key, []).append(cause)
+    share = min(seconds, max(LEAST_SECONDS, SECONDS_IN_ALL * len(workers) / max(1, len(chosen))))
+    work: list[Task] = []
+    for key, record in chosen.items():
+        subject = _subject(record)
+        path = settings.stand_ins.get(subject.format) or settings.library.model_path(record.system, subject.format)
+        tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
+        worst = [] if record.worst_state is None else [record.worst_state]
+        about = settings.library, record.system, subject, None if subject.format == EQUATIONS else path
+        work.append(Task(key, examine, (*about, settings.seed, share, tolerance, worst)))
     for outcome in workers.run(work):
-        cause = outcome.task.key
-        if outcome.value is not None:
-            terms, diagnosis = outcome.value
-            yield replace(cause, terms=terms, diagnosis=tuple(diagnosis.lines), found=diagnosis.as_json())
-        else:
-            yield replace(cause, diagnosis=(f"no diagnosis: {outcome.crash or outcome.exception}",))
+        key, found = outcome.task.key, outcome.value
+        told: Callable[[Cause, str, Any], Cause] = _unanswered if found is None else _answered
+        for cause in causes[key]:
+            yield told(cause, chosen[key].subject, found or outcome.crash or outcome.exception)
 
 
 def examine(
-    library: Library, name: str, subject: Subject, path: Path, seed: int, note: Callable[[str], None]
-) -> tuple[tuple[str, ...], Diagnosis]:
-    """The wrong terms of a subject and its diagnosis, as a task for ``harness.workers``.
-
-    What the model holds is not audited, so that a total mass or a gravity that is off is explained too.
+    library: Library,
+    name: str,
+    subject: Subject,
+    path: Path | None,
+    seed: int,
+    seconds: float,
+    tolerance: float,
+    worst_states: Sequence[Mapping[str, Sequence[float]]],
+    note: Callable[[str], None],
+) -> SubjectDiagnosis:
+    """``diagnose_subject`` of a system and the model at ``path``, None for equations, as a task for ``harness.workers``.
 
     Raises:
-        InvalidInput: the system or its model cannot be used; ValueError: the engine refuses the model.
-        harness.engines.Unsupported: the engine cannot express the mechanism.
+        InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
     """
-    mechanism, engine = load_mechanism(library, name), load_engine(library, subject.engine)
-    model = read_model(path, subject.format)
-    kernel = ReferenceKernel(mechanism, linear_velocity_in_body(engine))
-    states = diagnostic_states(mechanism, seed)
-    watched = watch(engine, mechanism, model, states)
-    diagnosis = diagnose(watched, kernel.evaluate(states), seconds=SECONDS)
-    loaded = engine.load(model, mechanism.joints, mechanism.gravity)
-    terms = compare_terms(mechanism, loaded, kernel, sample(mechanism, _TERM_STATES, seed), str(subject))
-    return tuple(finding.sentence for finding in terms.wrong), diagnosis
+    model = None if path is None else read_model(path, subject.format)
+    assignment = Assignment(library, subject, load_mechanism(library, name), model)
+    return diagnose_subject(assignment, seed, seconds, tolerance, worst_states, note)
+
+
+def _is_native(settings: Settings, record: Record) -> bool:
+    return is_native(settings.library, _subject(record))
+
+
+def _subject(record: Record) -> Subject:
+    engine, _, model_format = record.subject.partition("/")
+    return Subject(engine, model_format or EQUATIONS)
+
+
+def _unanswered(cause: Cause, diagnosed: str, problem: object) -> Cause:
+    """Without a diagnosis; what refuses a model, the record's own message says."""
+    if isinstance(problem, InvalidInput):
+        return replace(cause, diagnosed=diagnosed)
+    return replace(cause, first_line=f"no diagnosis: {problem}", diagnosed=diagnosed)
+
+
+def _answered(cause: Cause, diagnosed: str, found: SubjectDiagnosis) -> Cause:
+    return replace(cause, first_line=found.first_line, diagnosed=diagnosed, found=found.as_json())

@@ -18,6 +18,7 @@ from harness.records import Record, Run, SystemCard, dumps
 from harness.restoring import restored
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.found_states import RankedCase
     from harness.minimal import Finding
 
@@ -51,13 +52,17 @@ CREATE TABLE worst_cases (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERE
 CREATE INDEX parts_of_atlas ON atlas_parts (atlas_id);
 CREATE INDEX worst_cases_of_run ON worst_cases (run_id);
 """,
+    """
+CREATE TABLE causes (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
+CREATE INDEX causes_of_run ON causes (run_id);
+""",
 )
 _VERSION = len(_STEPS)
 _ELSEWHERE = "the file was left as it is; name another file, or move this one away to start a new history"
 
 
 class History:
-    """Runs with records, systems, findings and worst cases, benchmarks with measurements, atlases with their parts, in one SQLite file.
+    """Runs with what they found, benchmarks with measurements, and atlases with their parts, in one SQLite file.
 
     Each row holds JSON.
 
@@ -121,6 +126,14 @@ class History:
         """
         self._insert("INSERT INTO findings (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(finding)),))
 
+    def append_cause(self, run_id: int, cause: Cause) -> None:
+        """Store why a record is wrong.
+
+        Raises:
+            ValueError: there is no such run.
+        """
+        self._insert("INSERT INTO causes (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(cause)),))
+
     def append_worst_cases(self, run_id: int, cases: Iterable[RankedCase]) -> None:
         """Store all of a run's worst cases in one transaction.
 
@@ -175,6 +188,13 @@ class History:
 
         rows = self._rows("SELECT id, content FROM findings WHERE run_id = ? ORDER BY id", run_id)
         return [self._loaded(Finding, content) for _, content in rows]
+
+    def causes(self, run_id: int) -> list[Cause]:
+        """Why records of a run are wrong, in the order they were appended."""
+        from harness.causes import Cause
+
+        rows = self._rows("SELECT id, content FROM causes WHERE run_id = ? ORDER BY id", run_id)
+        return [self._loaded(Cause, content) for _, content in rows]
 
     def worst_cases(self, run_id: int) -> list[RankedCase]:
         """The worst cases of a run, in the order they were appended."""

@@ -7,7 +7,8 @@ the same for a project's own runs. No engine is imported when this module loads.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ import pytest
 from harness.library import BUILT_IN_NAME
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.library import Library
     from harness.minimal import Finding
     from harness.records import Record
@@ -103,6 +105,7 @@ class _Regression:
         # By the systems that run together; all of them under one name where nothing is distributed.
         self._checks: dict[str, tuple[CrossCheck, Iterator[Record]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
+        self._causes: dict[str, dict[str, Cause]] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
@@ -121,6 +124,11 @@ class _Regression:
     def pytest_report_header(self) -> str:
         states, seed = self.config.getoption("--harness-states"), self.config.getoption("--harness-seed")
         return f"harness: library {self.library.name}, {states} states per system, seed {seed}"
+
+    @property
+    def replay_options(self) -> list[str]:
+        """Options of a command that concerns the same library."""
+        return [] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen]
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""
@@ -145,20 +153,21 @@ class _Regression:
         check, _ = self._check_of(system)
         return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
 
-    def cause(self, system: str, subject: str) -> str:
-        """First line of the diagnosis of a record that is known and not as expected."""
-        from harness.causes import find_causes
+    def cause(self, system: str, subject: str) -> Cause | None:
+        """Why a record that is known is not as expected; None where there is nothing to say."""
+        if system not in self._causes:
+            from harness.causes import find_causes
 
-        check, coming = self._check_of(system)
-        # Who is wrong is told by who is right.
-        while len([known for known in self._known if known[0] == system]) < len(check.subjects):
-            record = next(coming)
-            self._known[record.system, record.subject] = record
-        records = [record for record in self._known.values() if record.system == system]
-        assert self._workers is not None
-        wanted = [record for record in records if record.as_expected or record.subject == subject]
-        causes = find_causes(check.settings, wanted, self._workers, verdicts_of=records)
-        return next((cause.first_line for cause in causes), "")
+            check, coming = self._check_of(system)
+            # Who is wrong is told by who is right.
+            while len([known for known in self._known if known[0] == system]) < len(check.subjects):
+                record = next(coming)
+                self._known[record.system, record.subject] = record
+            records = [record for record in self._known.values() if record.system == system]
+            assert self._workers is not None
+            found = find_causes(check.settings, records, self._workers, crashes=check.crashes)
+            self._causes[system] = {cause.subject: cause for cause in found}
+        return self._causes[system].get(subject)
 
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
@@ -179,7 +188,7 @@ class _Regression:
             subjects=self._wanted[1],
             states=option("--harness-states"),
             seed=option("--harness-seed"),
-            replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
+            replay_options=self.replay_options,
         )
         if self._workers is None:
             count = option("--harness-workers") or (1 if self._distributed else None)
@@ -216,7 +225,7 @@ class CrossCheckItem(pytest.Item):
         record = self.regression.record(self.system, self.subject)
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
-            raise NotAsExpected(record, self.regression.cause(self.system, self.subject))
+            raise NotAsExpected(record, self.regression.cause(self.system, self.subject), self.regression.replay_options)
         superfluous = self.regression.superfluous(self.system, self.subject)
         if superfluous:
             raise Superfluous(superfluous)
@@ -244,12 +253,17 @@ class Superfluous(Exception):
 class NotAsExpected(Exception):
     """A record whose verdict is not the expected one; prints what a person needs to go on, and the cause as far as it is known."""
 
-    def __init__(self, record: Record, cause: str) -> None:
-        super().__init__(record, cause)
+    def __init__(self, record: Record, cause: Cause | None, replay_options: Sequence[str]) -> None:
+        super().__init__(record, cause, replay_options)
         self.record = record
         self.cause = cause
+        self.replay_options = replay_options
 
     def __str__(self) -> str:
         from harness.explanation import explain
 
-        return explain(self.record) + (f"\n  cause: {self.cause}" if self.cause else "")
+        if self.cause is None:
+            return explain(self.record)
+        of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
+        of_cause.append(f"  the whole diagnosis: {shlex.join(['harness', 'diagnose', self.record.system, *self.replay_options])}")
+        return "\n".join([explain(self.record), *dict.fromkeys(of_cause)])

@@ -113,7 +113,7 @@ class CrossCheck:
 
     Attributes:
         problems: systems, models and engines that could not be used, in the order found.
-        crashed: whether an engine's process died or ran out of time.
+        crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
         superfluous: parts of models that their scenes do not need; those of a pair are there before its record.
         cards: what to show of each system, complete when ``records()`` is exhausted.
         expected_records: how many records ``records()`` will yield.
@@ -140,7 +140,7 @@ class CrossCheck:
                 InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it")
                 for path in settings.library.orphaned_models()
             ]
-        self.crashed = False
+        self.crashes: set[tuple[str, str | None]] = set()
         self.superfluous: list[Finding] = []
         self.cards: list[SystemCard] = []
 
@@ -308,7 +308,8 @@ class CrossCheck:
     def _failure_of(self, outcome: Outcome) -> str:
         """Why a task gave no value, "" if it did; what the caller must fix is added to ``problems``."""
         if outcome.crash is not None:
-            self.crashed = True
+            name, what, *_ = outcome.task.key
+            self.crashes.add((name, None if what is None else str(what)))
             return str(outcome.crash)
         if isinstance(outcome.exception, InvalidInput):
             if str(outcome.exception) not in map(str, self.problems):

@@ -22,11 +22,10 @@ from harness.states import States, sample
 from harness.tasks import Assignment, reference_kernel
 from harness.term_comparison import TermComparison, compare_terms
 from harness.textbook_diagnosis import diagnose_textbook
-from harness.verdict import AGREEMENT
 
 # Positions at which terms are compared.
 TERM_STATES = 64
-# Of the time of a first line, what the model side may take before the textbook's side is asked.
+# Of the time, what the model side may take before the textbook's side is asked.
 SHARE_OF_MODEL = 0.7
 
 
@@ -45,10 +44,11 @@ class SubjectDiagnosis:
     textbook: Diagnosis
 
     @property
-    def lines(self) -> tuple[str, ...]:
-        """All of it as text, the terms first."""
-        of_model = () if self.model is None else self.model.lines
-        return (*self.terms.sentences, *of_model, *self.textbook.lines)
+    def first_line(self) -> str:
+        """The model's place where one explains, else the textbook's parameter, else what the model's side came to."""
+        if self.model is None or (self.model.finding == Finding.UNEXPLAINED and self.textbook.finding == Finding.EXPLAINED):
+            return self.textbook.first_line
+        return self.model.first_line
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -81,7 +81,7 @@ def diagnose_subject(
     """Diagnose a subject, as a task for ``harness.workers``.
 
     Args:
-        seed: of the sampled states. seconds: that each side may take. tolerance: the largest backward error that explains.
+        seed: of the sampled states. seconds: that it may take. tolerance: the largest backward error that explains.
         worst_states: {"q", "v", "tau"} of states at which it is known to be wrong, to be among those of the diagnosis.
 
     Raises:
@@ -97,22 +97,10 @@ def diagnose_subject(
     loaded = engine.load(source, mechanism.joints, mechanism.gravity)
     terms = compare_terms(mechanism, loaded, asked.kernel, sample(mechanism, TERM_STATES, seed), str(assignment.subject))
     note("diagnosing the model")
-    return SubjectDiagnosis(
-        str(assignment.subject), terms, _of_model(asked, seconds, tolerance), _of_textbook(assignment, asked, seconds, tolerance)
-    )
-
-
-def first_line(assignment: Assignment, seconds: float, note: Callable[[str], None]) -> str:
-    """The first line of a subject's diagnosis within ``seconds``, as a task for ``harness.workers``; raises as ``diagnose_subject``.
-
-    It names the model's place where one explains, else the textbook's parameter, else says what the model side came to.
-    """
-    asked = _answered(assignment, 0, ())
-    of_model = _of_model(asked, SHARE_OF_MODEL * seconds, AGREEMENT)
-    if of_model is not None and of_model.finding != Finding.UNEXPLAINED:
-        return of_model.first_line
-    of_textbook = _of_textbook(assignment, asked, (1 - SHARE_OF_MODEL) * seconds, AGREEMENT)
-    return of_textbook.first_line if of_model is None or of_textbook.finding == Finding.EXPLAINED else of_model.first_line
+    of_model = _of_model(asked, SHARE_OF_MODEL * seconds, tolerance)
+    note("diagnosing the textbook's side")
+    of_textbook = _of_textbook(assignment, asked, (1 - SHARE_OF_MODEL) * seconds, tolerance)
+    return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)
 
 
 def _answered(assignment: Assignment, seed: int, worst_states: Sequence[Mapping[str, Sequence[float]]]) -> _Answered:

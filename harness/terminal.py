@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -103,12 +105,36 @@ def print_superfluous(findings: Sequence[Finding]) -> None:
         click.echo(f"  {finding}")
 
 
-def print_causes(causes: Sequence[Cause]) -> None:
-    """For each wrong subject who is at fault, which terms are wrong, and the first line of its diagnosis."""
-    for cause in causes:
-        click.echo(f"\n{cause.system} {cause.subject}: {cause.inference}")
-        for line in (*cause.terms, *cause.diagnosis[:1]):
-            click.echo(f"  {line}")
+def print_causes(causes: Sequence[Cause], options: Sequence[str]) -> None:
+    """For each system who is at fault; for each wrong subject which terms are, and the first line of its diagnosis.
+
+    ``options`` are those with which ``harness diagnose`` shows the rest.
+    """
+    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+        click.echo(f"\n{system}: {inference}")
+        for cause in own:
+            if cause.is_shared:
+                click.echo(f"  {cause.subject}: as {cause.diagnosed}")
+            else:
+                for line in [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]:
+                    click.echo(f"  {cause.subject}: {line}")
+    if causes:
+        systems = {cause.system for cause in causes}
+        name = "NAME" if len(systems) > 1 else causes[0].system
+        click.echo(f"\nthe whole diagnosis: {shlex.join(['harness', 'diagnose', name, *options])}")
+
+
+def print_diagnoses(causes: Sequence[Cause]) -> None:
+    """For each system who is at fault, and the whole diagnosis of each wrong subject."""
+    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+        click.echo(f"\n{system}: {inference}")
+        for cause in own:
+            click.echo(f"\n{cause.subject}")
+            if cause.is_shared:
+                click.echo(f"  as {cause.diagnosed}, which reads the same file")
+            else:
+                for line in [*cause.terms, *itertools.chain.from_iterable(cause.sides)]:
+                    click.echo(f"  {line}")
 
 
 def print_caught(caught: Sequence[Caught]) -> None:

@@ -39,6 +39,9 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
 class InThisProcess(Workers):
     """Runs tasks here and now, for engines that do not crash."""
 
+    def __len__(self) -> int:
+        return 1
+
     def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
         for task in tasks:
             try:

@@ -14,6 +14,7 @@ from harness.records import Record
 from harness.run import CrossCheck, Settings
 
 LIBRARY = Library.built_in()
+NATIVE = {"mjcf": "mujoco/mjcf", "urdf": "pinocchio/urdf"}
 
 
 def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tuple[list[Record], list[Cause]]:
@@ -30,7 +31,11 @@ def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tu
 
 @pytest.mark.parametrize(
     ("model_format", "found", "planted"),
-    [("mjcf", 'mass="1.5"', 'mass="1.5000001"'), ("mjcf", 'mass="1.5"', 'mass="3"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.5000001"/>')],
+    [
+        ("mjcf", 'mass="1.5"', 'mass="1.5000001"'),
+        ("mjcf", 'mass="1.5"', 'mass="3"'),
+        ("urdf", '<mass value="1.5"/>', '<mass value="1.5000001"/>'),
+    ],
 )
 def test_a_wrong_number_is_named_with_its_line_and_the_value_that_explains_it(
     tmp_path: Path, model_format: str, found: str, planted: str
@@ -43,7 +48,9 @@ def test_a_wrong_number_is_named_with_its_line_and_the_value_that_explains_it(
         assert any("gravity" in sentence for sentence in cause.terms)
         assert planted.split('"')[1] in cause.first_line
         assert "explains it with 1.5 " in cause.first_line
-        assert cause.found is not None and cause.found["finding"] == "explained"
+        assert cause.found is not None
+        assert cause.found["model"]["finding"] == "explained"
+        assert cause.diagnosed == NATIVE[model_format]
 
 
 def test_where_all_is_well_there_is_no_cause(tmp_path: Path) -> None:
@@ -51,10 +58,21 @@ def test_where_all_is_well_there_is_no_cause(tmp_path: Path) -> None:
     assert records and not causes
 
 
-def test_an_engine_that_reads_no_model_gets_the_inference_alone(tmp_path: Path) -> None:
+def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_path: Path) -> None:
     records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
     wrong = [replace(record, verdict="disagrees") if record.subject == "lagrange" else record for record in records]
     settings = Settings(library=LIBRARY, names=["simple_pendulum"])
     (cause,) = find_causes(settings, wrong, InThisProcess())
-    assert (cause.subject, cause.diagnosis) == ("lagrange", ())
-    assert cause.first_line.startswith("the float64 kernel of lagrange is at fault")
+    assert (cause.subject, cause.diagnosed, len(cause.sides)) == ("lagrange", "lagrange", 1)
+    assert cause.inference.startswith("the float64 kernel of lagrange is at fault")
+    assert "nothing to explain" in cause.first_line
+
+
+def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    causes = find_causes(settings, records, InThisProcess(), crashes={("simple_pendulum", "mjcf")})
+    assert {(cause.subject, cause.diagnosed, cause.first_line == cause.inference) for cause in causes} == {
+        ("mujoco/mjcf", "", True),
+        ("pinocchio/mjcf", "", True),
+    }

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from harness.causes import Cause
     from harness.records import Record, Run
     from harness.run import CrossCheck, Settings
+    from harness.workers import Workers
 
 
 def cross_check_all(
@@ -31,30 +32,41 @@ def cross_check_all(
     from harness.workers import Workers
 
     records: list[Record] = []
-    causes: list[Cause] = []
     pool = Workers(workers, scheduler, time_limit)
     cross_check = CrossCheck(settings, pool)
     try:
-        with pool, progress(cross_check.expected_records) as advance:
-            for record in cross_check.records():
-                keep(record)
-                records.append(record)
-                if json_path:
-                    write_json(json_path, run, records, superfluous=cross_check.superfluous)
-                advance(f"{record.system} {record.subject}")
-            if not all(record.as_expected for record in records):
-                # Imported late: a run in which all is well needs nothing of it.
-                from harness.causes import find_causes
-
-                causes += find_causes(settings, records, pool)
+        with pool:
+            with progress(cross_check.expected_records) as advance:
+                for record in cross_check.records():
+                    keep(record)
+                    records.append(record)
+                    if json_path:
+                        write_json(json_path, run, records, superfluous=cross_check.superfluous)
+                    advance(f"{record.system} {record.subject}")
+            causes = causes_of(cross_check, records, pool)
     except OSError as error:
         raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
     records.sort(key=lambda record: (record.system, record.subject))
-    causes.sort(key=lambda cause: (cause.system, cause.subject))
     if json_path:
         further = {"causes": [cause.as_json() for cause in causes]} if causes else None
         write_json(json_path, run, records, superfluous=cross_check.superfluous, further=further)
     return cross_check, records, causes
+
+
+def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **limits: float) -> list[Cause]:
+    """Why those of ``records`` are wrong that are not as expected, by system and subject; ``limits`` as for ``find_causes``."""
+    if all(record.as_expected for record in records):
+        return []
+    # Imported late: a run in which all is well needs nothing of it.
+    from harness.causes import find_causes, wrong_records
+    from harness.terminal import progress
+
+    causes: list[Cause] = []
+    with progress(len(wrong_records(records)), "diagnosis") as advance:
+        for cause in find_causes(cross_check.settings, records, pool, crashes=cross_check.crashes, **limits):
+            causes.append(cause)
+            advance(f"{cause.system} {cause.subject}")
+    return sorted(causes, key=lambda cause: (cause.system, cause.subject))
 
 
 def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) -> None:
@@ -64,9 +76,9 @@ def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) 
     print_table(records)
     print_unexpected(records)
     print_superfluous(cross_check.superfluous)
-    print_causes(causes)
+    print_causes(causes, cross_check.settings.replay_options)
     tell(cross_check.problems)
-    if cross_check.crashed:
+    if cross_check.crashes:
         sys.exit(CRASHED)
     as_expected = all(record.as_expected for record in records) and not cross_check.superfluous
     sys.exit(AS_EXPECTED if as_expected else NOT_AS_EXPECTED)

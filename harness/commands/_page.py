@@ -23,7 +23,8 @@ def write_page(directory: Path, history: History, library: str, run_id: int | No
     if number is not None:
         run = dict(history.runs(-1))[number]
         records, cards, findings = history.records(number), history.systems(number), history.findings(number)
-        files = build(run, cards, records, history.earlier(number), findings, benchmark, atlas, history.worst_cases(number))
+        found = findings, benchmark, atlas, history.worst_cases(number), history.causes(number)
+        files = build(run, cards, records, history.earlier(number), *found)
     elif benchmark is not None or atlas is not None:
         files = build_measured(benchmark, atlas)
     else:

@@ -68,6 +68,8 @@ def command(
             history.append_system(identifier, card)
         for finding in cross_check.superfluous:
             history.append_finding(identifier, finding)
+        for cause in causes:
+            history.append_cause(identifier, cause)
         with Workers(workers, scheduler, time_limit) as pool:
             options = settings.replay_options
             history.append_worst_cases(identifier, ranked(settings.library, run, records, pool, replay_options=options))

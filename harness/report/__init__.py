@@ -22,6 +22,7 @@ from harness.report.markdown import render_markdown, render_measured_markdown
 from harness.report.summary import Earlier, Summary
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.found_states import RankedCase
     from harness.minimal import Finding
 
@@ -37,20 +38,24 @@ def build(
     benchmark: tuple[Run, Benchmark] | None = None,
     atlas: tuple[Run, Atlas] | None = None,
     worst_cases: Sequence[RankedCase] = (),
+    causes: Sequence[Cause] = (),
 ) -> dict[str, str]:
     """File name to text of every file of the report.
 
     ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them;
-    ``benchmark``, ``atlas`` and ``worst_cases`` what ``History.latest_benchmark``, ``latest_atlas`` and ``worst_cases``
-    return. The Markdown and the JSON are the same for the same arguments; Bokeh numbers its plots anew on every call.
+    ``benchmark``, ``atlas``, ``worst_cases`` and ``causes`` what ``History.latest_benchmark``, ``latest_atlas``,
+    ``worst_cases`` and ``causes`` return. The Markdown and the JSON are the same for the same arguments; Bokeh
+    numbers its plots anew on every call.
     """
-    summary = Summary(run, cards, records, history, superfluous, worst_cases)
+    summary = Summary(run, cards, records, history, superfluous, worst_cases, causes)
     measured = BenchmarkSummary(*benchmark) if benchmark else None
     hard = HardSummary(*atlas) if atlas else None
     ordered_cards = sorted(cards, key=lambda card: card.name)
     told, further = _plain(measured, hard)
     if worst_cases:
         further["worst_cases"] = [asdict(case) for case in worst_cases]
+    if summary.causes:
+        further["causes"] = [cause.as_json() for _, cause in sorted(summary.causes.items())]
     return {
         "index.html": render_html(summary, measured, hard),
         "report.md": render_markdown(summary, measured, hard),

@@ -5,7 +5,9 @@ Everything that differs between two runs with the same results stands in the las
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from harness.records import Record
 from harness.report.benchmarks import BenchmarkSummary
@@ -14,6 +16,9 @@ from harness.report.hard_markdown import stable_hard, volatile_hard
 from harness.report.markdown_parts import bullets, cell, fenced, plain, table
 from harness.report.summary import Summary, error_text, seconds_text, state_lines
 from harness.verdict import AGREEMENT
+
+if TYPE_CHECKING:
+    from harness.causes import Cause
 
 VOLATILE = "## This run (differs from run to run)"
 
@@ -69,6 +74,16 @@ def _stable(summary: Summary) -> Iterator[str]:
         for record in records:
             if record.message:
                 yield f"{cell(record.subject)}, {record.verdict}:\n\n{fenced(record.message)}"
+            if cause := summary.causes.get((system, record.subject)):
+                yield from _diagnosis(cause)
+
+
+def _diagnosis(cause: Cause) -> Iterator[str]:
+    yield f"Diagnosis of {cell(cause.subject)}: {plain(cause.inference)}"
+    if cause.is_shared:
+        yield f"As {cell(cause.diagnosed)}, which reads the same file."
+    else:
+        yield fenced("\n".join([*cause.terms, *itertools.chain.from_iterable(cause.sides)]))
 
 
 def _volatile(summary: Summary) -> Iterator[str]:

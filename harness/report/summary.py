@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from harness.records import Record, Run, SystemCard
+from harness.records import Record, Run, SystemCard, dumps
+from harness.restoring import restored
 
 if TYPE_CHECKING:
+    from harness.causes import Cause
     from harness.found_states import RankedCase
     from harness.minimal import Finding
 
@@ -41,6 +44,7 @@ class Summary:
         missing: (system, subject) pairs without a record.
         superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
             and the file stay, because reports are published.
+        causes: (system, subject) to why its record is wrong, where that was looked for; with such paths as well.
         worst_cases: subject to its worst cases, worst first; empty where none were looked for.
     """
 
@@ -52,6 +56,7 @@ class Summary:
         history: Sequence[Earlier] = (),
         superfluous: Iterable[Finding] = (),
         worst_cases: Iterable[RankedCase] = (),
+        causes: Iterable[Cause] = (),
     ) -> None:
         self.run = run
         self.cards = {card.name: card for card in cards}
@@ -65,7 +70,8 @@ class Summary:
         self.unexpected = [record for record in self.records if not record.as_expected]
         self.listed = [record for record in self.records if record.expected != "agrees"]
         self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
-        named = [replace(finding, path="/".join(PurePath(finding.path).parts[-2:])) for finding in superfluous]
+        self.causes = {(cause.system, cause.subject): _published(cause) for cause in causes}
+        named = [replace(finding, path=_short(finding.path)) for finding in superfluous]
         self.superfluous = sorted(named, key=lambda finding: (finding.path, finding.line, finding.subject))
         self.worst_cases: dict[str, list[RankedCase]] = {}
         for case in worst_cases:
@@ -144,6 +150,21 @@ class Summary:
         if not self.earlier:
             return []
         return changed_versions(self.earlier[-1][0].versions, self.run.versions)
+
+
+def _short(path: str) -> str:
+    """The folder and the file of a path."""
+    return "/".join(PurePath(path).parts[-2:])
+
+
+def _published(cause: Cause) -> Cause:
+    """A cause with short paths wherever it names one of its files."""
+    text = dumps(asdict(cause))
+    for side in ("model", "textbook"):
+        if cause.found and cause.found[side]:
+            file = cause.found[side]["file"]
+            text = text.replace(json.dumps(file)[1:-1], json.dumps(_short(file))[1:-1])
+    return restored(type(cause), json.loads(text))
 
 
 def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
