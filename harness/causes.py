@@ -105,11 +105,13 @@ def find_causes(
     work: list[Task] = []
     for key, record in chosen.items():
         subject = _subject(record)
-        path = settings.stand_ins.get(subject.format) or settings.library.model_path(record.system, subject.format)
+        path = None
+        if subject.format != EQUATIONS:
+            path = settings.stand_ins.get(subject.format) or settings.library.model_path(record.system, subject.format)
         tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
         worst = [] if record.worst_state is None else [record.worst_state]
-        about = settings.library, record.system, subject, None if subject.format == EQUATIONS else path
-        work.append(Task(key, examine, (*about, settings.seed, share, tolerance, worst)))
+        arguments = settings.library, record.system, subject, path, settings.seed, share, tolerance, worst
+        work.append(Task(key, examine, arguments))
     for outcome in workers.run(work):
         key, found = outcome.task.key, outcome.value
         told: Callable[[Cause, str, Any], Cause] = _unanswered if found is None else _answered

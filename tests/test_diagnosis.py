@@ -308,10 +308,9 @@ def assignment(name: str, model_format: str, text: str) -> Assignment:
 
 def test_the_first_line_of_a_check_names_what_the_load_audit_refuses() -> None:
     own = case("simple_pendulum", "mjcf")
-    line = subject_diagnosis.first_line(
-        assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"'))), 100.0, lambda text: None
-    )
-    assert '<inertial mass="1.6"> explains it with 1.5' in line
+    task = assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"')))
+    found = subject_diagnosis.diagnose_subject(task, 0, 100.0, AGREEMENT, [], lambda text: None)
+    assert '<inertial mass="1.6"> explains it with 1.5' in found.first_line
 
 
 def test_the_equations_are_asked_about_the_textbook_only() -> None:
@@ -345,11 +344,12 @@ def test_the_command_prints_verdicts_terms_and_both_sides_of_a_fault(tmp_path: P
     assert "behaves as if L = 2.02 m instead of 2.0" in done.output
     assert "the mjcf model is at fault" in done.output
     assert "mass matrix: entry (pin, pin) is wrong" in done.output
-    assert "reads the same file as mujoco/mjcf" in done.output
-    data = json.loads(told.read_text())["diagnosis"]
-    (subject,) = data["subjects"]
-    assert subject["model"]["first"]["value"] == -2.0
-    assert subject["textbook"]["first"]["attribute"] == "L"
+    assert "as mujoco/mjcf, which reads the same file" in done.output
+    causes = json.loads(told.read_text())["causes"]
+    assert [cause["diagnosed"] for cause in causes] == ["mujoco/mjcf", "mujoco/mjcf"]
+    for cause in causes:
+        assert cause["found"]["model"]["first"]["value"] == -2.0
+        assert cause["found"]["textbook"]["first"]["attribute"] == "L"
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -33,7 +33,7 @@ def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, si
     done = harness("check", "--library", ".", "--json", "out.json", cwd=directory)
     assert done.returncode == 0, done.stdout + done.stderr
     records = json.loads((directory / "out.json").read_text())["records"]
-    assert len(records) == 3 * len(sizes)
+    assert len(records) == 5 * len(sizes)
     assert {record["verdict"] for record in records} == {"agrees"}
     for path in (directory / "systems").glob("*.py"):
         assert "EDIT:" in path.read_text()

@@ -147,10 +147,10 @@ def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Pa
         assert "data roundoffs" in found.statement and found.replay.startswith("harness check simple_pendulum")
         assert str(library) in found.replay
     assert cases["lagrange"].reproducer == ""
-    for subject in ("mujoco/mjcf", "pinocchio/urdf"):
+    for subject in sorted(set(cases) - {"lagrange"}):
         program = cases[subject].reproducer
         answer, certified = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.splitlines()
         assert json.loads(answer) == pytest.approx(json.loads(certified), rel=1e-9)
     page = (reports / "index.html").read_text()
     assert "Worst cases" in page and "Worst backward error of each engine" not in page
-    assert len(json.loads((reports / "report.json").read_text())["worst_cases"]) == 3
+    assert len(json.loads((reports / "report.json").read_text())["worst_cases"]) == 5
