@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from harness.causes import Cause
 from harness.errors import InvalidInput
 from harness.history import History
 from harness.measurements import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
@@ -38,6 +39,10 @@ CARD = SystemCard(
     operations=12, derivation_seconds=0.5, reference_seconds_per_state=4e-5, compilation_seconds=0.25,
 )  # fmt: skip
 FINDING = Finding("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
+CAUSE = Cause(
+    system="arm_2r", subject="mujoco/mjcf", inference="the mjcf model is at fault", first_line="why", diagnosed="mujoco/mjcf",
+    found={"model": {"before": None, "first": {"residual": 1.5}}},
+)  # fmt: skip
 BENCHMARK = Benchmark(
     accelerations=[AccelerationCost(system="arm_2r", method="pinocchio aba", threads=1, states=5, seconds_per_state=1e-6,
                                     backward_error=math.inf)],
@@ -175,8 +180,10 @@ def test_a_history_of_the_first_version_stays_readable_and_can_be_added_to(path:
             assert history.systems(1) == [replace(CARD, compilation_seconds=None)]
     with History(path) as history:
         history.append_finding(1, FINDING)
+        history.append_cause(1, CAUSE)
         history.append_measurements(history.begin_benchmark(RUN), BENCHMARK)
         assert history.findings(1) == [FINDING]
+        assert history.causes(1) == [CAUSE]
         assert history.latest_benchmark("built-in") == (RUN, BENCHMARK)
 
 

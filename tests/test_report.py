@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from support import Page
 
 from harness import tasks
+from harness.causes import Cause
 from harness.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library
@@ -240,3 +241,28 @@ def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Seq
     page = Page(built["index.html"])
     assert not page.fetched
     assert len(set(page.identifiers)) == len(page.identifiers)
+
+
+FOLDER = "/home/somebody/library/"
+SIDE = {"file": f"{FOLDER}mjcf/collar.xml", "text": [f'{FOLDER}mjcf/collar.xml:9: <inertial mass="2"> explains it with 1.5']}
+CAUSE = Cause(
+    system="collar", subject="mujoco/mjcf", inference="the mjcf model is at fault", first_line=SIDE["text"][0], diagnosed="mujoco/mjcf",
+    found={"terms": {"sentences": ["gravity: force on <b>x</b> is wrong"]}, "model": SIDE, "textbook": {"file": "a.py", "text": ["m = 2"]}},
+)  # fmt: skip
+
+
+def test_a_wrong_record_carries_its_diagnosis_without_the_folders_of_this_machine() -> None:
+    causes = [CAUSE, replace(CAUSE, subject="pinocchio/mjcf")]
+    wrong = [record("collar", cause.subject, verdict="disagrees", backward_error=1e9) for cause in causes]
+    files = build(run_on(0), [card("collar")], wrong, causes=causes)
+    page = Page(files["index.html"])
+    for text in (page.words, files["report.md"]):
+        assert "the mjcf model is at fault" in text
+        assert "reads the same file" in text
+        assert "m = 2" in text
+    assert 'mjcf/collar.xml:9: <inertial mass="2"> explains it with 1.5' in page.words
+    assert "force on <b>x</b> is wrong" in page.words
+    told = json.loads(files["report.json"])["causes"]
+    assert [cause["diagnosed"] for cause in told] == ["mujoco/mjcf", "mujoco/mjcf"]
+    assert told[0]["found"]["model"]["file"] == "mjcf/collar.xml"
+    assert not any(FOLDER in text for text in files.values())
