@@ -23,7 +23,8 @@ from harness.library import Library
 from harness.minimal import Finding
 from harness.records import Record, Run, SystemCard
 from harness.report import build, write
-from harness.report.html import equations
+from harness.report.charts import half_decades
+from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
 from harness.states import sample
 from harness.verdict import Verdict
@@ -116,6 +117,12 @@ def test_numbers_and_messages_are_complete(page: Page, files: dict[str, str]) ->
     assert LONG_MESSAGE in page.text and LONG_MESSAGE in files["report.md"]
     assert "Known loss of digits." in page.text and "https://example.org/issues/1" in page.links
     assert "3 states with no error at all" in page.text
+
+
+def test_errors_far_below_a_rounding_are_counted_and_not_drawn() -> None:
+    entry = record("collar", "lagrange", distribution={"-300": 2, "-17": 1, "-16": 4, "1": 493})
+    assert half_decades(entry) == {-16: 4, 1: 493}
+    assert left_out(entry) == "3 states below 1e-08"
 
 
 def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:

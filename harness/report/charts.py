@@ -30,16 +30,23 @@ if TYPE_CHECKING:
     from bokeh import plotting
 
 
+# Half decade below which a distribution is not drawn: 1e-8.
+LEAST_SHOWN = -16
+
+
 def subject_styles(summary: Summary) -> dict[str, Style]:
     """The style of each subject, the same in all plots."""
     return styles(summary.subjects)
 
 
 def half_decades(record: Record) -> dict[int, int]:
-    """Half-decade index to number of states, of those bins of a distribution that have a place on a log axis."""
+    """Half-decade index to number of states, of those bins of a distribution that have a place on a log axis.
+
+    Errors far below a rounding, which hypothesis finds where a state is all but zero, would squeeze all others into a corner.
+    """
     bins = {}
     for key, count in record.distribution.items():
-        if key.removeprefix("-").isdecimal() and abs(int(key)) <= 600 and count > 0:
+        if key.removeprefix("-").isdecimal() and LEAST_SHOWN <= int(key) <= 600 and count > 0:
             bins[int(key)] = count
     return bins
 

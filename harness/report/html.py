@@ -137,9 +137,13 @@ def moment(started: str) -> str:
 
 def left_out(record: Record) -> str:
     """States of a distribution that a logarithmic axis cannot show, in words; "" for none."""
-    words = {"exact": "with no error at all", "inf": "with an infinite error"}
+    words = {"exact": "with no error at all", "below": f"below {10 ** (charts.LEAST_SHOWN / 2):g}", "inf": "with an infinite error"}
     shown = {str(index) for index in charts.half_decades(record)}
-    rest = {key: count for key, count in record.distribution.items() if key not in shown and count > 0}
+    rest: dict[str, int] = {}
+    for key, count in record.distribution.items():
+        if key not in shown and count > 0:
+            is_below = key.removeprefix("-").isdecimal() and int(key) < charts.LEAST_SHOWN
+            rest["below" if is_below else key] = rest.get("below" if is_below else key, 0) + count
     return ", ".join(f"{counted(count, 'state')} {words.get(key, f'in bin {key}')}" for key, count in sorted(rest.items()))
 
 
