@@ -9,12 +9,13 @@ from typing import Any
 
 from harness.agreement_pattern import infer_from_records
 from harness.derivation import load_mechanism
-from harness.engines import EQUATIONS, Subject, is_native, subjects
+from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, subjects
 from harness.errors import InvalidInput
 from harness.library import Library
-from harness.models import read_model
+from harness.models import ModelFile, read_model
 from harness.records import Record
 from harness.run import Settings
+from harness.static_audit import Difference, differences, held_by
 from harness.subject_diagnosis import SubjectDiagnosis, diagnose_subject
 from harness.tasks import Assignment
 from harness.verdict import AGREEMENT, Verdict
@@ -105,9 +106,7 @@ def find_causes(
     work: list[Task] = []
     for key, record in chosen.items():
         subject = _subject(record)
-        path = None
-        if subject.format != EQUATIONS:
-            path = settings.stand_ins.get(subject.format) or settings.library.model_path(record.system, subject.format)
+        path = None if subject.format == EQUATIONS else _path(settings, record.system, subject)
         tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
         worst = [] if record.worst_state is None else [record.worst_state]
         arguments = settings.library, record.system, subject, path, settings.seed, share, tolerance, worst
@@ -117,6 +116,22 @@ def find_causes(
         told: Callable[[Cause, str, Any], Cause] = _unanswered if found is None else _answered
         for cause in causes[key]:
             yield told(cause, chosen[key].subject, found or outcome.crash or outcome.exception)
+
+
+def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
+    """What the subjects that read a model of system ``name`` do not hold alike after loading, before any dynamics."""
+    reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS]
+    work = [Task(str(subject), _hold, (settings.library, name, subject, _path(settings, name, subject))) for subject in reading]
+    # Who cannot load its model is told by its record.
+    found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
+    held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
+    return differences(name, held, {model.format: model for model, _ in found.values()})
+
+
+def _hold(library: Library, name: str, subject: Subject, path: Path, note: Callable[[str], None]) -> tuple[ModelFile, HeldModel | None]:
+    """The file of a subject and what its engine holds of it, as a task for ``harness.workers``; raises what reading and loading raise."""
+    model, mechanism = read_model(path, subject.format), load_mechanism(library, name)
+    return model, held_by(load_engine(library, subject.engine).load(model, mechanism.joints, mechanism.gravity))
 
 
 def examine(
@@ -138,6 +153,10 @@ def examine(
     model = None if path is None else read_model(path, subject.format)
     assignment = Assignment(library, subject, load_mechanism(library, name), model)
     return diagnose_subject(assignment, seed, seconds, tolerance, worst_states, note)
+
+
+def _path(settings: Settings, name: str, subject: Subject) -> Path:
+    return settings.stand_ins.get(subject.format) or settings.library.model_path(name, subject.format)
 
 
 def _is_native(settings: Settings, record: Record) -> bool:

@@ -6,17 +6,16 @@ Every joint stands at zero. ``harness.held_quantities`` says what is compared, a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from harness import quantity_lines as quantities
-from harness.engines import HeldModel, Model, load_engine
+from harness.engines import HeldModel, Model
 from harness.held_quantities import LEAST, NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
 from harness.models import ModelFile
-from harness.tasks import Assignment
 
 # Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
 # principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned
@@ -58,7 +57,7 @@ class Difference:
         size = f"{self.ulps:.3g} ulps" if math.isfinite(self.ulps) else "no common measure"
         where = "; ".join(f"{self.files[name]}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines)
         after = f"; may follow from joint {self.follows}" if self.follows else ""
-        return f"{self.system}: {self.quantity} {owner}is {', but '.join(groups)}: {size}{after}; {where}"
+        return f"{self.quantity} {owner}is {', but '.join(groups)}: {size}{after}; {where}"
 
 
 def _written(value: Value) -> str:
@@ -68,12 +67,6 @@ def _written(value: Value) -> str:
 
 # What moves everything beyond it with it.
 _MOVES = (quantities.JOINT, quantities.ANCHOR, quantities.AXIS, quantities.FRAME)
-
-
-def hold(assignment: Assignment, note: Callable[[str], None]) -> HeldModel | None:
-    """What the subject holds; None where its engine does not say. Raises what the engine raises."""
-    source, mechanism = assignment.model or assignment.mechanism, assignment.mechanism
-    return held_by(load_engine(assignment.library, assignment.subject.engine).load(source, mechanism.joints, mechanism.gravity))
 
 
 def held_by(model: Model) -> HeldModel | None:

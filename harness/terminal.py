@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from harness.fault_records import KindOfFault
     from harness.fault_walk import Caught
     from harness.minimal import Finding
+    from harness.static_audit import Difference
 
 _PIPE_WIDTH = 160
 
@@ -124,10 +125,12 @@ def print_causes(causes: Sequence[Cause], options: Sequence[str]) -> None:
         click.echo(f"\nthe whole diagnosis: {shlex.join(['harness', 'diagnose', name, *options])}")
 
 
-def print_diagnoses(causes: Sequence[Cause]) -> None:
-    """For each system who is at fault, and the whole diagnosis of each wrong subject."""
+def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
+    """For each system who is at fault, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
     for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
         click.echo(f"\n{system}: {inference}")
+        for difference in held:
+            click.echo(f"  held after loading: {difference}")
         for cause in own:
             click.echo(f"\n{cause.subject}")
             if cause.is_shared:

@@ -345,6 +345,9 @@ def test_the_command_prints_verdicts_terms_and_both_sides_of_a_fault(tmp_path: P
     assert "the mjcf model is at fault" in done.output
     assert "mass matrix: entry (pin, pin) is wrong" in done.output
     assert "as mujoco/mjcf, which reads the same file" in done.output
+    assert "held after loading: centre of pin is 0 0 -2.02 (mujoco/mjcf, pinocchio/mjcf), but 0 0 -2 " in done.output
+    (held,) = json.loads(told.read_text())["held"]
+    assert (held["quantity"], held["lines"]) == ("centre", {"mjcf": [16], "urdf": [12]})
     causes = json.loads(told.read_text())["causes"]
     assert [cause["diagnosed"] for cause in causes] == ["mujoco/mjcf", "mujoco/mjcf"]
     for cause in causes:

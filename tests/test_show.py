@@ -127,7 +127,7 @@ def test_what_the_engines_hold_is_compared_joint_by_joint(library: Path) -> None
     model.write_text(text.replace(found[0], '<origin xyz="0 0 -0.123"'))
     done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^  example: anchor of \w+ is .*, but .*-0\.123 .* ulps; .*example\.urdf:\d+$", done.stdout, re.MULTILINE)
+    assert re.search(r"^  anchor of \w+ is .*, but .*-0\.123 .* ulps; .*example\.urdf:\d+$", done.stdout, re.MULTILINE)
     assert "sound:" not in done.stdout
     assert "-0.123 (" in (library / "page.html").read_text()
 

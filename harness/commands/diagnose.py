@@ -57,6 +57,7 @@ def command(
 ) -> None:
     """Say which engine, term and attribute make NAME disagree, with the line in the file and the value that would explain it."""
     from harness.agreement_pattern import infer_from_records
+    from harness.causes import find_differences
     from harness.description import describe_run
     from harness.library import Library
     from harness.records import write_json
@@ -80,12 +81,14 @@ def command(
     with pool:
         records = sorted(cross_check.records(), key=lambda record: record.subject)
         causes = causes_of(cross_check, records, pool, seconds=time_limit)
+        held = find_differences(settings, name, pool) if causes else []
     if json_path:
-        write_json(json_path, run, records, superfluous=cross_check.superfluous, further={"causes": [cause.as_json() for cause in causes]})
+        told = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}
+        write_json(json_path, run, records, superfluous=cross_check.superfluous, further=told)
     print_table(records)
     print_superfluous(cross_check.superfluous)
     if causes:
-        print_diagnoses(causes)
+        print_diagnoses(causes, held)
     else:
         click.echo(f"\n{infer_from_records(records)[name].sentence}")
     # What refuses a model that was diagnosed all the same is told by the diagnosis.
