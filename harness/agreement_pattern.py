@@ -26,7 +26,7 @@ class Inference:
     """What the pattern of agreement says.
 
     Attributes:
-        party: "nothing", "model FORMAT", "engine NAME", "reader ENGINE/FORMAT", "equations", "kernel" or "undecided".
+        party: "nothing", "model FORMAT", "engine NAME", "reader ENGINE/FORMAT", "equations", "kernel", "system" or "undecided".
         sentence: the same for people, with the subjects that it rests on.
         ask: subjects that would decide, where the party is undecided and there are such.
     """
@@ -109,6 +109,9 @@ def infer(verdicts: Mapping[str, str], available: Collection[str] | None = None)
         if not right | unstable:
             return Inference(UNDECIDED, "no subject was judged")
         return Inference(NOTHING, f"nothing is wrong{f' with {_listed(right)}' if right else ''}{lost}")
+    failed = {subject for subject in wrong if given[subject] == Verdict.ERROR}
+    if failed == wrong and not right and {_reads(subject) for subject in wrong} == {True, False}:
+        return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(wrong)})")
     everyone = _everyone(given, available)
     parties = _parties(wrong, right, everyone)
     if len(parties) == 1:

@@ -1,15 +1,16 @@
 """Which term of an engine's equations is wrong, in which entries or coordinates, and since which kind of state.
 
 The same positions are asked for three times: at rest, moving, and moving under applied forces. A wrong gravity shows at
-rest, a damper once it moves, a force that is applied to the wrong joint once there is one. A term may show nothing
-while the accelerations do: then it is the solution, or a force that the engine counts as none of these terms.
+rest, a damper once it moves. A term may show nothing while the accelerations do: then it is the solution, or a force
+that the engine counts as none of these terms. The applied force is what an engine says it applies; the built-in ones
+say what they were given.
 
 Source: DESIGN's numerics; see ``harness.term_reference`` for what a data roundoff of each term is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,8 +21,7 @@ from harness.engines import Model, Terms
 from harness.kernels import Array
 from harness.mechanism import Mechanism
 from harness.reference import UNIT_ROUNDOFF, ReferenceKernel
-from harness.states import States, sample
-from harness.tasks import Assignment, load_audited, reference_kernel_of
+from harness.states import States
 from harness.term_reference import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, quotient
 from harness.verdict import AGREEMENT, Verdict, gravest
 
@@ -35,6 +35,7 @@ TITLES = {
 }
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
+_WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 _MOST_NAMED = 3
 _AXES = "xyz"
 
@@ -63,11 +64,11 @@ class TermFinding:
     Attributes:
         term: "mass", "velocity", "gravity", "passive" or "applied".
         verdict: "agrees", "disagrees", "undecided", or "error" for an answer that is not finite.
-        backward_error: the largest [data roundoffs]; None where none could be told.
+        backward_error: the largest [data roundoffs]; None where none could be told, or some answer is not finite.
         since: the first kind of state at which it does not agree, "at rest", "moving" or "loaded"; "" where it agrees.
         wrong, states: at how many states it does not agree, of how many of that kind and of later ones.
         places: what is wrong, the worst first.
-        worst_state: {"q", "v", "tau"} with the largest error.
+        worst_state: {"q", "v", "tau"} with the largest error, or one whose answer is not finite.
     """
 
     term: str
@@ -104,17 +105,19 @@ class TermComparison:
         system, subject: names.
         findings: one per term, in the order of the equation; () for an engine that states no terms.
         accelerations_since: the first kind of state at which an acceleration does not agree; "" where all do.
+        loses_digits: whether those that do not agree are ``unstable`` only, which shows no wrong term.
     """
 
     system: str
     subject: str
     findings: tuple[TermFinding, ...]
     accelerations_since: str
+    loses_digits: bool = False
 
     @property
     def wrong(self) -> tuple[TermFinding, ...]:
         """The terms that do not agree."""
-        return tuple(finding for finding in self.findings if finding.verdict in (Verdict.DISAGREES, Verdict.ERROR))
+        return tuple(finding for finding in self.findings if finding.verdict in _WRONG)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -124,6 +127,8 @@ class TermComparison:
         if not self.accelerations_since:
             return ("every term agrees" if self.findings else "the engine states no terms",)
         since = _SINCE[self.accelerations_since]
+        if self.loses_digits:
+            return (f"no term is wrong; solving for the accelerations loses digits, {since}",)
         if not self.findings:
             return (f"the engine states no terms; its accelerations are wrong, {since}",)
         return (
@@ -134,13 +139,6 @@ class TermComparison:
     def as_json(self) -> dict[str, Any]:
         """Plain data, with the sentences."""
         return {**asdict(self), "sentences": list(self.sentences)}
-
-
-def terms_of(assignment: Assignment, count: int, seed: int, note: Callable[[str], None]) -> TermComparison:
-    """``compare_terms`` of a subject at ``count`` sampled positions, as a task for ``harness.workers``; raises as ``load_audited``."""
-    mechanism = assignment.mechanism
-    states = sample(mechanism, count, seed)
-    return compare_terms(mechanism, load_audited(assignment), reference_kernel_of(assignment), states, str(assignment.subject))
 
 
 def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, states: States, subject: str) -> TermComparison:
@@ -154,11 +152,13 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
         MOVING: States(states.q, states.v, still, states.time),
         LOADED: states,
     }
-    since = ""
-    for name, batch in batches.items():
-        verdicts = compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts
-        if not since and gravest(verdicts.tolist()) not in (Verdict.AGREES, Verdict.UNDECIDED):
-            since = name
+    verdicts = {
+        name: gravest(compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts.tolist())
+        for name, batch in batches.items()
+    }
+    wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
+    unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]
+    since = next(iter(wrong or unstable), "")
     everything = States.concatenate(list(batches.values()))
     stated = getattr(model, "terms", None)
     findings: tuple[TermFinding, ...] = ()
@@ -167,7 +167,7 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
         reference = certify_terms(kernel, everything)
         kinds = np.repeat(list(batches), len(states))
         findings = tuple(_finding(name, reference, terms, mechanism, everything, kinds) for name in TERMS)
-    return TermComparison(mechanism.name, subject, findings, since)
+    return TermComparison(mechanism.name, subject, findings, since, bool(unstable and not wrong))
 
 
 def backward_errors(reference: TermReference, terms: Terms) -> dict[str, Array]:
@@ -203,9 +203,9 @@ def _finding(
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
         Verdict.DISAGREES.value,
     )
-    wrong = np.isin(verdicts, [Verdict.ERROR.value, Verdict.DISAGREES.value])
-    judged = np.flatnonzero(~np.isnan(whole))
-    worst = int(judged[np.argmax(whole[judged])]) if len(judged) else int(np.argmax(wrong))
+    wrong = np.isin(verdicts, list(_WRONG))
+    # What is no number is worse than any number; what is undecided is none.
+    worst = int(np.argmax(np.select([~finite, np.isnan(whole)], [np.inf, -1.0], whole)))
     since, later = "", wrong
     if wrong.any():
         since = str(kinds[np.argmax(wrong)])
@@ -213,7 +213,7 @@ def _finding(
     return TermFinding(
         term=name,
         verdict=gravest(verdicts.tolist()),
-        backward_error=float(whole[worst]) if len(judged) else None,
+        backward_error=None if np.isnan(whole[worst]) else float(whole[worst]),
         since=since,
         wrong=int(later.sum()),
         states=len(later),

@@ -146,3 +146,11 @@ def test_records_are_taken_by_system() -> None:
     records.insert(1, record("a", "mujoco/mjcf", AGREES))
     found = infer_from_records(records)
     assert (found["a"].party, found["b"].party) == ("nothing", "model urdf")
+
+
+def test_a_system_that_cannot_be_used_is_one_fault() -> None:
+    error = Verdict.ERROR.value
+    assert infer(dict.fromkeys(EVERYONE, error)).party == "system"
+    # Two wrong files make every engine fail, but not the equations.
+    assert infer({**dict.fromkeys(READERS, error), EQUATIONS: AGREES}).party == "equations"
+    assert infer(dict.fromkeys(READERS, error)).party != "system"
