@@ -3,7 +3,7 @@
 Cost is per state and takes in neither loading nor conversion; error is the backward error against the
 certified reference at the same states.
 
-Source: DESIGN's numerics for the error; ``harness.timing`` for the cost.
+``harness.compare`` says what an error is, ``harness.timing`` how the cost is taken.
 """
 
 from __future__ import annotations

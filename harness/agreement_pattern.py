@@ -114,6 +114,9 @@ def infer(verdicts: Mapping[str, str], available: Collection[str] | None = None)
         return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(wrong)})")
     everyone = _everyone(given, available)
     parties = _parties(wrong, right, everyone)
+    if len(parties) == 1 and parties[0].name == "equations" and failed == wrong:
+        # Two files that cannot be used are no sign of wrong equations.
+        return Inference("equations", f"the system or every model is at fault: no engine could use its file ({_listed(wrong)})" + lost)
     if len(parties) == 1:
         return Inference(parties[0].name, parties[0].sentence + lost)
     if not parties:

@@ -22,8 +22,10 @@ from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
 
 SECONDS = 10.0
-# What all diagnoses of one run may take together on each worker, when very much is wrong, and the least that any may.
+# What all diagnoses of one call may take together on each worker, when very much is wrong, and the least that any may.
 SECONDS_IN_ALL, LEAST_SECONDS = 120.0, 2.0
+# Of the time limit of a task; the rest is for loading and compiling.
+SHARE_OF_TIME_LIMIT = 0.5
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
@@ -85,7 +87,7 @@ def find_causes(
 
     Args:
         settings: of the cross-check. records: of all its subjects, for who is wrong is told by who is right.
-        workers: on which a diagnosis takes ``seconds`` at most, less where very much is wrong.
+        workers: on which a diagnosis takes ``seconds`` at most beside loading, less where very much is wrong.
         crashes: (system, what died or hung, and would again): a subject, a model's format, or None for the system itself.
     """
     inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
@@ -102,7 +104,7 @@ def find_causes(
         key = record.system, model_format if is_of_the_model else record.subject
         chosen.setdefault(key, record)
         causes.setdefault(key, []).append(cause)
-    share = min(seconds, max(LEAST_SECONDS, SECONDS_IN_ALL * len(workers) / max(1, len(chosen))))
+    share = min(seconds, max(LEAST_SECONDS, SECONDS_IN_ALL * len(workers) / max(1, len(chosen))), SHARE_OF_TIME_LIMIT * workers.time_limit)
     work: list[Task] = []
     for key, record in chosen.items():
         subject = _subject(record)
@@ -113,9 +115,13 @@ def find_causes(
         work.append(Task(key, examine, arguments))
     for outcome in workers.run(work):
         key, found = outcome.task.key, outcome.value
-        told: Callable[[Cause, str, Any], Cause] = _unanswered if found is None else _answered
+        suspects_textbook = inferences[chosen[key].system].party == "equations"
         for cause in causes[key]:
-            yield told(cause, chosen[key].subject, found or outcome.crash or outcome.exception)
+            if found is None:
+                yield _unanswered(cause, chosen[key].subject, outcome.crash or outcome.exception)
+            else:
+                first_line = found.first_line(suspects_textbook)
+                yield replace(cause, first_line=first_line, diagnosed=chosen[key].subject, found=found.as_json())
 
 
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
@@ -173,7 +179,3 @@ def _unanswered(cause: Cause, diagnosed: str, problem: object) -> Cause:
     if isinstance(problem, InvalidInput):
         return replace(cause, diagnosed=diagnosed)
     return replace(cause, first_line=f"no diagnosis: {problem}", diagnosed=diagnosed)
-
-
-def _answered(cause: Cause, diagnosed: str, found: SubjectDiagnosis) -> Cause:
-    return replace(cause, first_line=found.first_line, diagnosed=diagnosed, found=found.as_json())

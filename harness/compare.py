@@ -1,6 +1,6 @@
 """Backward error and verdict of an engine's accelerations against the reference.
 
-Source: DESIGN's numerics; Oettli, Prager, Compatibility of approximate solution of linear equations
+Source: Oettli, Prager, Compatibility of approximate solution of linear equations
 with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, chapter 7.
 """
 

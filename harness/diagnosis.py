@@ -6,7 +6,7 @@ by the perturbation columns says which to try first; Gauss and Newton's method f
 is evaluated outright. A change explains the discrepancy if what it leaves agrees at every state, also at those
 that no fit has seen.
 
-Sources: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12; DESIGN's numerics.
+Sources: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
 """
 
 from __future__ import annotations
@@ -81,6 +81,7 @@ def diagnose(
     valued = [candidate for candidate in structural if candidate.start is not None]
     # Numbers first: they explain most of what is wrong, should time run out.
     columns = find_columns(watch, reference, numbers, deadline)
+    columns_stopped = deadline()
     search.fit_best(columns)
     if search.is_large or not search.explaining:
         search.evaluate(candidate for candidate in structural if candidate.start is None)
@@ -90,7 +91,8 @@ def diagnose(
         search.fit_from_other_starts([*numbers, *valued])
     stopped = deadline()
     tried = search.result()
-    base = base_parameters(columns)
+    # Of a part of the columns no count would be true.
+    base = None if columns_stopped else base_parameters(columns)
     return Diagnosis(
         file=watch.model.path,
         finding=search.ending,
@@ -98,9 +100,9 @@ def diagnose(
         tried=tuple(explanation for explanation, _ in tried),
         seconds=seconds,
         stopped=stopped,
-        live=len(columns),
-        rank=base.rank,
-        together=_together(watch.model, tried[0][1], columns, base) if tried else (),
+        live=0 if base is None else len(columns),
+        rank=0 if base is None else base.rank,
+        together=_together(watch.model, tried[0][1], columns, base) if base is not None and search.explaining else (),
     )
 
 
@@ -153,7 +155,7 @@ class _Search:
         """What the search came to."""
         if self.explaining:
             return Finding.EXPLAINED
-        if math.isinf(self.before):
+        if not np.isfinite(self.watch.healthy[self._certified]).all():
             return Finding.NOT_FINITE
         return Finding.UNEXPLAINED if Verdict.DISAGREES.value in self._verdicts else Finding.UNSTABLE
 
@@ -164,7 +166,7 @@ class _Search:
     def _left(self, residual: Array) -> float:
         """Largest backward error at any certified state; inf where an answer is not finite."""
         errors = backward_errors(residual[self._certified])
-        return float(np.where(np.isfinite(errors), errors, np.inf).max())
+        return float(np.where(np.isfinite(errors), errors, np.inf).max(initial=0.0))
 
     def _residual(self, text: str) -> Array | None:
         """Of a changed text, (n, nv); None where it is refused."""

@@ -37,7 +37,7 @@ class Explanation:
         hypothesis: its name, "number" for one number of the file and "parameter" for one of the textbook's.
         statement: what it says here, "" where place and value say all. place: what would change.
         value: the value that explains, or explains best; None for a change without a free value.
-        found: how the place is written now, as ``<inertial mass="1.01">``. shown: what would stand there; "" without a value.
+        tag: how the place is written now, as ``<inertial mass="1.01">``. shown: what would stand there; "" without a value.
         residual: largest backward error left over all states, also those no fit has seen [data roundoffs].
         explains: whether that agrees.
     """
@@ -46,7 +46,7 @@ class Explanation:
     statement: str
     place: Place
     value: float | None
-    found: str
+    tag: str
     shown: str
     residual: float
     explains: bool
@@ -55,7 +55,7 @@ class Explanation:
     def change(self) -> str:
         """What is found there and what would explain it, as one phrase."""
         remark = f": {self.statement}" if self.statement else ""
-        return f"{self.found} with {self.shown}{remark}" if self.shown else f"{self.found}{remark}"
+        return f"{self.tag} with {self.shown}{remark}" if self.shown else f"{self.tag}{remark}"
 
     def as_json(self) -> dict[str, Any]:
         """Plain data: where, what is found, what explains it, and what that leaves."""
@@ -81,7 +81,8 @@ class Diagnosis:
         before: largest backward error as the file is [data roundoffs]; inf where an answer is not finite.
         tried: what was tried and made it less, best first; what explains comes before what does not.
         seconds: what it was given [s]. stopped: whether that ended it.
-        live, rank: number of numbers of the file that accelerations feel, and of their combinations that these determine.
+        live, rank: number of numbers of the file that accelerations feel, and of their combinations that these determine; 0
+            where time ran out before they were counted.
         together: the values whose changes together do what a change of the first does, as the file has them.
     """
 
@@ -107,8 +108,9 @@ class Diagnosis:
 
     @property
     def runner_up(self) -> Explanation | None:
-        """The best at another place than the first's."""
-        return next((other for other in self.tried if self.first and other.place.key != self.first.place.key), None)
+        """The best that does not explain, at another place than the first's."""
+        others = (other for other in self.tried if self.first and other.place.key != self.first.place.key)
+        return next((other for other in others if not other.explains), None)
 
     @property
     def class_keys(self) -> frozenset[tuple[int, str, str]]:
@@ -126,9 +128,7 @@ class Diagnosis:
                 return f"{file}:{first.place.line}: behaves as if {first.place.attribute} = {first.shown} {instead} {left}"
             remark = f", {first.statement}" if first.statement and first.shown else ""
             said = f"explains it with {first.shown}{remark}" if first.shown else f"explains it: {first.statement}"
-            return (
-                f"{file}:{first.place.line}: {first.found} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
-            )
+            return f"{file}:{first.place.line}: {first.tag} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
         reason = {
             Finding.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
             Finding.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
@@ -158,11 +158,11 @@ class Diagnosis:
             yield from (f"  line {other.place.line}: {other.change}, residual {other.residual:.2g}" for other in others)
 
     def _remarks(self) -> Iterable[str]:
-        runner_up = next((other for other in self.tried if not other.explains and other is not self.first), None)
-        if self.runner_up is not None and runner_up is not None:
+        runner_up = self.runner_up
+        if runner_up is not None:
             yield f"runner-up: line {runner_up.place.line}, {runner_up.change} leaves {runner_up.residual:.2g} data roundoffs"
         if self.together:
-            yield f"what {self.tried[0].found} does, changes of these do together: {', '.join(self.together)}"
+            yield f"what {self.tried[0].tag} does, changes of these do together: {', '.join(self.together)}"
         if self.live:
             yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
         if self.stopped:

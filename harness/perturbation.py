@@ -35,7 +35,7 @@ DIFFERENCE = 1e-5
 LEAST_SHARE = 1e-3
 # A file whose lengths are all below this [m] has none by which to measure one.
 NEGLIGIBLE_LENGTH = 1e-6
-# Sampled states: of three, the last is held out of fits; of twelve, three are at rest and three without applied forces.
+# Sampled states: of three, the last is held out of fits; of twelve, three are at rest and six without applied forces.
 STATES = 96
 HELD_OUT_OF = 3
 # What two answers of a sound engine differ by, in data roundoffs, and the error of second order of a difference.
@@ -69,7 +69,7 @@ def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States
 
 
 def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> States:
-    """Sampled states of every kind, at rest, moving and loaded, with each kind among those that fits hold out."""
+    """Sampled states of every kind, at rest, moving, and moving under applied forces, each among those that fits hold out."""
     states = sample(mechanism, count, seed)
     kind = np.arange(count) // HELD_OUT_OF % 4
     v, tau = (np.where((kind >= quiet)[:, None], 0.0, values) for quiet, values in ((3, states.v), (2, states.tau)))

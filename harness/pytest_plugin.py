@@ -7,8 +7,8 @@ the same for a project's own runs. No engine is imported when this module loads.
 from __future__ import annotations
 
 import argparse
-import shlex
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,6 +101,8 @@ class _Regression:
         self.library = library
         self.chosen = chosen
         self._workers: Workers | None = None
+        self._diagnosing: Workers | None = None
+        self._diagnosing_seconds = 0.0
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
         self._checks: dict[str, tuple[CrossCheck, Iterator[Record]]] = {}
@@ -118,17 +120,13 @@ class _Regression:
         self._wanted = sorted({item.system for item in items}), sorted({item.subject for item in items})
 
     def pytest_sessionfinish(self) -> None:
-        if self._workers is not None:
-            self._workers.__exit__(None, None, None)
+        for workers in (self._workers, self._diagnosing):
+            if workers is not None:
+                workers.__exit__(None, None, None)
 
     def pytest_report_header(self) -> str:
         states, seed = self.config.getoption("--harness-states"), self.config.getoption("--harness-seed")
         return f"harness: library {self.library.name}, {states} states per system, seed {seed}"
-
-    @property
-    def replay_options(self) -> list[str]:
-        """Options of a command that concerns the same library."""
-        return [] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen]
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""
@@ -153,21 +151,26 @@ class _Regression:
         check, _ = self._check_of(system)
         return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
 
-    def cause(self, system: str, subject: str) -> Cause | None:
-        """Why a record that is known is not as expected; None where there is nothing to say."""
+    def cause(self, system: str, subject: str) -> tuple[Cause | None, str]:
+        """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
+        check, coming = self._check_of(system)
         if system not in self._causes:
-            from harness.causes import find_causes
+            from harness.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
 
-            check, coming = self._check_of(system)
             # Who is wrong is told by who is right.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
                 record = next(coming)
                 self._known[record.system, record.subject] = record
             records = [record for record in self._known.values() if record.system == system]
-            assert self._workers is not None
-            found = find_causes(check.settings, records, self._workers, crashes=check.crashes)
+            if self._diagnosing is None:
+                # Not the workers of the check, on which other records are still to come.
+                self._diagnosing = self._started_workers()
+            begun = time.monotonic()
+            seconds = SECONDS if self._diagnosing_seconds < SECONDS_IN_ALL else LEAST_SECONDS
+            found = find_causes(check.settings, records, self._diagnosing, seconds=seconds, crashes=check.crashes)
             self._causes[system] = {cause.subject: cause for cause in found}
-        return self._causes[system].get(subject)
+            self._diagnosing_seconds += time.monotonic() - begun
+        return self._causes[system].get(subject), check.settings.diagnosis(system)
 
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
@@ -179,7 +182,6 @@ class _Regression:
 
     def _start(self, names: list[str]) -> CrossCheck:
         from harness.run import CrossCheck, Settings
-        from harness.workers import Workers
 
         option = self.config.getoption
         settings = Settings(
@@ -188,12 +190,18 @@ class _Regression:
             subjects=self._wanted[1],
             states=option("--harness-states"),
             seed=option("--harness-seed"),
-            replay_options=self.replay_options,
+            replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
         )
         if self._workers is None:
-            count = option("--harness-workers") or (1 if self._distributed else None)
-            self._workers = Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+            self._workers = self._started_workers()
         return CrossCheck(settings, self._workers)
+
+    def _started_workers(self) -> Workers:
+        from harness.workers import Workers
+
+        option = self.config.getoption
+        count = option("--harness-workers") or (1 if self._distributed else None)
+        return Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
 
 
 class SystemFile(pytest.File):
@@ -225,7 +233,7 @@ class CrossCheckItem(pytest.Item):
         record = self.regression.record(self.system, self.subject)
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
-            raise NotAsExpected(record, self.regression.cause(self.system, self.subject), self.regression.replay_options)
+            raise NotAsExpected(record, *self.regression.cause(self.system, self.subject))
         superfluous = self.regression.superfluous(self.system, self.subject)
         if superfluous:
             raise Superfluous(superfluous)
@@ -253,11 +261,11 @@ class Superfluous(Exception):
 class NotAsExpected(Exception):
     """A record whose verdict is not the expected one; prints what a person needs to go on, and the cause as far as it is known."""
 
-    def __init__(self, record: Record, cause: Cause | None, replay_options: Sequence[str]) -> None:
-        super().__init__(record, cause, replay_options)
+    def __init__(self, record: Record, cause: Cause | None, diagnosis: str) -> None:
+        super().__init__(record, cause, diagnosis)
         self.record = record
         self.cause = cause
-        self.replay_options = replay_options
+        self.diagnosis = diagnosis
 
     def __str__(self) -> str:
         from harness.explanation import explain
@@ -265,5 +273,5 @@ class NotAsExpected(Exception):
         if self.cause is None:
             return explain(self.record)
         of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
-        of_cause.append(f"  the whole diagnosis: {shlex.join(['harness', 'diagnose', self.record.system, *self.replay_options])}")
+        of_cause.append(f"  the whole diagnosis: {self.diagnosis}")
         return "\n".join([explain(self.record), *dict.fromkeys(of_cause)])

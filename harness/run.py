@@ -75,6 +75,12 @@ class Settings:
     examples: Path | None = Path(".hypothesis/harness")
     replay_options: Sequence[str] = ()
 
+    def diagnosis(self, name: str) -> str:
+        """The command that says all there is to say of why ``name``, or another system, is not as expected."""
+        chosen = [("--states", self.states, DEFAULT_STATES), ("--seed", self.seed, 0)]
+        options = [str(word) for option, value, default in chosen if value != default for word in (option, value)]
+        return shlex.join(["harness", "diagnose", name, *self.replay_options, *options])
+
     @property
     def searched(self) -> int:
         return 0 if self.state is not None else min(self.states // 4, MOST_SEARCHED)

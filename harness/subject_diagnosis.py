@@ -23,10 +23,10 @@ from harness.tasks import Assignment, reference_kernel
 from harness.term_comparison import TermComparison, compare_terms
 from harness.textbook_diagnosis import diagnose_textbook
 
-# Positions at which terms are compared.
-TERM_STATES = 64
-# Of the time, what the model side may take before the textbook's side is asked.
-SHARE_OF_MODEL = 0.7
+# Positions at which terms are compared, of a mechanism of up to so many velocities; their cost grows with the cube of those.
+TERM_STATES, TERM_VELOCITIES, LEAST_TERM_STATES = 64, 12, 4
+# Of the time, what the model side may take, and the textbook's side; the rest is for the terms.
+SHARE_OF_MODEL, SHARE_OF_TEXTBOOK = 0.65, 0.25
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,14 @@ class SubjectDiagnosis:
     model: Diagnosis | None
     textbook: Diagnosis
 
-    @property
-    def first_line(self) -> str:
-        """The model's place where one explains, else the textbook's parameter, else what the model's side came to."""
-        if self.model is None or (self.model.finding == Finding.UNEXPLAINED and self.textbook.finding == Finding.EXPLAINED):
+    def first_line(self, suspects_textbook: bool = False) -> str:
+        """The model's place where one explains, else the textbook's parameter, else what the model's side came to.
+
+        ``suspects_textbook``: the textbook's parameter goes first where one explains.
+        """
+        explained = self.model is not None and self.model.finding == Finding.EXPLAINED
+        textbook_explains = self.textbook.finding == Finding.EXPLAINED
+        if self.model is None or (textbook_explains and (suspects_textbook or not explained)):
             return self.textbook.first_line
         return self.model.first_line
 
@@ -81,7 +85,8 @@ def diagnose_subject(
     """Diagnose a subject, as a task for ``harness.workers``.
 
     Args:
-        seed: of the sampled states. seconds: that it may take. tolerance: the largest backward error that explains.
+        seed: of the sampled states. seconds: that it may take beside loading and compiling.
+        tolerance: the largest backward error that explains [data roundoffs].
         worst_states: {"q", "v", "tau"} of states at which it is known to be wrong, to be among those of the diagnosis.
 
     Raises:
@@ -95,11 +100,13 @@ def diagnose_subject(
     source = assignment.model if assignment.model is not None else mechanism
     note("comparing terms")
     loaded = engine.load(source, mechanism.joints, mechanism.gravity)
-    terms = compare_terms(mechanism, loaded, asked.kernel, sample(mechanism, TERM_STATES, seed), str(assignment.subject))
+    count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
+    positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), seed)
+    terms = compare_terms(mechanism, loaded, asked.kernel, positions, str(assignment.subject))
     note("diagnosing the model")
     of_model = _of_model(asked, SHARE_OF_MODEL * seconds, tolerance)
     note("diagnosing the textbook's side")
-    of_textbook = _of_textbook(assignment, asked, (1 - SHARE_OF_MODEL) * seconds, tolerance)
+    of_textbook = _of_textbook(assignment, asked, SHARE_OF_TEXTBOOK * seconds, tolerance)
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)
 
 
@@ -115,7 +122,7 @@ def _answered(assignment: Assignment, seed: int, worst_states: Sequence[Mapping[
         return _Answered(kernel, states, answers, None)
     try:
         watched = watch(engine, mechanism, model, states)
-    except ValueError as error:
+    except (ValueError, KeyError) as error:
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
     return _Answered(kernel, states, watched.healthy, watched)
 

@@ -5,7 +5,7 @@ rest, a damper once it moves. A term may show nothing while the accelerations do
 that the engine counts as none of these terms. The applied force is what an engine says it applies; the built-in ones
 say what they were given.
 
-Source: DESIGN's numerics; see ``harness.term_reference`` for what a data roundoff of each term is.
+``harness.term_reference`` says what a data roundoff of each term is.
 """
 
 from __future__ import annotations

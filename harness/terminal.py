@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from harness.fault_records import KindOfFault
     from harness.fault_walk import Caught
     from harness.minimal import Finding
+    from harness.run import Settings
     from harness.static_audit import Difference
 
 _PIPE_WIDTH = 160
@@ -106,10 +106,10 @@ def print_superfluous(findings: Sequence[Finding]) -> None:
         click.echo(f"  {finding}")
 
 
-def print_causes(causes: Sequence[Cause], options: Sequence[str]) -> None:
+def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
     """For each system who is at fault; for each wrong subject which terms are, and the first line of its diagnosis.
 
-    ``options`` are those with which ``harness diagnose`` shows the rest.
+    Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
     for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
         click.echo(f"\n{system}: {inference}")
@@ -121,8 +121,7 @@ def print_causes(causes: Sequence[Cause], options: Sequence[str]) -> None:
                     click.echo(f"  {cause.subject}: {line}")
     if causes:
         systems = {cause.system for cause in causes}
-        name = "NAME" if len(systems) > 1 else causes[0].system
-        click.echo(f"\nthe whole diagnosis: {shlex.join(['harness', 'diagnose', name, *options])}")
+        click.echo(f"\nthe whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:

@@ -3,7 +3,7 @@
 The subject behaves as if the textbook had this value. The reference at other values is certified like the
 reference itself, without a new derivation; its derivatives are those that the data roundoff is made of.
 
-Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12; DESIGN's numerics.
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from harness.verdict import AGREEMENT, Verdict
 # Of the time, what the search may take; the rest is for telling.
 SHARE_OF_TIME = 0.85
 # So many of the best are fitted once more from these multiples of their values.
-FITTED_FROM_OTHER_STARTS, OTHER_STARTS = 8, (0.5, 2.0, -1.0)
+FITTED_FROM_OTHER_STARTS, OTHER_STARTS = 8, (0.0, 0.5, 2.0, -1.0)
+# Relative size of a value that may be a rounded zero.
+ALL_BUT_ZERO = 1e-6
 # By which the cosine of parallel columns differs from 1.
 ROUNDING = 1e-12
 
@@ -58,14 +60,14 @@ def diagnose_textbook(
         return Diagnosis(file=file, finding=Finding.UNDECIDED, before=before, seconds=seconds)
     if before <= tolerance:
         return Diagnosis(file=file, finding=Finding.SOUND, before=before, seconds=seconds)
-    found = search.fit_all() if math.isfinite(before) else {}
+    found = search.fit_all()
     tried = [_explanation(kernel.mechanism, file, place, value, left, tolerance) for place, (value, left) in found.items() if left < before]
     tried.sort(key=lambda one: (not one.explains, digits_of(one.value) if one.explains else 0, one.residual))
     verdicts = compare(search.reference, accelerations).verdicts[search.certified].tolist()
     ending = Finding.UNEXPLAINED if Verdict.DISAGREES.value in verdicts else Finding.UNSTABLE
     if tried and tried[0].explains:
         ending = Finding.EXPLAINED
-    elif math.isinf(before):
+    elif not np.isfinite(accelerations[search.certified]).all():
         ending = Finding.NOT_FINITE
     return Diagnosis(file=file, finding=ending, before=before, tried=tuple(tried), seconds=seconds, stopped=search.out_of_time())
 
@@ -79,11 +81,17 @@ class _Search:
         self.values: Sequence[float] = kernel.mechanism.parameter_values
         self.reference = kernel.evaluate(states)
         self.certified = self.reference.certified
+        self._whitening = Whitening(self.reference)
+        self._here = self._whitening.residual(accelerations)
         self._seen = self.certified & ~held_out(len(states))
+        finite = np.isfinite(self._here).all(axis=1)
+        # At rest without any force there is no data roundoff, and a wrong answer has no measure; it counts in the end.
+        if (self._seen & finite).any():
+            self._seen &= finite
 
     def fit_all(self) -> dict[int, tuple[float, float]]:
         """Place of a parameter to its best value and the largest backward error left, those that promise most first."""
-        here = self.residual(self.reference)[self._seen]
+        here = self._here[self._seen]
         columns = self.columns(self.reference, self.values)
         promises = screen(list(columns), [abs(value) or 1.0 for value in self.values], here)
         found: dict[int, tuple[float, float]] = {}
@@ -110,12 +118,21 @@ class _Search:
 
         def residual(value: float) -> Array | None:
             reference = self.at(place, value)
-            return self.residual(reference)[self._seen] if reference.certified[self.certified].all() else None
+            if not reference.certified[self.certified].all():
+                return None
+            # In the measure of the unchanged reference: where one term acts alone, its own roundoff shrinks with it.
+            with np.errstate(all="ignore"):
+                difference = (self.accelerations - reference.high) - reference.low
+            return self._whitening.change(difference)[self._seen]
 
         value = fit(residual, lambda at: self._slope(place, at), start, column, scale, self.out_of_time)
-        left = math.inf if value is None else self.left_at(place, value)
-        if value is not None and left < found.get(place, (0.0, math.inf))[1]:
-            found[place] = value, left
+        if value is None:
+            return
+        # Of a term that is left out, the least remainder is a wrong answer where that term acts alone.
+        for candidate in [0.0, value] if abs(value) <= ALL_BUT_ZERO * scale else [value]:
+            left = self.left_at(place, candidate)
+            if left < found.get(place, (0.0, math.inf))[1]:
+                found[place] = candidate, left
 
     def _settled(self, place: int, value: float, left: float) -> tuple[float, float]:
         if left > self.tolerance:
@@ -132,16 +149,12 @@ class _Search:
     def _for_all(self, values: Sequence[float]) -> Array:
         return np.broadcast_to(np.array(values, dtype=np.float64), (len(self.states), len(values)))
 
-    def residual(self, reference: Reference) -> Array:
-        """Whitened errors of the answers, (n, nv)."""
-        return Whitening(reference).residual(self.accelerations)
-
     def left_at(self, place: int | None, value: float) -> float:
         """Largest backward error over all states; inf where an answer or the reference is not finite."""
         reference = self.at(place, value)
         if not self.certified.any() or not reference.certified[self.certified].all():
             return math.inf
-        errors = backward_errors(self.residual(reference)[self.certified])
+        errors = backward_errors(Whitening(reference).residual(self.accelerations)[self.certified])
         return float(errors.max()) if np.isfinite(errors).all() else math.inf
 
     def _slope(self, place: int, value: float) -> Array:
@@ -150,7 +163,7 @@ class _Search:
     def columns(self, reference: Reference, values: Sequence[float]) -> Array:
         """Derivatives of the whitened residual by each parameter p at the states that fits see, (parameters, n, nv).
 
-        They are -R^-T d(force - M qdd)/dp, divided by the data roundoff.
+        They are -M^-1 d(force - M qdd)/dp in the measure of the unchanged reference, M = R^T R of ``reference``.
         """
         parameters = self._for_all(values)
         forces = np.empty((len(values), *reference.high.shape))
@@ -160,8 +173,11 @@ class _Search:
             forces[:, chosen] = derivatives[:, -len(values) :].transpose(1, 2, 0)
         seen = self._seen
         with np.errstate(all="ignore"):
-            whitened = np.linalg.solve(reference.norm_factor[seen].transpose(0, 2, 1), forces[:, seen].transpose(1, 2, 0))
-            found = -whitened.transpose(2, 0, 1) / reference.data_roundoff[seen, None]
+            factor = reference.norm_factor[seen]
+            slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces[:, seen].transpose(1, 2, 0)))
+            everywhere = np.zeros_like(forces)
+            everywhere[:, seen] = -slopes.transpose(2, 0, 1)
+            found = np.array([self._whitening.change(column)[seen] for column in everywhere])
         return np.where(np.isfinite(found), found, 0.0)
 
 

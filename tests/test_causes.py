@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support import InThisProcess
 
+from harness import causes
 from harness.causes import Cause, find_causes
 from harness.library import Library
 from harness.records import Record
@@ -66,6 +68,35 @@ def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_pat
     assert (cause.subject, cause.diagnosed, len(cause.sides)) == ("lagrange", "lagrange", 1)
     assert cause.inference.startswith("the float64 kernel of lagrange is at fault")
     assert "nothing to explain" in cause.first_line
+
+
+def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
+    stand_ins = {}
+    for model_format, old, new in [("mjcf", 'mass="1.5"', 'mass="1.50001"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.50001"/>')]:
+        path = LIBRARY.model_path("simple_pendulum", model_format)
+        stand_ins[model_format] = tmp_path / path.name
+        stand_ins[model_format].write_text(path.read_text().replace(old, new))
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins=stand_ins, examples=None)
+    records = list(CrossCheck(settings, InThisProcess()).records())
+    found = list(find_causes(settings, records, InThisProcess()))
+    assert len(found) == 4
+    for cause in found:
+        assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
+
+
+def test_a_diagnosis_stays_within_the_time_limit_of_its_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
+    given: list[float] = []
+
+    def examine(*arguments: Any) -> Any:
+        given.append(arguments[5])
+        raise ValueError
+
+    monkeypatch.setattr(causes, "examine", examine)
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    list(find_causes(settings, records, InThisProcess(time_limit=4.0)))
+    list(find_causes(settings, records, InThisProcess(time_limit=60.0)))
+    assert given == [2.0, 10.0]
 
 
 def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:

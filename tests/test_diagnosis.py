@@ -7,6 +7,7 @@ import json
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,13 @@ def test_a_wrong_number_is_named_first_with_the_right_value(
     assert value in map(float, shown) and len(shown) == (3 if attribute in ("pos", "xyz") else 1)
     assert first.residual <= AGREEMENT < diagnosis.before
     assert diagnosis.first_line.startswith(f"{'mjcf' if model_format == 'mjcf' else 'urdf'}/{own.model.path.name}:{first.place.line}: <")
-    assert diagnosis.runner_up is None or diagnosis.runner_up.place.key != first.place.key
+    runner_up = diagnosis.as_json()["runner_up"]
+    told = [line for line in diagnosis.lines if line.startswith("runner-up: ")]
+    if runner_up is None:
+        assert told == []
+    else:
+        assert not runner_up["explains"]
+        assert f"line {runner_up['line']}, " in told[0] and f"{runner_up['residual']:.2g}" in told[0]
 
 
 def test_the_first_line_shows_the_attribute_as_it_is_and_as_it_would_be() -> None:
@@ -218,6 +225,44 @@ def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str,
     assert parameter in BUILT_IN.system_path(name).read_text().splitlines()[first.place.line - 1]
 
 
+@pytest.mark.parametrize(("name", "parameter"), [("simple_pendulum", "g"), ("tora", "k"), ("arm_2r", "I2"), ("spring_damper", "c")])
+def test_a_term_that_a_subject_leaves_out_is_a_parameter_of_zero(name: str, parameter: str) -> None:
+    own = case(name, "mjcf")
+    names = [known for known, _, _ in own.mechanism.parameters]
+    values = np.array([0.0 if known == parameter else value for known, value in zip(names, own.mechanism.parameter_values, strict=True)])
+    answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
+    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path(name), seconds=100.0)
+    assert diagnosis.finding == Finding.EXPLAINED
+    assert (parameter, 0.0) in {(one.place.attribute, one.value) for one in diagnosis.explaining}
+
+
+def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
+    """A bar pendulum without weight: no gravity, no mass, or its centre on the axis."""
+    own = case("bar_pendulum", "mjcf")
+    answers = own.watch(own.replaced(('gravity="0 0 -9.81"', 'gravity="0 0 0"'))).healthy
+    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path("bar_pendulum"), seconds=100.0)
+    assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
+
+
+def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_one() -> None:
+    """A wheel at rest without gravity stays at rest; a spring of one side moves it."""
+    own = case("satellite_wheel", "mjcf")
+    joint = '<joint name="wheel" type="hinge"'
+    assert joint in own.model.text
+    wrong = own.watch(own.replaced((joint, f'{joint} stiffness="0.5" springref="0.3"'), (' spring="disable"', ""))).healthy
+    diagnosis = diagnose_textbook(own.kernel, own.states, wrong, BUILT_IN.system_path("satellite_wheel"), seconds=100.0)
+    assert math.isinf(diagnosis.before)
+    assert diagnosis.finding == Finding.UNEXPLAINED
+    assert "finite" not in diagnosis.first_line
+
+
+def test_where_nothing_is_certified_nothing_is_fitted() -> None:
+    own = case("simple_pendulum", "mjcf")
+    nothing = replace(own.reference, certified=np.zeros(len(own.states), dtype=bool))
+    diagnosis = diagnose(own.watch(), nothing, seconds=100.0)
+    assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNDECIDED, ())
+
+
 class Clock:
     """Time that passes by being asked for."""
 
@@ -246,6 +291,8 @@ def test_a_diagnosis_ends_at_its_deadline_with_the_best_so_far(monkeypatch: pyte
     assert len(asked) <= 3 * seconds / 0.01 + 10
     assert diagnosis.stopped
     assert any(f"stopped after {seconds:g} s" in line for line in diagnosis.lines)
+    # Of a part of the file's numbers no count is told.
+    assert not any("accelerations feel" in line for line in diagnosis.lines)
 
 
 def test_what_a_pendulum_determines_is_known_from_theory() -> None:
@@ -310,7 +357,7 @@ def test_the_first_line_of_a_check_names_what_the_load_audit_refuses() -> None:
     own = case("simple_pendulum", "mjcf")
     task = assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"')))
     found = subject_diagnosis.diagnose_subject(task, 0, 100.0, AGREEMENT, [], lambda text: None)
-    assert '<inertial mass="1.6"> explains it with 1.5' in found.first_line
+    assert '<inertial mass="1.6"> explains it with 1.5' in found.first_line()
 
 
 def test_the_equations_are_asked_about_the_textbook_only() -> None:
@@ -361,6 +408,28 @@ def test_the_command_has_nothing_to_say_of_a_sound_mechanism() -> None:
     assert done.exit_code == 0, done.output
     assert "nothing is wrong" in done.output
     assert "explains" not in done.output
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_second_file_that_cannot_be_read_is_not_lost_behind_the_first_ones_diagnosis(tmp_path: Path) -> None:
+    faulty = tmp_path / "edited.xml"
+    faulty.write_text(case("simple_pendulum", "mjcf").replaced(('mass="1.5"', 'mass="1.6"')))
+    options = ["--mjcf", str(faulty), "--urdf", str(tmp_path / "nowhere.urdf"), "--states", "100"]
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", *options])
+    assert done.exit_code == 2
+    assert "nowhere.urdf" in done.output
+    assert 'edited.xml:16: <inertial mass="1.6"> explains it with 1.5' in done.output
+    assert "no engine could use its file" in done.output
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_joints_of_another_name_are_told_once_and_in_words(tmp_path: Path) -> None:
+    renamed = tmp_path / "renamed.xml"
+    renamed.write_text(case("simple_pendulum", "mjcf").replaced(('name="pin"', 'name="pen"')))
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", "--mjcf", str(renamed), "--states", "100"])
+    assert done.exit_code == 2
+    assert "no diagnosis" not in done.output
+    assert "has no moving joint 'pin'" in done.output
 
 
 @pytest.mark.usefixtures("in_this_process")

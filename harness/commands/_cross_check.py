@@ -24,8 +24,12 @@ def cross_check_all(
     time_limit: float,
     json_path: str | None,
     keep: Callable[[Record], Any] = lambda record: None,
+    keep_rest: Callable[[CrossCheck], Any] = lambda cross_check: None,
 ) -> tuple[CrossCheck, list[Record], list[Cause]]:
-    """Run to the end, keeping each record as it comes, find why some are not as expected, and write the JSON file as it grows."""
+    """Run to the end, keeping each record as it comes, find why some are not as expected, and write the JSON file as it grows.
+
+    ``keep_rest`` is given the cross-check once all records are there, before causes are looked for.
+    """
     from harness.records import write_json
     from harness.run import CrossCheck
     from harness.terminal import progress
@@ -43,6 +47,7 @@ def cross_check_all(
                     if json_path:
                         write_json(json_path, run, records, superfluous=cross_check.superfluous)
                     advance(f"{record.system} {record.subject}")
+            keep_rest(cross_check)
             causes = causes_of(cross_check, records, pool)
     except OSError as error:
         raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
@@ -76,7 +81,7 @@ def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) 
     print_table(records)
     print_unexpected(records)
     print_superfluous(cross_check.superfluous)
-    print_causes(causes, cross_check.settings.replay_options)
+    print_causes(causes, cross_check.settings)
     tell(cross_check.problems)
     if cross_check.crashes:
         sys.exit(CRASHED)

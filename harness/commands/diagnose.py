@@ -83,17 +83,17 @@ def command(
         causes = causes_of(cross_check, records, pool, seconds=time_limit)
         held = find_differences(settings, name, pool) if causes else []
     if json_path:
-        told = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}
-        write_json(json_path, run, records, superfluous=cross_check.superfluous, further=told)
+        further = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}
+        write_json(json_path, run, records, superfluous=cross_check.superfluous, further=further)
     print_table(records)
     print_superfluous(cross_check.superfluous)
     if causes:
         print_diagnoses(causes, held)
     else:
         click.echo(f"\n{infer_from_records(records)[name].sentence}")
-    # What refuses a model that was diagnosed all the same is told by the diagnosis.
-    if not any(cause.found for cause in causes):
-        tell(cross_check.problems)
+    # What the audit refuses of a file that was diagnosed all the same, the diagnosis tells.
+    diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
+    tell([problem for problem in cross_check.problems if str(problem.path) not in diagnosed])
     if cross_check.crashes:
         sys.exit(CRASHED)
     as_expected = all(record.as_expected for record in records) and not cross_check.superfluous

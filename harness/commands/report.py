@@ -48,7 +48,7 @@ def command(
     from harness.description import describe_run
     from harness.history import History
     from harness.library import Library
-    from harness.run import Settings
+    from harness.run import CrossCheck, Settings
     from harness.workers import Workers
     from harness.worst_cases import ranked
 
@@ -63,11 +63,14 @@ def command(
     with History(directory / "history.sqlite") as history:
         identifier = history.begin(run)
         keep = functools.partial(history.append, identifier)
-        cross_check, records, causes = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep)
-        for card in cross_check.cards:
-            history.append_system(identifier, card)
-        for finding in cross_check.superfluous:
-            history.append_finding(identifier, finding)
+
+        def keep_rest(cross_check: CrossCheck) -> None:
+            for card in cross_check.cards:
+                history.append_system(identifier, card)
+            for finding in cross_check.superfluous:
+                history.append_finding(identifier, finding)
+
+        cross_check, records, causes = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep, keep_rest)
         for cause in causes:
             history.append_cause(identifier, cause)
         with Workers(workers, scheduler, time_limit) as pool:

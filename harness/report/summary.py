@@ -8,9 +8,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
+from harness.diagnosis_result import shown_path
 from harness.records import Record, Run, SystemCard, dumps
 from harness.restoring import restored
 
@@ -163,7 +164,8 @@ def _published(cause: Cause) -> Cause:
     for side in ("model", "textbook"):
         if cause.found and cause.found[side]:
             file = cause.found[side]["file"]
-            text = text.replace(json.dumps(file)[1:-1], json.dumps(_short(file))[1:-1])
+            for name in (file, shown_path(Path(file))):
+                text = text.replace(json.dumps(name)[1:-1], json.dumps(_short(file))[1:-1])
     return restored(type(cause), json.loads(text))
 
 
