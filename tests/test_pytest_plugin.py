@@ -47,7 +47,7 @@ from harness.engines.mujoco import MujocoEngine
 class Engine(MujocoEngine):
     def load(self, source, joints, gravity):
         with open({log!r}, "a") as log:
-            log.write(f"{{source.path.name}} {{os.getpid()}}\\n")
+            log.write(f"{{source.path.name}} {{os.environ['PYTEST_XDIST_WORKER']}}\\n")
         return super().load(source, joints, gravity)
 
 ENGINE = Engine()
@@ -62,6 +62,7 @@ def test_no_process_runs_the_systems_of_another(library: Path) -> None:
     run("--harness-library", str(library), *options, cwd=library)
     loaded = {tuple(line.split()) for line in log.read_text().splitlines()}
     assert sorted(name for name, _ in loaded) == ["bar_pendulum.xml", "spring_damper.xml"]
+    assert {process for _, process in loaded} == {"gw0", "gw1"}
 
 
 def test_processes_share_the_systems(library: Path) -> None:
