@@ -35,7 +35,8 @@ def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
             raise InvalidModel(model.path, line, problem)
     expected = (0.0, 0.0, -mechanism.gravity)
     if any(abs(found - wanted) > AUDIT_TOLERANCE * mechanism.gravity for found, wanted in zip(loaded.gravity, expected, strict=True)):
-        found_text, expected_text = (" ".join(f"{component:g}" for component in vector) for vector in (loaded.gravity, expected))
+        # Adding zero turns -0 into 0.
+        found_text, expected_text = (" ".join(f"{component + 0.0:g}" for component in vector) for vector in (loaded.gravity, expected))
         raise InvalidModel(model.path, model.gravity_line, f"gravity is {found_text} m/s^2, expected {expected_text} as the system says")
     if abs(loaded.total_mass - mechanism.total_mass) > AUDIT_TOLERANCE * mechanism.total_mass:
         raise InvalidModel(

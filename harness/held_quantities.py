@@ -7,7 +7,7 @@ moment; for an axis 1.
 
 What no motion feels is not compared: where on its axis a hinge has its anchor, any anchor of a slide, the centre of what has
 no mass, the reference of what has no stiffness. MuJoCo takes no moving body whose mass or principal moment is below
-``LEAST``, so that much and nothing are the same.
+``LEAST``, so an MJCF writes that much where a URDF has nothing: the two are the same.
 
 Source: MuJoCo documentation, XML reference, compiler/boundmass (mjMINVAL).
 """
@@ -24,8 +24,7 @@ import numpy as np
 from harness import quantity_lines as quantities
 from harness.engines import HeldBody, HeldJoint, HeldSpring
 from harness.kernels import Array
-
-LEAST = 1e-15
+from harness.model_formats import LEAST
 
 Value = float | str | list[float]
 

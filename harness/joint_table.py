@@ -44,9 +44,11 @@ def joint_rows(model: ModelFile) -> list[JointRow]:
     document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
     rows = {"mjcf": _mjcf_row, "urdf": _urdf_row}[model.format]
     moving = set(model.joint_lines.items())
+    # A URDF has other elements called joint inside of its transmissions.
+    among = {"mjcf": document.root.iterfind("worldbody//*"), "urdf": document.root.iterchildren("*")}[model.format]
     return [
         rows(document, model, element, name)
-        for element in document.root.iter("*")
+        for element in among
         if "joint" in literal_tag(element) and (name := element.get("name"), document.lines[element]) in moving
     ]
 

@@ -5,6 +5,7 @@ Source: MuJoCo documentation, Modeling, section Default settings.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from lxml import etree
@@ -27,10 +28,19 @@ def resolved(element: etree._Element, name: str) -> Written | None:
 
     An element without a class of its own has the childclass of the innermost body or frame around it that names one.
     """
+    return next(writings(element, name), None)
+
+
+def writings(element: etree._Element, name: str) -> Iterator[Written]:
+    """Wherever an attribute of ``element`` is written: in itself, in its class, in the classes around that.
+
+    Of a list MuJoCo takes each number from the first of them that is long enough to hold it.
+    """
     if name in element.attrib:
-        return Written(str(element.get(name)), element)
+        yield Written(str(element.get(name)), element)
     # A free joint takes nothing from the defaults of joints.
-    return None if element.tag == "freejoint" else of_class(element, class_of(element), name)
+    if element.tag != "freejoint":
+        yield from _in_class(element, class_of(element), name)
 
 
 def class_of(element: etree._Element) -> str:
@@ -45,17 +55,17 @@ def childclass_of(element: etree._Element) -> str | None:
 
 def of_class(element: etree._Element, name_of_class: str, name: str) -> Written | None:
     """What a default class, or one around it, says about an attribute of elements like ``element``."""
+    return next(_in_class(element, name_of_class, name), None)
+
+
+def _in_class(element: etree._Element, name_of_class: str, name: str) -> Iterator[Written]:
     tag = _DEFAULT_TAG.get(element.tag, element.tag)
     sections = element.getroottree().getroot().iterchildren("default")
     classes = [default for section in sections for default in section.iter("default") if name_of_class in _names(default)]
-    found: Written | None = None
-    for default in classes:
-        for given in default.iterchildren(tag):
-            if name in given.attrib:
-                found = Written(str(given.get(name)), given)
-    if found is None and classes and classes[-1].getparent().tag == "default":
-        return of_class(element, _names(classes[-1].getparent())[-1], name)
-    return found
+    given = [part for default in classes for part in default.iterchildren(tag) if name in part.attrib]
+    yield from (Written(str(part.get(name)), part) for part in reversed(given))
+    if classes and classes[-1].getparent().tag == "default":
+        yield from _in_class(element, _names(classes[-1].getparent())[-1], name)
 
 
 def _names(default: etree._Element) -> tuple[str, ...]:

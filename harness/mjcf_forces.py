@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from lxml import etree
 
 from harness.declared_forces import ForceElement, JointDamper, JointSpring, Point, PointSpring
-from harness.mjcf_defaults import Written, resolved
+from harness.mjcf_defaults import Written, resolved, writings
 from harness.model_xml import Document, describe, shorten
 
 # What MuJoCo takes without an option.
@@ -61,12 +61,13 @@ def in_degrees(root: etree._Element) -> bool:
     return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
 
 
-def _is_on(root: etree._Element, stage: str) -> bool:
+def is_on(root: etree._Element, stage: str) -> bool:
+    """Whether a stage of MuJoCo's pipeline, like "spring", is not switched off."""
     return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
 
 
 def _gravity(root: etree._Element) -> tuple[float, float, float]:
-    if not _is_on(root, "gravity"):
+    if not is_on(root, "gravity"):
         return 0.0, 0.0, 0.0
     written = [option.get("gravity") for option in root.iterfind("option[@gravity]")]
     x, y, z = map(float, written[-1].split()) if written else GRAVITY
@@ -79,13 +80,15 @@ def _numbers(written: Written | None) -> tuple[float, ...]:
 
 def _coefficient(document: Document, element: etree._Element, name: str, stage: str) -> float | Unexpressed:
     """A stiffness or damping, 0 where there is none; Unexpressed where it depends on the displacement or rate."""
-    written = resolved(element, name)
-    coefficients = _numbers(written)
-    if written is None or not any(coefficients) or not _is_on(document.root, stage):
+    coefficients: list[float] = []
+    if not is_on(document.root, stage):
         return 0.0
-    if any(coefficients[1:]):
-        return _unexpressed(document, element, name, written, "is not linear")
-    return coefficients[0]
+    for written in writings(element, name):
+        further = _numbers(written)[len(coefficients) :]
+        if any(further if coefficients else further[1:]):
+            return _unexpressed(document, element, name, written, "is not linear")
+        coefficients += further
+    return coefficients[0] if coefficients else 0.0
 
 
 def _unexpressed(document: Document, element: etree._Element, name: str, written: Written | None, why: str) -> Unexpressed:
@@ -126,8 +129,10 @@ def _of_tendons(document: Document) -> Iterator[ForceElement | Unexpressed]:
             yield _unexpressed(document, tendon, "armature", armature, "is an inertia in a tendon")
             continue
         stiffness, damping = (_coefficient(document, tendon, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
-        if isinstance(stiffness, Unexpressed) or isinstance(damping, Unexpressed):
-            yield stiffness if isinstance(stiffness, Unexpressed) else damping  # type: ignore[misc]
+        if isinstance(stiffness, Unexpressed):
+            yield stiffness
+        elif isinstance(damping, Unexpressed):
+            yield damping
         elif stiffness or damping:
             yield _point_spring(document, tendon, stiffness, damping, sites)
 

@@ -61,6 +61,9 @@ _IN_BODY: Mapping[str, Attributes] = {
     "site": {"name": _NAME, "class": _NAME, **_POSE},
 }
 
+# mjMINVAL: MuJoCo refuses a moving body with less mass or principal inertia [kg, kg m^2], so an MJCF writes it where a URDF has 0.
+LEAST = 1e-15
+
 # format -> parts of its pipeline that can be switched off; the engine spends time on each
 STAGES: Mapping[str, tuple[str, ...]] = {
     "mjcf": ("constraint", "contact", "actuation", "sensor", "gravity", "spring", "damper"),

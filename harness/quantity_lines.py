@@ -7,10 +7,18 @@ conventions that URDF borrows.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
+
+from lxml import etree
 
 from harness.attributes import Element, find_elements
-from harness.models import ModelFile
+from harness.mjcf_defaults import resolved
+from harness.mjcf_forces import is_on
+from harness.model_formats import rules_at
+from harness.model_xml import literal_tag, parse_document
+from harness.models import ROOT_TAGS, ModelFile
 
 GRAVITY, JOINT, ANCHOR, AXIS, FRAME = "gravity", "joint", "anchor", "axis", "frame"
 ARMATURE, DAMPING, STIFFNESS, SPRING_REFERENCE = "armature", "damping", "stiffness", "spring reference"
@@ -77,24 +85,74 @@ def lines_of(model: ModelFile, quantity: str, joint: str) -> tuple[int, ...]:
     """1-based lines that decide ``quantity`` of ``joint`` and of the body it carries, the likeliest first.
 
     A file that leaves the quantity out has the line of what would hold it, or of the joint; one that holds no gravity has
-    none. ``joint`` is the number of a spring between points, from 1, where the quantity is one of such a spring.
+    none. Where the quantity is one of a spring between points, ``joint`` is its number among those that the file switches
+    on, from 1, and "0" where it has none.
     """
-    elements = _elements(model.text, model.format)
+    text = _parsed(model.text, model.format)
+    elements = text.elements
     if quantity == GRAVITY:
         return _unique([line for line in [model.gravity_line] if line is not None] + _switched_off(elements, "gravity"))
     if quantity in _SPRING_PARTS[model.format]:
-        found = list(_spring_lines(model.format, elements, quantity, int(joint)))
-        return _unique(found + _switched_off(elements, _STAGES.get(quantity, "")))
+        springs = [spring for number, spring in enumerate(filter(text.is_spring, elements), 1) if number == int(joint)]
+        found = [line for spring in springs for line in _spring_lines(text, spring, _SPRING_PARTS[model.format][quantity], quantity)]
+        stages = [_STAGES.get(quantity, "")] if springs else ["spring", "damper"]
+        return _unique(found + [line for stage in stages for line in _switched_off(elements, stage)])
     parts: dict[str, list[Element]] = {}
     for name, element in {"mjcf": _mjcf_parts, "urdf": _urdf_parts}[model.format](elements, joint):
         parts.setdefault(name, []).append(element)
     found = []
     for number, (part, names) in enumerate(_PLACES[model.format][quantity]):
         own = parts.get(part, [])
-        written = [attribute.line for element in own for attribute in element.attributes if attribute.name in names]
+        written = [line for element in own for name in names for line in text.lines(element, name)]
         found += written or ([element.line for element in own] if number == 0 else [])
     found += _switched_off(elements, _STAGES.get(quantity, ""))
     return _unique(found) or (model.joint_lines.get(joint, model.root_line),)
+
+
+@dataclass(frozen=True)
+class _Text:
+    """The elements of a file with their places, and the same ones as a tree."""
+
+    elements: tuple[Element, ...]
+    nodes: tuple[etree._Element, ...]
+
+    def written(self, element: Element, name: str) -> tuple[Element, str] | None:
+        """Where an attribute stands, which for MJCF may be in a default class, and its text; None where nobody gives it."""
+        found = resolved(self.nodes[self.elements.index(element)], name)
+        return None if found is None else (self.elements[self.nodes.index(found.owner)], found.text)
+
+    def lines(self, element: Element, name: str) -> list[int]:
+        """Line of an attribute, or of the text for ""; none where nobody gives it."""
+        owner, _ = self.written(element, name) or (element, "") if name else (element, "")
+        return [attribute.line for attribute in owner.attributes if attribute.name == name]
+
+    def number(self, element: Element, name: str) -> float:
+        """The first number of an attribute, 0 where nobody gives it."""
+        _, text = self.written(element, name) or (element, "0")
+        return float(text.split()[0])
+
+    def is_spring(self, element: Element) -> bool:
+        """Whether ``element`` is a spring or damper between points that is switched on."""
+        if element.tag == _POINT_SPRING:
+            parts = [part for part in self.elements if _inside(part, element)]
+            return any(self.number(part, "value") for part in parts if part.tag.endswith(("_stiffness", "_damping")))
+        if element.path[-2:] != ("tendon", "spatial"):
+            return False
+        stages = {"stiffness": "spring", "damping": "damper"}
+        return any(self.number(element, name) and is_on(self.nodes[0], stage) for name, stage in stages.items())
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str, model_format: str) -> _Text:
+    root = parse_document(Path(f"model.{model_format}"), text, ROOT_TAGS[model_format]).root
+    nodes = []
+    for node in root.iter("*"):
+        path = [literal_tag(node), *map(literal_tag, node.iterancestors())][::-1]
+        if rules_at(model_format, path) is not None:
+            nodes.append(node)
+    elements = find_elements(text, model_format)
+    assert len(elements) == len(nodes)
+    return _Text(tuple(elements), tuple(nodes))
 
 
 def _unique(lines: Iterable[int]) -> tuple[int, ...]:
@@ -106,22 +164,17 @@ def _switched_off(elements: Sequence[Element], stage: str) -> list[int]:
     return [flag.line for flag in flags if flag.name == stage and flag.value == "disable"]
 
 
-def _spring_lines(model_format: str, elements: Sequence[Element], quantity: str, number: int) -> Iterator[int]:
-    """Lines of the parts that decide the quantity, then that of the whole spring; none where there are not so many."""
-    springs = [element for element in elements if element.path[-2:] == ("tendon", "spatial") or element.tag == _POINT_SPRING]
-    names = _SPRING_PARTS[model_format][quantity]
-    for spring in springs[number - 1 : number]:
-        yield from (attribute.line for attribute in spring.attributes if attribute.name in names)
-        inside = [element for element in elements if _inside(element, spring)]
-        yield from (element.line for element in inside if element.tag.removeprefix(f"{_POINT_SPRING}_") in names)
-        ends = {element.get("site") for element in inside if quantity == SPRING_ENDS and element.tag == "site"}
-        yield from (element.line for element in elements if element.tag == "site" and element.get("name") in ends - {None})
-        yield spring.line
-
-
-@lru_cache(maxsize=8)
-def _elements(text: str, model_format: str) -> tuple[Element, ...]:
-    return tuple(find_elements(text, model_format))
+def _spring_lines(text: _Text, spring: Element, names: Sequence[str], quantity: str) -> Iterator[int]:
+    """Lines of the parts that decide the quantity, then that of the whole spring."""
+    for name in names:
+        yield from text.lines(spring, name)
+    inside = [element for element in text.elements if _inside(element, spring)]
+    yield from (element.line for element in inside if element.tag.removeprefix(f"{_POINT_SPRING}_") in names)
+    ends = {element.get("site") for element in inside if quantity == SPRING_ENDS and element.tag == "site"}
+    for site in text.elements:
+        if site.tag == "site" and site.get("name") in ends - {None}:
+            yield from (*text.lines(site, "pos"), site.line)
+    yield spring.line
 
 
 def _inside(element: Element, other: Element) -> bool:

@@ -13,15 +13,19 @@ from typing import Any
 import numpy as np
 
 from harness import quantity_lines as quantities
-from harness.engines import HeldModel, Model
-from harness.held_quantities import LEAST, NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
+from harness.engines import HeldModel, HeldSpring, Model
+from harness.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
+from harness.model_formats import LEAST
 from harness.models import ModelFile
 
 # Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
 # principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned
-# frame costs an axis about 4 ulps. Pinocchio's MJCF reader alone loses more, as the square of the depth, since it takes each
-# placement from the world's: 188 ulps after 10 turned frames, 1225 after 30.
+# frame costs an axis about 4 ulps.
 SOUND = 256.0
+# Joints from the root up to which that holds. Beyond, the bound grows as the square of the depth, as Pinocchio's MJCF reader
+# loses digits, which takes each placement from the world's: over 210 random chains up to 298 ulps after 10 turned frames, 745
+# after 20, 2138 after 40 and 3331 after 60, at most 3 times the square.
+_SHALLOW = 8
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class Difference:
 
     Attributes:
         quantity: a name of ``harness.quantity_lines``.
-        joint: the joint, or the last joint that moves the body; the number of a spring between points, from 1; "" for gravity.
+        joint: the joint, or the last joint that moves the body; the number of a spring between points, from 1, in the first
+            subject that has the most of them; "" for gravity.
         subjects: in groups that hold the same, the largest group first. values: what each group holds, as its first subject.
         ulps: largest difference from the first group; inf where there is no common measure.
         lines: format to the lines of its file that decide the quantity, the likeliest first. files: format to the path of its file.
@@ -83,13 +88,14 @@ def soundness(rows: Sequence[Difference], rounded: Sequence[Difference]) -> list
         return ["sound: equal to the last bit"]
     worst = max(rounded, key=lambda row: row.ulps)
     named = f"{worst.quantity}{f' of {worst.joint}' if worst.joint else ''}"
-    return [f"sound: alike within {worst.ulps:.3g} ulps ({named}); up to {SOUND:g} is the rounding of readers"]
+    return [f"sound: alike within {worst.ulps:.3g} ulps ({named}); up to {SOUND:g} is the rounding of readers, and more in deep chains"]
 
 
 def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str, ModelFile], above: float = SOUND) -> list[Difference]:
     """What the subjects of one system do not hold alike, causes before what may follow from them, then from the root outwards.
 
-    ``held`` is by subject; ``models`` are the files by format, for their lines. Rows have more than ``above`` ulps.
+    ``held`` is by subject; ``models`` are the files by format, for their lines. Rows have more than ``above`` ulps, or than that
+    many times (d / 8)^2 where the deepest joint concerned is the d-th from the root, d > 8.
     """
     if len(held) < 2:
         return []
@@ -97,10 +103,13 @@ def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str,
     length = max(map(_length, held.values()))
     moved: set[str] = set()
     rows = []
-    for owner, quantity, found, items in _compared(held, _from_the_root(parents)):
+    depths = {joint: 1 + len(list(_joints_above(parents, joint))) for joint in parents}
+    for owner, quantity, found, items, numbers in _compared(held, sorted(depths, key=lambda joint: depths[joint]), length):
         values = {subject: "none" if item is None else found.value(item) for subject, item in items.items()}
-        groups, ulps = _groups(items, found, length, above)
-        if ulps <= above:
+        depth = max(depths.values(), default=0) if quantity in OF_SPRINGS else depths.get(owner, 0)
+        bound = above * max(1.0, depth / _SHALLOW) ** 2
+        groups, ulps = _groups(items, found, length, bound)
+        if ulps <= bound:
             continue
         above_it = list(_joints_above(parents, owner))[::-1] + ([owner] if quantity in OF_BODIES else [])
         formats = {subject.partition("/")[2] for subject in held} & set(models)
@@ -112,7 +121,7 @@ def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str,
                 subjects=groups,
                 values=tuple(values[group[0]] for group in groups),
                 ulps=ulps,
-                lines={name: quantities.lines_of(models[name], quantity, owner) for name in sorted(formats)},
+                lines={name: quantities.lines_of(models[name], quantity, numbers.get(name, owner)) for name in sorted(formats)},
                 files={name: str(models[name].path) for name in sorted(formats)},
                 follows=next((joint for joint in above_it if joint in moved), ""),
             )
@@ -127,21 +136,46 @@ def _length(model: HeldModel) -> float:
     return max((float(np.linalg.norm(point)) for point in points), default=0.0)
 
 
-def _compared(held: Mapping[str, HeldModel], joints: Sequence[str]) -> Iterator[tuple[str, str, Quantity, dict[str, Any]]]:
-    """Owner, name of the quantity, the quantity, and subject to the item that has it; None where a subject has no such item."""
+def _compared(
+    held: Mapping[str, HeldModel], joints: Sequence[str], length: float
+) -> Iterator[tuple[str, str, Quantity, dict[str, Any], Mapping[str, str]]]:
+    """Owner, name of the quantity, the quantity, subject to the item that has it, and format to the number of a spring in it.
+
+    An item is None where a subject has none.
+    """
     for name, quantity in OF_MODELS.items():
-        yield "", name, quantity, dict(held)
+        yield "", name, quantity, dict(held), {}
     for joint in joints:
         own = {subject: model.joints.get(joint) for subject, model in held.items()}
         present = {subject: item for subject, item in own.items() if item is not None}
         for name, quantity in OF_JOINTS.items():
-            yield joint, name, quantity, dict(own if name == quantities.JOINT else present)
+            yield joint, name, quantity, dict(own if name == quantities.JOINT else present), {}
         for name, quantity in OF_BODIES.items():
-            yield joint, name, quantity, {subject: held[subject].bodies.get(joint, NOTHING) for subject in present}
-    for number in range(max(len(model.springs) for model in held.values())):
+            yield joint, name, quantity, {subject: held[subject].bodies.get(joint, NOTHING) for subject in present}, {}
+    most = max((model.springs for model in held.values()), key=len)
+    partners = {subject: _partners(most, model.springs, length) for subject, model in held.items()}
+    for number in range(len(most)):
+        places = {subject: found[number] for subject, found in partners.items()}
+        springs = {subject: None if place is None else held[subject].springs[place] for subject, place in places.items()}
+        numbers = {subject.partition("/")[2]: "0" for subject in places}
+        numbers |= {subject.partition("/")[2]: str(place + 1) for subject, place in places.items() if place is not None}
         for name, quantity in OF_SPRINGS.items():
-            items = {subject: model.springs[number] if number < len(model.springs) else None for subject, model in held.items()}
-            yield str(number + 1), name, quantity, items
+            yield str(number + 1), name, quantity, dict(springs), numbers
+
+
+def _partners(springs: Sequence[HeldSpring], others: Sequence[HeldSpring], length: float) -> list[int | None]:
+    """For each of ``springs`` the place of the one of ``others`` with the nearest ends, of equals that in the same order."""
+    ends = OF_SPRINGS[quantities.SPRING_ENDS].ulps
+    pairs = [
+        (apart if (apart := ends(one, other, length)) > SOUND else 0.0, abs(place - there), place, there)
+        for place, one in enumerate(springs)
+        for there, other in enumerate(others)
+    ]
+    found: dict[int, int] = {}
+    for _, _, place, there in sorted(pairs):
+        if place not in found and there not in found.values():
+            found[place] = there
+    return [found.get(place) for place in range(len(springs))]
 
 
 def _groups(items: Mapping[str, Any], quantity: Quantity, length: float, above: float) -> tuple[tuple[tuple[str, ...], ...], float]:
@@ -171,7 +205,3 @@ def _joints_above(parents: Mapping[str, str], joint: str) -> Iterator[str]:
     while (joint := parents.get(joint, "")) and joint not in seen:
         seen.add(joint)
         yield joint
-
-
-def _from_the_root(parents: Mapping[str, str]) -> list[str]:
-    return sorted(parents, key=lambda joint: len(list(_joints_above(parents, joint))))

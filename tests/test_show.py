@@ -16,7 +16,7 @@ from harness.derivation import load_mechanism
 from harness.geometry import Placement, place
 from harness.joint_table import joint_rows
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models import read_model
+from harness.models import parse_model, read_model
 from harness.new import write_example
 from harness.picture import draw
 from harness.views import CORNER, choose_view
@@ -185,3 +185,16 @@ def test_every_mechanism_can_be_drawn_on_its_sheet(modelled_name: str, model_for
         for circle in root.iter("{http://www.w3.org/2000/svg}circle"):
             assert 0 <= float(circle.attrib["cx"]) <= width
             assert 0 <= float(circle.attrib["cy"]) <= height
+
+
+def test_a_urdf_on_one_line_has_a_row_per_joint_and_none_per_transmission() -> None:
+    inertial = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    text = (
+        f'<robot name="r" xmlns:drake="d"><link name="world"/><link name="bar">{inertial}</link>'
+        '<transmission name="gear"><type>SimpleTransmission</type><joint name="pin"/>'
+        '<actuator name="motor"><drake:rotor_inertia value="0.01"/></actuator></transmission>'
+        '<joint name="pin" type="revolute"><parent link="world"/><child link="bar"/><axis xyz="0 1 0"/>'
+        '<limit effort="1" velocity="1"/></joint></robot>'
+    )
+    (row,) = joint_rows(parse_model(Path("r.urdf"), text, "urdf"))
+    assert (row.joint, row.kind, row.axis, row.armature) == ("pin", "revolute", "0 1 0", "0.01")

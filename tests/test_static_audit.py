@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from support import BUILT_IN
 
+from harness.audit import audit
 from harness.derivation import load_mechanism
 from harness.engines import EQUATIONS, HeldModel, Unsupported, load_engine, subjects
 from harness.engines._mujoco_held import fused
@@ -145,6 +147,8 @@ def held_by_all(models: Mapping[str, ModelFile], gravity: float) -> dict[str, He
     """What each subject that can express the mechanism holds."""
     held = {}
     for subject in READERS:
+        if subject.format not in models:
+            continue
         model = models[subject.format]
         try:
             loaded = load_engine(BUILT_IN, subject.engine).load(model, list(model.joint_lines), gravity)
@@ -293,6 +297,25 @@ def random_chain(seed: int, links: int) -> dict[str, str]:
     }
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_roundings_of_a_deep_chain_are_sound_and_a_mistake_of_1e_10_is_not(seed: int) -> None:
+    """More than 256 ulps, but no more than (30 / 8)^2 times that, where a planted mistake makes hundreds of thousands."""
+    texts = random_chain(seed, links=30)
+    assert audited(texts) == []
+    assert max(row.ulps for row in audited(texts, above=1.0)) > SOUND
+    for name in ("mass", "axis"):
+        *_, last = re.finditer(rf'{name}="([^ "]*)', texts["mjcf"])
+        number = repr(float(last[1]) * (1 + 1e-10))
+        wrong = texts["mjcf"][: last.start(1)] + number + texts["mjcf"][last.end(1) :]
+        rows = audited({**texts, "mjcf": wrong})
+        assert (name, "joint29") in {(row.quantity, row.joint) for row in rows}
+    # The bound does not grow near the root.
+    (row,) = audited(
+        {**texts, "mjcf": re.sub('mass="([^"]*)"', lambda found: f'mass="{float(found[1]) * (1 + 1e-13)!r}"', texts["mjcf"], count=1)}
+    )
+    assert (row.quantity, row.joint) == ("mass", "joint0") and row.ulps < SOUND * (30 / 8) ** 2
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_quaternions_and_angles_make_the_same_chain(seed: int) -> None:
     """Up to 25 ulps in axes and points after six turns, and 89 in inertias, where MuJoCo's reader takes a tensor apart."""
@@ -368,6 +391,124 @@ def test_a_missing_joint_and_spring_are_told() -> None:
     assert all("none" in row.values and math.isinf(row.ulps) for row in rows)
     rows = audited({**TEXTS, "mjcf": MJCF.replace('name="elbow"', 'name="knee"')})
     assert {(row.quantity, row.joint) for row in rows} >= {("joint", "elbow"), ("joint", "knee")}
+
+
+ROPE = MJCF[MJCF.index("    <spatial") : MJCF.index("  </tendon>")]
+IDLE = ROPE.replace('name="rope" stiffness="20" damping="0.5" springlength="0.75"', 'name="idle"')
+CORD = URDF[URDF.index("  <drake:linear_spring_damper>") : URDF.index("</robot>")]
+# From the origin, to nearly the same point of the arm.
+SECOND_ROPE = ROPE.replace('"rope"', '"cord"').replace('stiffness="20"', 'stiffness="30"').replace('"wall"', '"floor"')
+SECOND_CORD = CORD.replace("-1 0 0.5", "0 0 0").replace('stiffness value="20"', 'stiffness value="30"')
+FLOOR = '<site name="wall" pos="-1 0 0.5"/>', '<site name="floor" pos="0 0 0"/><site name="wall" pos="-1 0 0.5"/>'
+
+
+@pytest.mark.parametrize("stage", ["spring", "damper", "both"])
+def test_springs_that_do_nothing_are_not_held(stage: str) -> None:
+    """Switched off in MJCF, of no stiffness and damping in URDF, or idle tendons: whatever the engine, there is no spring."""
+    off = {"spring": ["spring"], "damper": ["damper"], "both": ["spring", "damper"]}[stage]
+    flags = " ".join(f'{flag}="disable"' for flag in off)
+    mjcf, urdf = MJCF.replace("<flag ", f"<flag {flags} "), URDF
+    if "spring" in off:
+        urdf = urdf.replace('stiffness value="20"', 'stiffness value="0"')
+        urdf = urdf.replace("<springStiffness>40<", "<springStiffness>0<").replace("<springStiffness>7<", "<springStiffness>0<")
+    if "damper" in off:
+        urdf = urdf.replace('damping value="0.5"', 'damping value="0"').replace('<dynamics damping="0.1"/>', "")
+        urdf = urdf.replace('<dynamics damping="0.3"/>', "")
+    for texts in ({"mjcf": mjcf.replace(ROPE, IDLE + ROPE), "urdf": urdf}, {"mjcf": mjcf, "urdf": urdf}):
+        assert audited(texts) == []
+        models = {name: parse_model(Path(name), text, name) for name, text in texts.items()}
+        assert {len(model.springs) for model in held_by_all(models, 9.81).values()} == {0 if stage == "both" else 1}
+    # One without the other is a difference, of which the flag is the line.
+    (line,) = (number for number, text in enumerate(mjcf.splitlines(), 1) if "<flag" in text)
+    rows = [row for row in audited({"mjcf": mjcf, "urdf": URDF}) if row.quantity.startswith("point spring")]
+    assert rows and all(line in row.lines["mjcf"] for row in rows if "none" in row.values or "stiffness" in row.quantity)
+
+
+def test_a_rope_of_no_stiffness_is_not_one_where_only_springs_are_off() -> None:
+    mjcf = MJCF.replace("<flag ", '<flag spring="disable" ').replace(' damping="0.5"', "")
+    held = held_by_all({name: parse_model(Path(name), text, name) for name, text in {"mjcf": mjcf, "urdf": URDF}.items()}, 9.81)
+    assert {name: len(model.springs) for name, model in held.items()} == {
+        "mujoco/mjcf": 0, "pinocchio/mjcf": 0, "mujoco/urdf": 1, "pinocchio/urdf": 1,
+    }  # fmt: skip
+
+
+def test_springs_are_compared_by_their_ends_whatever_their_order() -> None:
+    mjcf, urdf = MJCF.replace(*FLOOR).replace(ROPE, ROPE + SECOND_ROPE), URDF.replace(CORD, SECOND_CORD + CORD)
+    assert audited({"mjcf": mjcf, "urdf": urdf}) == []
+    wrong = urdf.replace('stiffness value="30"', 'stiffness value="31"')
+    (row,) = audited({"mjcf": mjcf, "urdf": wrong})
+    assert (row.quantity, row.joint, sorted(row.values)) == ("point spring stiffness", "2", [30.0, 31.0])
+    found = {"mjcf": mjcf.index('stiffness="30"'), "urdf": wrong.index('stiffness value="31"')}
+    assert {name: lines[0] for name, lines in row.lines.items()} == {
+        name: text.count("\n", 0, found[name]) + 1 for name, text in {"mjcf": mjcf, "urdf": wrong}.items()
+    }
+    # Moved by more than the two are apart, the second is still the partner that is left.
+    rows = audited({"mjcf": mjcf, "urdf": urdf.replace('p_AP value="0 0 0"', 'p_AP value="-1 0 0.6"')})
+    assert [(row.quantity, row.joint) for row in rows] == [("point spring ends", "2")]
+
+
+def test_a_spring_behind_an_idle_one_has_its_own_line() -> None:
+    idle = CORD.replace('stiffness value="20"', 'stiffness value="0"').replace('damping value="0.5"', 'damping value="0"')
+    mjcf, urdf = MJCF.replace(ROPE, IDLE + ROPE).replace('stiffness="20"', 'stiffness="21"'), URDF.replace(CORD, idle + CORD)
+    (row,) = audited({"mjcf": mjcf, "urdf": urdf})
+    assert row.lines["mjcf"] == (mjcf[: mjcf.index('stiffness="21"')].count("\n") + 1,)
+    assert row.lines["urdf"][0] == urdf[: urdf.index('stiffness value="20"')].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("default", "own", "quantity", "joint"),
+    [
+        ('<joint damping="0.2"/>', ' damping="0.1"', "damping", "elbow"),
+        ('<joint axis="0 0.8 0.6"/>', ' axis="0 1 0"', "axis", "elbow"),
+        ('<tendon stiffness="21"/>', ' stiffness="20"', "point spring stiffness", "1"),
+        ('<tendon springlength="0.7"/>', ' springlength="0.75"', "point spring length", "1"),
+        ('<site pos="-1 0 0.6"/>', ' pos="-1 0 0.5"', "point spring ends", "1"),
+    ],
+)
+def test_what_a_default_class_says_is_told_with_the_line_of_the_class(default: str, own: str, quantity: str, joint: str) -> None:
+    mjcf = MJCF.replace("  <worldbody>", f"  <default>\n    {default}\n  </default>\n  <worldbody>").replace(own, "")
+    rows = {(row.quantity, row.joint): row for row in audited({"mjcf": mjcf, "urdf": URDF})}
+    assert mjcf[: mjcf.index(default)].count("\n") + 1 in rows[quantity, joint].lines["mjcf"][: 1 if "ends" not in quantity else None]
+
+
+def test_gravity_that_is_switched_off_is_none_for_every_question() -> None:
+    """A gravity-free system may be written with the flag as well as with zeros, and no text says -0."""
+    model = read_model(BUILT_IN.model_path("tora", "mjcf"), "mjcf")
+    mechanism = load_mechanism(BUILT_IN, "tora")
+    assert mechanism.gravity == 0
+    falling = re.sub("<option[^>]*>", '<option gravity="0 0 -9.81">', model.text).replace(' gravity="disable"', "")
+    still = falling.replace("<flag", '<flag gravity="disable"')
+    assert falling != model.text and still != falling
+    for engine in (load_engine(BUILT_IN, name) for name in ("mujoco", "pinocchio")):
+        loaded = engine.load(parse_model(model.path, still, "mjcf"), mechanism.joints, 0.0)
+        held = loaded.loaded()
+        assert held is not None and held.gravity == tuple(loaded.held().gravity) == (0, 0, 0)  # type: ignore[attr-defined]
+        audit(held, model, mechanism)
+        fallen = engine.load(wrong := parse_model(model.path, falling, "mjcf"), mechanism.joints, 0.0).loaded()
+        assert fallen is not None
+        with pytest.raises(InvalidModel, match=r"gravity is 0 0 -9\.81 m/s\^2, expected 0 0 0 as"):
+            audit(fallen, wrong, mechanism)
+
+
+def test_links_of_no_mass_hold_none_however_light_what_they_carry() -> None:
+    """A flange with a tool, and a cross between two hinges, that MuJoCo would not compile without a least inertia."""
+    none = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    light = none.replace('"0"/><inertia', '"0.02"/><inertia').replace('ixx="0"', 'ixx="1e-5"').replace('iyy="0"', 'iyy="1e-5"')
+    light = light.replace('izz="0"', 'izz="1e-5"')
+    links = "".join(f'<link name="{name}">{inertial}</link>' for name, inertial in (("cross", none), ("flange", none), ("tool", light)))
+    joints = "".join(
+        f'<joint name="to_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+        '<limit effort="0" velocity="0"/></joint>'
+        for kind, parent, child, axis in (
+            ("revolute", "world", "cross", "1 0 0"), ("revolute", "cross", "flange", "0 1 0"), ("fixed", "flange", "tool", "0 0 1")
+        )
+    )  # fmt: skip
+    text = f'<robot name="light"><link name="world"/>{links}{joints}</robot>'
+    models = {"urdf": parse_model(Path("light.urdf"), text, "urdf")}
+    held = held_by_all(models, 9.81)
+    assert set(held) == {"mujoco/urdf", "pinocchio/urdf"}
+    assert differences("light", held, models) == []
+    assert held["mujoco/urdf"].bodies["to_cross"].mass == 0.0 and held["mujoco/urdf"].bodies["to_flange"].mass == 0.02
 
 
 def test_what_no_motion_feels_is_not_compared() -> None:

@@ -61,13 +61,13 @@ class HeldJoint:
     """A joint as an engine holds it after loading, in the world's frame with every joint at zero.
 
     Attributes:
-        kind: "hinge", "slide", "ball" or "free".
+        kind: "hinge", "slide", "ball", "free" or "planar".
         parent: name of the joint whose body carries it; "" for the world.
-        anchor: a point of the axis, or the centre of a ball [m], (3,). axis: unit vector, (3,); zero for ball and free joints.
+        anchor: a point of the axis, or the centre of a ball [m], (3,). axis: unit vector, (3,); zero for ball, free and planar joints.
         armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
             spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
             the harness adds for it, applies them.
-        frame: rotation to the world of the axes in which a ball or free joint has its angular velocity, (3, 3); the identity
+        frame: rotation to the world of the axes in which a ball, free or planar joint has its velocity, (3, 3); the identity
             for hinges and slides.
     """
 

@@ -22,6 +22,14 @@ def joint_kinds() -> dict[int, str]:
     return {int(value): name for name, value in kinds.items()}
 
 
+def gravity_of(model: Any) -> Array:
+    """(3,) gravity [m/s^2] that an ``MjModel`` applies: zero where it switches it off."""
+    import mujoco
+
+    is_off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    return np.zeros(3) if is_off else np.array(model.opt.gravity)
+
+
 def held(model: Any) -> HeldModel:
     """``model`` with every position at 0 and every quaternion at (1, 0, 0, 0), whatever its ``ref`` and ``qpos0``.
 
@@ -39,9 +47,7 @@ def held(model: Any) -> HeldModel:
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
     off = int(model.opt.disableflags)
-    springs, dampers, gravity = (
-        0.0 if off & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}")) else 1.0 for part in ("SPRING", "DAMPER", "GRAVITY")
-    )
+    springs, dampers = (0.0 if off & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}")) else 1.0 for part in ("SPRING", "DAMPER"))
 
     names = [model.joint(number).name for number in range(model.njnt)]
     # Weld group, which is numbered as the body that has its joints, to its last joint; the world has none.
@@ -69,7 +75,7 @@ def held(model: Any) -> HeldModel:
             inertia = turned * model.body_inertia[body] @ turned.T
             parts.setdefault(last[group], []).append((float(model.body_mass[body]), data.xipos[body], inertia))
     return HeldModel(
-        gravity=gravity * np.array(model.opt.gravity),
+        gravity=gravity_of(model),
         joints=joints,
         bodies={name: fused(welded) for name, welded in parts.items()},
         springs=tuple(_springs(model, data, springs, dampers)),
@@ -89,16 +95,17 @@ def fused(parts: Sequence[tuple[float, Array, Array]]) -> HeldBody:
 
 
 def _springs(model: Any, data: Any, springs: float, dampers: float) -> list[HeldSpring]:
-    """Spatial tendons that are springs or dampers; of a spring with a slack range the lower length is told."""
+    """Spatial tendons that are springs or dampers, switched on; of a spring with a slack range the lower length is told."""
     found = []
     for tendon in range(model.ntendon):
         first, count = int(data.ten_wrapadr[tendon]), int(data.ten_wrapnum[tendon])
-        if count > 1 and (model.tendon_stiffness[tendon] or model.tendon_damping[tendon]):
+        stiffness, damping = springs * float(model.tendon_stiffness[tendon]), dampers * float(model.tendon_damping[tendon])
+        if count > 1 and (stiffness or damping):
             found.append(
                 HeldSpring(
                     points=data.wrap_xpos.reshape(-1, 3)[first : first + count].copy(),
-                    stiffness=springs * float(model.tendon_stiffness[tendon]),
-                    damping=dampers * float(model.tendon_damping[tendon]),
+                    stiffness=stiffness,
+                    damping=damping,
                     free_length=float(model.tendon_lengthspring[tendon, 0]),
                 )
             )

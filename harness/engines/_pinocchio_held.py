@@ -64,6 +64,7 @@ def held(model: Any, places: Mapping[str, JointPlace], force_elements: ForceElem
     springs_between_points = tuple(
         HeldSpring(ends, spring.stiffness, spring.damping, spring.free_length)
         for spring, ends in force_elements.ends_of_point_springs(pinocchio.neutral(model))
+        if spring.stiffness or spring.damping
     )
     return HeldModel(model.gravity.linear.copy(), joints, bodies, springs_between_points)
 

@@ -39,7 +39,7 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
     import pinocchio
 
     document = parse_document(file.path, file.text, ROOT_TAGS["mjcf"])
-    refuse_ignored(file, document)
+    _refuse_ignored(file, document)
     with tempfile.TemporaryDirectory() as folder, captured_standard_error() as captured:
         path = Path(folder, "model.xml")
         path.write_text(file.text, encoding="utf-8")
@@ -47,16 +47,16 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
             model = pinocchio.buildModelFromMJCF(path)
         except Exception as error:
             raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured.text() or ' '.join(str(error).split())}") from error
-    return model, composites(document)
+    return model, _composites(document)
 
 
-def composites(document: Document) -> dict[str, tuple[str, ...]]:
+def _composites(document: Document) -> dict[str, tuple[str, ...]]:
     """Name of each composite joint that the reader makes to the joints it is made of, in their order."""
     joints = {body: [str(joint.get("name")) for joint in body.iterchildren("joint")] for body in document.root.iter("body")}
     return {f"Composite_{names[0]}": tuple(names) for names in joints.values() if len(names) > 1}
 
 
-def refuse_ignored(file: ModelFile, document: Document) -> None:
+def _refuse_ignored(file: ModelFile, document: Document) -> None:
     """Raises Unsupported, with all that this reader does not read as MuJoCo does and nobody supplies."""
     found = [(missing.line, f"{missing.what}, which the harness cannot supply") for missing in file.unexpressed]
     found += [(document.lines[element], f"{_shown(element)} {why}") for element, why in _ignored(document.root)]
@@ -73,6 +73,8 @@ def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
         for again in root.findall(tag)[1:]:
             yield again, f"is a second <{tag}>, which it passes over; write one"
     for world in root.iterfind("worldbody"):
+        for late in world.itersiblings("compiler", "default"):
+            yield late, "stands behind <worldbody>, which it has read by then; write it before"
         for body in world.findall("body")[1:]:
             yield body, "is a further body in <worldbody>, which it passes over; it reads the first"
         for element in world.iter("frame", "body", "joint"):
@@ -91,8 +93,11 @@ def _of_body(body: etree._Element) -> Iterator[tuple[etree._Element, str]]:
     joints = body.findall("joint")
     kinds = [resolved(joint, "type") for joint in joints]
     is_free = body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds)
+    is_turned = any(name in body.attrib for name in _TURNS)
+    if body.getparent().tag == "worldbody" and not joints and not is_free and (is_turned or _nonzero(body, "pos")):
+        yield body, "is fixed to the world in a pose, which it passes over; give the pose to what it holds"
     # Its placement p of a free body turned by R is undone as p - R p.
-    if is_free and _nonzero(body, "pos") and any(name in body.attrib for name in _TURNS):
+    if is_free and _nonzero(body, "pos") and is_turned:
         yield body, "has a free joint and a pose both shifted and turned, which it undoes wrongly; leave the pose out, for q replaces it"
     if len(joints) > 1:
         for joint in joints:
@@ -127,8 +132,9 @@ def _of_orientation(element: etree._Element) -> Iterator[tuple[etree._Element, s
             yield element, f'axisangle="{shorten(str(element.get("axisangle")))}" has no unit axis, which it needs; write a quat'
     if "zaxis" in element.attrib:
         x, y, z = map(float, str(element.get("zaxis")).split())
-        if x == y == 0 > z:
-            yield element, f'zaxis="{shorten(str(element.get("zaxis")))}" points down, and it chooses another turn; write a quat'
+        # Near z and -z the two lose digits, or choose other turns.
+        if not x == y == 0 < z:
+            yield element, f'zaxis="{shorten(str(element.get("zaxis")))}" is turned by another formula than MuJoCo\'s; write a quat'
 
 
 def _nonzero(element: etree._Element, name: str) -> bool:

@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_urdf, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
 from harness.kernels import Array
 from harness.mechanism import Mechanism
 from harness.models import ModelFile
 
 
 class MujocoModel:
-    """An ``MjModel`` and the batch that runs it."""
+    """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF."""
 
-    def __init__(self, model: Any, joints: Sequence[str], edits: Sequence[Any] | None = None) -> None:
+    def __init__(self, model: Any, joints: Sequence[str], building: str | None = None) -> None:
         self.model = model
-        self._edits = edits
+        self._building = building
         self._joints = joints
         self._batch: Any = None
 
@@ -37,12 +37,10 @@ class MujocoModel:
         sizes = {mujoco.mjtJoint.mjJNT_FREE: (7, 6), mujoco.mjtJoint.mjJNT_BALL: (4, 3)}
         joints = {model.joint(i).name: sizes.get(mujoco.mjtJoint(int(model.jnt_type[i])), (1, 1)) for i in range(model.njnt)}
         moving = model.body_weldid != 0
-        gravity = tuple(float(component) for component in model.opt.gravity)
+        gravity = _mujoco_held.gravity_of(model).tolist()
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
 
     def held(self) -> HeldModel:
-        from harness.engines import _mujoco_held
-
         return _mujoco_held.held(self.model)
 
     @cached_property
@@ -84,10 +82,9 @@ class MujocoModel:
         qpos, qvel, applied, expected = (values.tolist() for values in own)
         how = "path" if is_file else "string"
         read = f"m = mujoco.MjModel.from_xml_{how}({source})"
-        if self._edits is not None:
+        if self._building is not None:
             # The reader of URDF passes over springs, armatures and more; they are set in its spec.
-            edits = [_mujoco_urdf.WITHOUT_DECORATION, *map(str, self._edits)]
-            read = f"s = mujoco.MjSpec.from_{how.replace('path', 'file')}({source}); {'; '.join(edits)}; m = s.compile()"
+            read = f"s = mujoco.MjSpec.from_{how.replace('path', 'file')}({source}); {self._building}"
         return (
             f"import mujoco; {read}; d = mujoco.MjData(m)\n"
             f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"
@@ -106,8 +103,8 @@ class MujocoEngine:
         mujoco.set_mju_user_warning(lambda message: None)
         file = require_model(source, "mujoco")
         if file.format == "urdf":
-            compiled, edits = _mujoco_urdf.read(file, gravity)
-            return MujocoModel(compiled, joints, edits)
+            compiled, building = _mujoco_urdf.read(file, gravity)
+            return MujocoModel(compiled, joints, building)
         model = mujoco.MjModel.from_xml_string(file.text)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return MujocoModel(model, joints)

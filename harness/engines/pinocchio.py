@@ -21,6 +21,7 @@ import numpy as np
 
 from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
 from harness.engines._pinocchio_joints import joint_places
+from harness.errors import InvalidModel
 from harness.force_elements import ForceElements
 from harness.kernels import Array
 from harness.mechanism import Mechanism
@@ -34,7 +35,7 @@ class PinocchioModel:
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints
-        self._format = file.format
+        self._file = file
         self.places = joint_places(model, composites)
         self.force_elements = ForceElements(model, file.force_elements, self.places)
         self._data = model.createData()
@@ -54,11 +55,18 @@ class PinocchioModel:
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
-        """Position and velocity indices of the joints, in their order; Pinocchio's quaternions end with w."""
+        """Position and velocity indices of the joints, in their order; Pinocchio's quaternions end with w.
+
+        Raises:
+            InvalidModel: a joint stands in Pinocchio's q as the cosine and sine of its position.
+        """
         positions: list[int] = []
         velocities: list[int] = []
         for name in dict.fromkeys(self._joints):
             joint = self.places[name]
+            if (joint.nq, joint.nv) == (2, 1):
+                problem = f"joint {name!r} is continuous, which Pinocchio gives two positions, expected one; make it revolute"
+                raise InvalidModel(self._file.path, self._file.joint_lines.get(name, self._file.root_line), problem)
             indices = list(range(joint.idx_q, joint.idx_q + joint.nq))
             if joint.nq > joint.nv:
                 indices[-4:] = [indices[-1], *indices[-4:-1]]
@@ -93,7 +101,7 @@ class PinocchioModel:
 
     def reading(self, source: str, is_file: bool) -> str:
         """Python text that reads the model into ``m``."""
-        if self._format == "mjcf":
+        if self._file.format == "mjcf":
             imports, write = "import numpy as np, pinocchio as pin", ""
             if not is_file:
                 # This reader takes files only.
