@@ -29,19 +29,6 @@ def are_parallel(first: Column, second: Column) -> bool:
     return sine <= SAFETY * (first.noise + second.noise)
 
 
-def classes(columns: Sequence[Column]) -> list[list[int]]:
-    """Places in ``columns`` of those that no acceleration can tell apart, each column in one class."""
-    found: list[list[int]] = []
-    for place, column in enumerate(columns):
-        for members in found:
-            if are_parallel(columns[members[0]], column):
-                members.append(place)
-                break
-        else:
-            found.append([place])
-    return found
-
-
 @dataclass(frozen=True)
 class BaseParameters:
     """What k columns determine.

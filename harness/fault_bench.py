@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from harness.agreement_pattern import NOTHING, UNDECIDED, infer
-from harness.attributes import Watch, largest_change
+from harness.attributes import largest_change
 from harness.audit import audit
 from harness.compare import compare
 from harness.derivation import load_mechanism
 from harness.engines import EQUATIONS, Engine, LoadedModel, Subject, Unsupported, linear_velocity_in_body, load_engine, select_subjects
-from harness.errors import InvalidModel
-from harness.fault_walk import promised, smallest_caught
+from harness.errors import InvalidInput, InvalidModel
+from harness.expected import Expectation
+from harness.fault_walk import Baseline, answer_to, expectations, is_caught, require_sound, smallest_caught
 from harness.hypotheses import Planted
 from harness.kernels import Array
 from harness.library import Library
@@ -28,7 +29,7 @@ from harness.minimal import CHANGE, NOISE
 from harness.models import ModelFile, parse_model, read_model
 from harness.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.reference import Reference, ReferenceKernel
-from harness.states import sample
+from harness.states import States, sample
 from harness.verdict import Verdict, gravest
 
 RED = (Verdict.DISAGREES.value, Verdict.ERROR.value, Verdict.UNSTABLE.value)
@@ -60,13 +61,21 @@ class Answer:
 
 @dataclass(frozen=True)
 class Reader:
-    """A subject that reads the file, with its certified reference and its answers to the sound file, (n, nv)."""
+    """A subject that reads the file, with its answers to the sound file, (n, nv), and what others are judged by.
+
+    ``diagnostic_states`` are those at which a diagnosis may ask it, with their certified reference.
+    """
 
     subject: Subject
     engine: Engine
-    reference: Reference
-    in_body: bool
+    baseline: Baseline
     healthy: Array
+    diagnostic_states: States
+    diagnostic_reference: Reference
+
+    def movement(self, answers: Array) -> float:
+        """The largest change of answers, (n, nv), relative to the joint's largest, where those to the sound file agree."""
+        return largest_change(self.healthy[self.baseline.sound], answers[self.baseline.sound])
 
 
 class Bench:
@@ -74,10 +83,10 @@ class Bench:
 
     Attributes:
         mechanism, model: as they are in the library. readers: of the file; others: the other subjects and their verdicts.
-        diagnostic_states: at which diagnoses ask.
 
     Raises:
-        harness.errors.InvalidInput: the system or its model cannot be used.
+        harness.errors.InvalidInput: the system or its model cannot be used, or a subject that can express the mechanism refuses its
+            model or is wrong before any fault is planted.
     """
 
     def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int) -> None:
@@ -85,44 +94,56 @@ class Bench:
         self.mechanism: Mechanism = load_mechanism(library, name)
         self.model = read_model(library.model_path(name, model_format), model_format)
         self._states = sample(self.mechanism, states, seed)
-        self.diagnostic_states = diagnostic_states(self.mechanism, seed)
+        self._diagnostic_states = diagnostic_states(self.mechanism, seed)
+        self._expected = expectations(library)
         self._kernels: dict[bool, ReferenceKernel] = {}
         self._references: dict[tuple[bool, bool], Reference] = {}
         self.readers: list[Reader] = []
         self.others: dict[str, str] = {}
-        for subject in select_subjects(library, ()):
-            self._join(subject)
+        unsupported = [reason for subject in select_subjects(library, ()) if (reason := self._join(subject))]
+        if not self.readers:
+            raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
-    def reference(self, in_body: bool, diagnostic: bool) -> Reference:
+    def _reference(self, in_body: bool, diagnostic: bool) -> Reference:
         """Certified once: it does not depend on the fault."""
         if in_body not in self._kernels:
             self._kernels[in_body] = ReferenceKernel(self.mechanism, in_body)
         if (in_body, diagnostic) not in self._references:
-            states = self.diagnostic_states if diagnostic else self._states
+            states = self._diagnostic_states if diagnostic else self._states
             self._references[in_body, diagnostic] = self._kernels[in_body].evaluate(states)
         return self._references[in_body, diagnostic]
 
-    def _join(self, subject: Subject) -> None:
+    def _join(self, subject: Subject) -> str:
+        """Hear a subject on the sound models; why it is unsupported, "" where it is not."""
         engine = load_engine(self._library, subject.engine)
-        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
         source: Any = self.mechanism if subject.format == EQUATIONS else self.model
         if subject.format not in (EQUATIONS, self.model.format):
             source = _model_or_none(self._library.model_path(self._name, subject.format), subject.format)
         if source is None:
-            return
+            return ""
+        path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
         try:
-            answers = self._accelerations(engine, source)
-        except (Unsupported, ValueError):
-            return
-        reference = self.reference(in_body, False)
+            answers, diagnostic = self._accelerations(engine, source, self._states, self._diagnostic_states)
+        except Unsupported as reason:
+            return f"{subject}: {reason}"
+        except ValueError as error:
+            raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
+        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
+        reference = self._reference(in_body, False)
+        expected = self._expected.get((self._name, str(subject)), Expectation())
+        require_sound(path, self._name, subject, reference, answers, expected)
         if subject.format == self.model.format:
-            self.readers.append(Reader(subject, engine, reference, in_body, answers))
+            asked = self._reference(in_body, True)
+            sound = Baseline.of(asked, diagnostic).sound
+            baseline = Baseline.of(reference, answers)
+            self.readers.append(Reader(subject, engine, baseline, answers, self._diagnostic_states[sound], asked[sound]))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
+        return ""
 
-    def _accelerations(self, engine: Engine, source: Any) -> Array:
+    def _accelerations(self, engine: Engine, source: Any, *batches: States) -> list[Array]:
         loaded = engine.load(source, self.mechanism.joints, self.mechanism.gravity)
-        return loaded.forward_dynamics(self._states.q, self._states.v, self._states.tau)
+        return [loaded.forward_dynamics(states.q, states.v, states.tau) for states in batches]
 
     def ask(self, text: str) -> Answer:
         """What becomes of the model with another text, at the states of a check."""
@@ -140,14 +161,14 @@ class Bench:
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue
-            except ValueError as error:
+            except (InvalidModel, ValueError) as error:
                 line = re.search(r"\bline (\d+)", str(error))
                 return Answer("reader", str(error), int(line[1]) if line else None)
             held = loaded.loaded()
             if held is not None and refused is None:
                 refused = _refusal_of(held, model, self.mechanism)
-            movement = max(movement, largest_change(one.healthy, answers))
-            verdicts[str(one.subject)] = gravest(compare(one.reference, answers).verdicts.tolist())
+            movement = max(movement, one.movement(answers))
+            verdicts[str(one.subject)] = one.baseline.verdict(answers)
         said = ("audit", str(refused), refused.line) if refused is not None else ("", "", None)
         return Answer(*said, verdicts, movement)
 
@@ -161,23 +182,15 @@ class Bench:
 
     def smallest(self, planted: Planted) -> tuple[float, float, int]:
         """The least size that some reader catches, the promise of theory, and the order in which the size is felt."""
-        watched = [watch(one.engine, self.mechanism, self.model, self._states) for one in self.readers]
-        reference = self.readers[0].reference
-
-        def moved(own: Watch, size: float) -> Array | None:
-            found = own.accelerations(planted.text(size))
-            return own.accelerations(planted.text(-size)) if found is None else found
-
-        def is_caught(size: float) -> bool:
-            answers = ((one.reference, moved(own, size)) for one, own in zip(self.readers, watched, strict=True))
-            return any(found is not None and _is_red(certified, found) for certified, found in answers)
-
-        theory, order = promised(reference, derivative(watched[0], planted.text, 0.0, DIFFERENCE)), 1
+        readers = [(watch(one.engine, self.mechanism, self.model, self._states), one.baseline) for one in self.readers]
+        # Theory speaks of one reader: of the first that has most states to be caught at.
+        watched, baseline = max(readers, key=lambda reader: int(reader[1].sound.sum()))
+        theory, order = baseline.promised(derivative(watched, planted.text, 0.0, DIFFERENCE)), 1
         if theory > DIFFERENCE:
             # The difference saw rounding only: the size is felt by its square.
-            answers, order = moved(watched[0], CHANGE), 2
-            theory = math.inf if answers is None else CHANGE * math.sqrt(promised(reference, answers - watched[0].healthy))
-        return smallest_caught(theory, is_caught), theory, order
+            answers, order = answer_to(watched, planted.text, CHANGE), 2
+            theory = math.inf if answers is None else CHANGE * math.sqrt(baseline.promised(answers - watched.healthy))
+        return smallest_caught(theory, lambda size: is_caught(readers, planted.text, size)), theory, order
 
     def blamed(self, answer: Answer) -> str:
         """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""
@@ -185,10 +198,6 @@ class Bench:
             return ""
         party = infer({**self.others, **answer.verdicts}).party
         return "" if party in (f"model {self.model.format}", NOTHING, UNDECIDED) else party
-
-
-def _is_red(reference: Reference, accelerations: Array) -> bool:
-    return bool((compare(reference, accelerations).verdicts != Verdict.AGREES.value).any())
 
 
 def _model_or_none(path: Path, model_format: str) -> ModelFile | None:

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.diagnosis import diagnose
-from harness.engines import Unsupported
+from harness.engines import Unsupported, select_subjects
 from harness.errors import InvalidModel
 from harness.fault_bench import RED, REFUSED, Answer, Bench
 from harness.fault_records import Fault
-from harness.fault_walk import MOST_ABOVE_THEORY, walkable
+from harness.fault_walk import MOST_ABOVE_THEORY, unwalkable, walkable
 from harness.hypotheses import Candidate, Place, Planted, find_hypotheses
 from harness.library import Library
 from harness.minimal import CHANGE
@@ -94,7 +94,7 @@ class Campaign:
 
     def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
         """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
-        for kind, planted in self._planted().items() if self.bench.readers else ():
+        for kind, planted in self._planted().items():
             found = []
             for one in planted:
                 note(f"{self.model.path}: {kind}: {one.statement} {one.places[0]}")
@@ -163,6 +163,8 @@ class Campaign:
         answer, size = self.bench.ask_sized(planted, size)
         text = planted.text(size)
         red = [one for one in self.bench.readers if answer.verdicts.get(str(one.subject), RED[0]) in RED]
+        # Where digits are lost at every state of a diagnosis it cannot ask.
+        red = [one for one in red if len(one.diagnostic_states)]
         if not red or answer.refused_by in REFUSED:
             return fault
         # The engine whose own format this is, first: what others make of it is partly the harness's.
@@ -170,10 +172,10 @@ class Campaign:
         started = time.perf_counter()
         try:
             wrong = parse_model(self.model.path, text, self.model.format)
-            watched = watch(one.engine, self.bench.mechanism, wrong, self.bench.diagnostic_states)
+            watched = watch(one.engine, self.bench.mechanism, wrong, one.diagnostic_states)
         except (Unsupported, ValueError):
             return fault
-        diagnosis = diagnose(watched, self.bench.reference(one.in_body, True), seconds=self.settings.seconds)
+        diagnosis = diagnose(watched, one.diagnostic_reference, seconds=self.settings.seconds)
         seconds = time.perf_counter() - started
         where = set(fault.where)
         first = diagnosis.first
@@ -218,10 +220,24 @@ def _spread(count: int, most: int | None) -> set[int]:
 def campaigns(library: Library, names: Sequence[str]) -> list[tuple[str, str]]:
     """(system, format) of every model to plant faults in; families by their smallest member.
 
+    Left out are ``without_campaign`` ones.
+
     Raises:
         harness.errors.InvalidRequest: a system that does not exist.
     """
-    return sorted({(name, subject.format) for name, subject in walkable(library, names, ())})
+    return sorted({(name, subject.format) for name, subject in walkable(library, names, _everybody(library))})
+
+
+def without_campaign(library: Library, names: Sequence[str]) -> dict[tuple[str, str], str]:
+    """(system, format) of what every subject is expected not to support, with the reason of the first; raises as above."""
+    excused = unwalkable(library, names, _everybody(library))
+    kept = set(campaigns(library, names))
+    reasons = {(name, subject.format): reason for (name, subject), reason in reversed(excused.items())}
+    return {pair: reasons[pair] for pair in sorted(reasons) if pair not in kept}
+
+
+def _everybody(library: Library) -> list[str]:
+    return [str(subject) for subject in select_subjects(library, ())]
 
 
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:

@@ -79,7 +79,7 @@ class KindOfFault:
         judged: live ones that were diagnosed or refused by name; named, in_class: of these.
         blamed: live ones for which somebody sound is blamed.
         smallest, theory: medians of the least sizes caught and of what theory promises, of faults of first order; None without
-            sizes. above_theory: the largest ratio of the two.
+            sizes.
         seconds: median of the diagnoses [s]; longest: the longest [s].
     """
 
@@ -93,7 +93,6 @@ class KindOfFault:
     blamed: int
     smallest: float | None
     theory: float | None
-    above_theory: float | None
     seconds: float | None
     longest: float | None
 
@@ -124,7 +123,6 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
         blamed=sum(bool(fault.blamed) for fault in live),
         smallest=statistics.median(smallest for smallest, _ in sized) if sized else None,
         theory=statistics.median(theory for _, theory in sized) if sized else None,
-        above_theory=max(smallest / theory for smallest, theory in sized) if sized else None,
         seconds=statistics.median(seconds) if seconds else None,
         longest=max(seconds, default=None),
     )

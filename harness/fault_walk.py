@@ -6,7 +6,8 @@ logarithm. The check is red from AGREEMENT data roundoffs on, so at one state th
     epsilon = AGREEMENT * data roundoff / |D|,
 
 and over many states the least of these. D is taken from the engine itself, by central differences; the
-change that is really caught is searched for by planting it in the file.
+change that is really caught is searched for by planting it in the file. A state at which the engine lost digits
+before anything was planted shows nothing, and is left out of both.
 
 Source: DESIGN's numerics; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.6.
 """
@@ -14,8 +15,9 @@ Source: DESIGN's numerics; Higham, Accuracy and Stability of Numerical Algorithm
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,8 @@ from harness.attributes import Number, Watch, find_elements, scaled
 from harness.compare import compare
 from harness.derivation import load_mechanism
 from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, select_subjects
-from harness.expected import load_expectations, why_no_model
+from harness.errors import InvalidInput
+from harness.expected import Expectation, load_expectations
 from harness.kernels import Array
 from harness.library import Library
 from harness.minimal import CHANGE, NOISE
@@ -32,14 +35,83 @@ from harness.models import ModelFile, read_model
 from harness.perturbation import DIFFERENCE, derivative, watch
 from harness.reference import Reference, ReferenceKernel, energy_norm
 from harness.states import sample
-from harness.verdict import AGREEMENT, Verdict
+from harness.verdict import AGREEMENT, Verdict, gravest
 
 # Two neighbours in the search for the smallest change that is caught are this far apart.
 RESOLUTION = 2.0**0.25
 # Beyond this ratio to theory, digits are lost on the way from the engine to the verdict.
 MOST_ABOVE_THEORY = 10.0
-# The search gives up this far above theory.
+# The search gives up this far above theory, and stops this far below it.
 FURTHEST = 2.0**20
+
+# A text of a model by the relative size of the change in it.
+Text = Callable[[float], str]
+
+
+def expectations(library: Library) -> Mapping[tuple[str, str], Expectation]:
+    """Verdicts of the library that are expected to be other than ``agrees``, by (system, subject)."""
+    return load_expectations(library, [str(subject) for subject in select_subjects(library, ())])
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """What the answers to changed texts of a model are judged by: n certified states, and where the sound text agrees with them.
+
+    Attributes:
+        reference: certified accelerations.
+        sound: (n,) bool; whether the subject agrees on the sound text. A state at which it does not can show no change.
+    """
+
+    reference: Reference
+    sound: np.ndarray[Any, np.dtype[np.bool_]]
+
+    @classmethod
+    def of(cls, reference: Reference, healthy: Array) -> Baseline:
+        """The baseline of a subject that answers ``healthy``, (n, nv), to the sound text."""
+        return cls(reference, compare(reference, healthy).verdicts == Verdict.AGREES.value)
+
+    def verdict(self, accelerations: Array) -> str:
+        """The gravest of all states at which the sound text agrees, of answers (n, nv)."""
+        return gravest(compare(self.reference, accelerations).verdicts[self.sound].tolist())
+
+    def is_red(self, accelerations: Array) -> bool:
+        """Whether answers, (n, nv), disagree where those to the sound text did not."""
+        return self.verdict(accelerations) != Verdict.AGREES.value
+
+    def promised(self, slope: Array | None) -> float:
+        """The least size of a fault that theory says is caught, by the accelerations' derivative by its size, (n, nv)."""
+        return math.inf if slope is None else promised(self.reference[self.sound], slope[self.sound])
+
+
+def require_sound(path: Path, system: str, subject: Subject, reference: Reference, healthy: Array, expected: Expectation) -> None:
+    """Refuse a subject whose answers to the sound model, (n, nv), are wrong; those that lost digits as expected are right.
+
+    Raises:
+        InvalidInput: it disagrees, answers nothing finite, or agrees nowhere; ``path`` is the file to blame.
+    """
+    comparison = compare(reference, healthy)
+    verdict = gravest(comparison.verdicts.tolist())
+    error = float(np.nanmax(comparison.backward_error, initial=0.0))
+    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.backward_error
+    if verdict != Verdict.AGREES.value and not lost_digits:
+        problem = f"the verdict on {subject} is {verdict!r} before any fault is planted (backward error up to {error:.3g})"
+        raise InvalidInput(path, None, f"{problem}, so that it can show none; make 'harness check {system}' green first")
+    if not (comparison.verdicts == Verdict.AGREES.value).any():
+        raise InvalidInput(
+            path, None, f"{subject} agrees at none of {len(reference)} states before any fault is planted; give more --states"
+        )
+
+
+def answer_to(watch: Watch, text: Text, size: float) -> Array | None:
+    """The accelerations (n, nv) with a change of a size, in the other direction where that is refused; None where both are."""
+    answers = watch.accelerations(text(size))
+    return watch.accelerations(text(-size)) if answers is None else answers
+
+
+def is_caught(readers: Iterable[tuple[Watch, Baseline]], text: Text, size: float) -> bool:
+    """Whether a change of a size turns the answers of any reader red."""
+    answers = ((baseline, answer_to(watched, text, size)) for watched, baseline in readers)
+    return any(answer is not None and baseline.is_red(answer) for baseline, answer in answers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +169,7 @@ class FaultWalk:
         states: number of sampled states at which a change may show; seed: of them.
 
     Raises:
-        harness.errors.InvalidInput: the system or its model cannot be used.
+        harness.errors.InvalidInput: the system or its model cannot be used, or the sound model does not agree.
         harness.engines.Unsupported: the engine cannot express the mechanism; ValueError: it refuses the model.
     """
 
@@ -107,7 +179,7 @@ class FaultWalk:
     states: int
     seed: int = 0
     model: ModelFile = field(init=False)
-    _reference: Reference = field(init=False)
+    _baseline: Baseline = field(init=False)
     _watch: Watch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -115,8 +187,11 @@ class FaultWalk:
         self.model = read_model(self.library.model_path(self.name, self.subject.format), self.subject.format)
         engine = load_engine(self.library, self.subject.engine)
         states = sample(mechanism, self.states, self.seed)
-        self._reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
+        reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
         self._watch = watch(engine, mechanism, self.model, states)
+        expected = expectations(self.library).get((self.name, str(self.subject)), Expectation())
+        require_sound(self.model.path, self.name, self.subject, reference, self._watch.healthy, expected)
+        self._baseline = Baseline.of(reference, self._watch.healthy)
 
     def caught(self) -> Iterator[Caught]:
         """Every live number, in the order of the file."""
@@ -139,23 +214,16 @@ class FaultWalk:
         def text(change: float) -> str:
             return scaled(self.model.text, changed, 1 + change)
 
-        theory = promised(self._reference, derivative(self._watch, text, 0.0, DIFFERENCE))
+        theory = self._baseline.promised(derivative(self._watch, text, 0.0, DIFFERENCE))
         return Caught(
             system=self.name,
             subject=str(self.subject),
             file=self.model.path.name,
             number=number,
             changed=tuple(changed),
-            smallest=smallest_caught(theory, lambda change: self._is_caught(changed, change)),
+            smallest=smallest_caught(theory, lambda change: is_caught([(self._watch, self._baseline)], text, change)),
             theory=theory,
         )
-
-    def _is_caught(self, changed: Sequence[Number], change: float) -> bool:
-        moved = None
-        for factor in (1 + change, 1 - change):
-            if moved is None:
-                moved = self._watch.accelerations(scaled(self.model.text, changed, factor))
-        return moved is not None and bool((compare(self._reference, moved).verdicts != Verdict.AGREES.value).any())
 
 
 def promised(reference: Reference, slope: Array | None) -> float:
@@ -167,38 +235,53 @@ def promised(reference: Reference, slope: Array | None) -> float:
     return float(np.nanmin(sizes))
 
 
-def smallest_caught(theory: float, is_caught: Callable[[float], bool]) -> float:
-    """The smallest size that is caught, searched for from what ``theory`` promises; inf where none up to ``FURTHEST`` times that is."""
-    if not 0 < theory < math.inf:
+def smallest_caught(theory: float, catches: Callable[[float], bool]) -> float:
+    """The smallest size that is caught, searched for from what ``theory`` promises; inf where none up to ``FURTHEST`` times that is.
+
+    Where all sizes down to ``theory / FURTHEST`` are caught it is that: what is caught below has nothing to do with its size.
+    """
+    if not np.finfo(np.float64).tiny * FURTHEST < theory < math.inf:
         return math.inf
     low, high = theory, theory
-    while high < FURTHEST * theory and not is_caught(high):
+    while high < FURTHEST * theory and not catches(high):
         low, high = high, 2 * high
-    while low == high and is_caught(low / 2):
-        low, high = low / 2, low / 2
     if low == high:
+        while low > theory / FURTHEST and catches(low / 2):
+            low, high = low / 2, low / 2
+        if high <= theory / FURTHEST:
+            return high
         low /= 2
     while high / low > RESOLUTION:
         middle = math.sqrt(low * high)
-        low, high = (low, middle) if is_caught(middle) else (middle, high)
+        low, high = (low, middle) if catches(middle) else (middle, high)
     return high if high < FURTHEST * theory else math.inf
 
 
 def walkable(library: Library, names: Sequence[str], subjects: Sequence[str]) -> list[tuple[str, Subject]]:
     """(system, subject) of all pairs asked for; families by their smallest member, whose numbers are those of all.
 
-    Left out are subjects that read no model, and those of which it is known that no model exists.
+    Left out are subjects that read no model, and ``unwalkable`` ones.
 
     Raises:
         harness.errors.InvalidRequest: a system or subject that does not exist.
     """
+    excused = unwalkable(library, names, subjects)
+    return [pair for pair in _pairs(library, names, subjects) if pair not in excused]
+
+
+def unwalkable(library: Library, names: Sequence[str], subjects: Sequence[str]) -> dict[tuple[str, Subject], str]:
+    """(system, subject) of the pairs asked for that are expected to be ``unsupported``, with the reason of the library; raises as above."""
+    known = expectations(library)
+    found = {pair: known.get((pair[0], str(pair[1])), Expectation()) for pair in _pairs(library, names, subjects)}
+    return {pair: expected.reason for pair, expected in found.items() if expected.verdict == Verdict.UNSUPPORTED}
+
+
+def _pairs(library: Library, names: Sequence[str], subjects: Sequence[str]) -> list[tuple[str, Subject]]:
     # A file's numbers are one file's: its native subject walks them, unless another is asked for.
     chosen = select_subjects(library, subjects, native_only=True)
     smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
     systems = library.select(names) if names else smallest
-    known = load_expectations(library, [str(subject) for subject in select_subjects(library, ())])
-    pairs = [(name, subject) for name in systems for subject in chosen if subject.format != EQUATIONS]
-    return [(name, subject) for name, subject in pairs if not why_no_model(library, name, str(subject), subject.format, known)]
+    return [(name, subject) for name in systems for subject in chosen if subject.format != EQUATIONS]
 
 
 def walk(library: Library, name: str, subject: Subject, states: int, seed: int, note: Callable[[str], None]) -> list[Caught]:

@@ -17,7 +17,7 @@ from support import BUILT_IN, InThisProcess
 
 from harness import gauss_newton, subject_diagnosis, workers
 from harness.attributes import Watch
-from harness.base_parameters import base_parameters, classes
+from harness.base_parameters import are_parallel, base_parameters
 from harness.cli import main
 from harness.derivation import load_mechanism
 from harness.diagnosis import diagnose
@@ -293,6 +293,18 @@ def test_a_diagnosis_ends_at_its_deadline_with_the_best_so_far(monkeypatch: pyte
     assert any(f"stopped after {seconds:g} s" in line for line in diagnosis.lines)
     # Of a part of the file's numbers no count is told.
     assert not any("accelerations feel" in line for line in diagnosis.lines)
+
+
+def classes(columns: list[Column]) -> list[list[int]]:
+    found: list[list[int]] = []
+    for place, column in enumerate(columns):
+        for members in found:
+            if are_parallel(columns[members[0]], column):
+                members.append(place)
+                break
+        else:
+            found.append([place])
+    return found
 
 
 def test_what_a_pendulum_determines_is_known_from_theory() -> None:

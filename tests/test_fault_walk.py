@@ -16,19 +16,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support import InThisProcess
+from support import InThisProcess, make_library
 
 from harness import tasks
 from harness.attributes import scaled
 from harness.cli import main
 from harness.compare import compare
-from harness.engines import Subject, is_native, subjects
-from harness.fault_walk import Caught, walk, walkable
+from harness.derivation import load_mechanism
+from harness.engines import Subject, is_native, load_engine, subjects
+from harness.errors import InvalidInput
+from harness.expected import Expectation
+from harness.fault_walk import FURTHEST, RESOLUTION, Caught, require_sound, smallest_caught, walk, walkable
 from harness.library import Library
 from harness.models import read_model
+from harness.perturbation import watch
 from harness.records import Record
-from harness.reference import Reference
+from harness.reference import Reference, ReferenceKernel
 from harness.run import DEFAULT_STATES, CrossCheck, Settings
+from harness.states import sample
+from harness.verdict import gravest
 
 LIBRARY = Library.built_in()
 PAIRS = walkable(LIBRARY, (), ())
@@ -108,10 +114,86 @@ def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_number_that_is_never_caught_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     from harness import fault_walk
 
-    monkeypatch.setattr(fault_walk.FaultWalk, "_is_caught", lambda *arguments: False)
+    monkeypatch.setattr(fault_walk, "is_caught", lambda *arguments: False)
     numbers = walk(LIBRARY, "simple_pendulum", Subject("mujoco", "mjcf"), 16, 0, lambda text: None)
     assert numbers
     assert all(math.isinf(number.smallest) for number in numbers)
+
+
+@pytest.mark.parametrize("theory", [1e-12, 1e-300])
+def test_the_search_ends_whatever_is_caught(theory: float) -> None:
+    asked: list[float] = []
+
+    def catches(size: float) -> bool:
+        asked.append(size)
+        assert len(asked) < 100, size
+        return True
+
+    assert smallest_caught(theory, catches) == theory / FURTHEST
+    assert min(asked) > 0
+
+
+@pytest.mark.parametrize("threshold", [1e-15, 1e-12, 0.9e-12, 3e-9])
+def test_the_search_finds_the_smallest_size_that_is_caught(threshold: float) -> None:
+    assert threshold <= smallest_caught(1e-12, lambda size: size >= threshold) <= RESOLUTION * threshold
+
+
+def test_what_lost_digits_before_shows_nothing() -> None:
+    """Straight chains are beyond a factorisation of M: those states are known, and no number is caught at them."""
+    numbers = walk(LIBRARY, "chain_6", Subject("mujoco", "mjcf"), SAMPLED, 0, lambda text: None)
+    assert len(numbers) >= 12
+    # A state of the chain that agrees only just is driven beyond by less than theory asks of a sound one.
+    assert all(number.smallest > 1e-17 and number.as_promised for number in numbers)
+
+
+def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
+    subject, mechanism = Subject("mujoco", "mjcf"), load_mechanism(LIBRARY, "chain_6")
+    states = sample(mechanism, SAMPLED, 0)
+    model = read_model(LIBRARY.model_path("chain_6", "mjcf"), "mjcf")
+    healthy = watch(load_engine(LIBRARY, "mujoco"), mechanism, model, states).healthy
+    reference = ReferenceKernel(mechanism).evaluate(states)
+    assert gravest(compare(reference, healthy).verdicts.tolist()) == "unstable"
+    require_sound(model.path, "chain_6", subject, reference, healthy, Expectation("unstable", backward_error=2000.0))
+    for expected in (Expectation(), Expectation("unstable", backward_error=65.0), Expectation("disagrees")):
+        with pytest.raises(InvalidInput, match="make 'harness check chain_6' green first"):
+            require_sound(model.path, "chain_6", subject, reference, healthy, expected)
+    only_lost = np.flatnonzero(compare(reference, healthy).verdicts == "unstable")
+    with pytest.raises(InvalidInput, match="agrees at none of"):
+        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], Expectation("unstable"))
+
+
+@pytest.mark.parametrize(
+    "options", [["--kind", "damping"], ["--size", "1e-6"], ["--diagnoses", "4"], ["--every-diagnosis"], ["--kind", "axis", "--size", "1"]]
+)
+def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]) -> None:
+    done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", *options])
+    assert done.exit_code == 2
+    assert all(option in done.output for option in options if option.startswith("--"))
+    assert "drop" in done.output
+
+
+@pytest.mark.parametrize("options", [[], ["--smallest"]])
+def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
+    done = CliRunner().invoke(main, ["faults", "cycloid_bead", *options])
+    assert done.exit_code == 0, done.output
+    (line,) = done.output.splitlines()
+    assert line.startswith("cycloid_bead: no ") and "mjcf" in line and "urdf" in line
+    assert "a rolling wheel ties a slide to a hinge" in line
+
+
+@pytest.mark.parametrize("options", [[], ["--smallest"]])
+def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
+    """A mass that both models have wrong: no fault beside it could be told from it."""
+    library = make_library(tmp_path / "wrong", ["double_pendulum"])
+    for path, mass in ((library / "mjcf/double_pendulum.xml", 'mass="1.25"'), (library / "urdf/double_pendulum.urdf", 'mass value="1.25"')):
+        text = path.read_text()
+        assert mass in text
+        path.write_text(text.replace(mass, mass.replace("1.25", "2.5")))
+    done = CliRunner().invoke(main, ["faults", *options, "--states", "32", "--workers", "1", "--library", str(library)])
+    assert done.exit_code == 2, done.output
+    assert "'disagrees' before any fault is planted" in done.output
+    assert "make 'harness check double_pendulum' green first" in done.output
+    assert "no model was" not in done.output
 
 
 def test_the_unchanged_models_agree() -> None:

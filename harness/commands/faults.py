@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from harness.commands._options import (
     AS_EXPECTED,
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from harness.fault_records import Fault
     from harness.records import Run
     from harness.workers import Task
+
+
+# What only a campaign does.
+_OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
 
 
 @click.command("faults")
@@ -82,15 +87,19 @@ def command(
     """
     from harness.description import describe_run
     from harness.errors import InvalidRequest
-    from harness.fault_campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign
+    from harness.fault_campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign, without_campaign
     from harness.fault_records import broken_bars, by_kind
-    from harness.fault_walk import walk, walkable
+    from harness.fault_walk import unwalkable, walk, walkable
     from harness.library import Library, nearest
     from harness.terminal import print_caught, print_kinds
     from harness.workers import Task, Workers
 
     if subjects and not smallest:
         raise InvalidRequest("--subject belongs to --smallest; a campaign plants its faults for every subject that reads the file")
+    source = click.get_current_context().get_parameter_source
+    given = [option for name, option in _OF_A_CAMPAIGN.items() if source(name) is not ParameterSource.DEFAULT]
+    if given and smallest:
+        raise InvalidRequest(f"--smallest plants no faults of a campaign and takes no {' or '.join(given)}; drop one or the other")
     for kind in kinds:
         if kind not in kinds_of_faults():
             known = "".join(f"\n  {name}: {title}" for name, title in kinds_of_faults().items())
@@ -102,7 +111,9 @@ def command(
         tasks = [Task(pair, walk, (library, *pair, states, seed)) for pair in walkable(library, names, subjects)]
         caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
         caught.sort(key=lambda number: (number.system, number.subject, number.number.start))
-        print_caught(caught)
+        if caught:
+            print_caught(caught)
+        _print_left_out({(name, str(subject)): reason for (name, subject), reason in unwalkable(library, names, subjects).items()})
         broken = [] if all(number.as_promised for number in caught) else [""]
     else:
         settings = CampaignSettings(
@@ -111,7 +122,11 @@ def command(
         tasks = [Task(pair, run_campaign, (library, *pair, settings)) for pair in campaigns(library, names)]
         caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
         caught.sort(key=lambda fault: (fault.system, fault.format, fault.kind))
-        print_kinds(by_kind(caught))
+        if caught:
+            print_kinds(by_kind(caught))
+        elif tasks and not problems and not crashed:
+            click.echo("no faults: mistakes of these kinds can be made nowhere in the models")
+        _print_left_out(without_campaign(library, names))
         _print_faults(caught)
         cleared = sorted({fault.cleared for fault in caught if fault.cleared})
         if cleared:
@@ -148,12 +163,22 @@ def _run(
                     click.echo(f"harness: {name}, {what}: {outcome.crash}{noted}", err=True)
                 elif outcome.exception is not None:
                     problem = outcome.exception
-                    problems.append(problem if isinstance(problem, InvalidInput) else InvalidRequest(f"{name}, {what}: {problem}"))
+                    problem = problem if isinstance(problem, InvalidInput) else InvalidRequest(f"{name}, {what}: {problem}")
+                    # Both models of a system may come upon the same.
+                    if str(problem) not in map(str, problems):
+                        problems.append(problem)
                 write(rows)
                 advance(f"{name} {what}")
     except OSError as error:
         raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
     return rows, problems, crashed
+
+
+def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
+    """One line for each system of which (system, subject or format) are expected to be unsupported, with the reason of the first."""
+    for system in dict.fromkeys(name for name, _ in reasons):
+        left_out = [(what, reason) for (name, what), reason in reasons.items() if name == system]
+        click.echo(f"{system}: no {' and no '.join(what for what, _ in left_out)}, as expected: {left_out[0][1]}")
 
 
 def _print_faults(faults: Sequence[Fault]) -> None:

@@ -48,7 +48,6 @@ class Candidate:
         text: of the whole file, with the change at a value; a change without a free value ignores it.
         start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
         scale: a natural size of the value, above 0, for steps and for relative changes.
-        lines: every line that changes, where more than ``place.line`` do.
     """
 
     hypothesis: str
@@ -57,7 +56,6 @@ class Candidate:
     text: Callable[[float], str]
     start: float | None = None
     scale: float = 1.0
-    lines: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,8 @@ class Planted:
 
     Attributes:
         kind: name of the hypothesis; statement: what was done.
-        places: every place that the mistake changed, in lines of the planted text; who names one of them names the mistake.
+        places: every place that the mistake changed or forgot to change, in lines of the planted text; who names one of them
+            names the mistake.
         text: of the whole file with the mistake at a size, relative to the number changed; a mistake without sizes ignores it.
         sized: whether it has sizes.
     """
@@ -84,7 +83,8 @@ class Hypothesis:
 
     Attributes:
         name: for the command line and the report. title: what people call the mistake.
-        mend: the changes of a model that would undo it. plant: the ways to make it in a sound model.
+        mend: the changes of a model that would undo it; none where every model that has the mistake is refused by name before
+            a diagnosis. plant: the ways to make it in a sound model.
         source: where the mistake is known from.
     """
 

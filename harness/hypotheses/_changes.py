@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 
 from harness.hypotheses import Candidate, Hypothesis, Place, Planted
@@ -25,10 +25,14 @@ _EXACT = Context(prec=60)
 
 @dataclass(frozen=True)
 class Change:
-    """Slots and what to write into them; ``statement`` says what it does, for a mend and for a mistake alike."""
+    """Slots and what to write into them; ``statement`` says what it does, for a mend and for a mistake alike.
+
+    ``forgotten``: slots that a mistake leaves as they are, and that are wrong beside what it writes.
+    """
 
     statement: str
     writes: Writes
+    forgotten: Sequence[Slot] = ()
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ def _effective(text: str, changes: Iterable[Change]) -> Iterator[Change]:
         after = edited(text, _edits(text, effective))
         if after not in seen:
             seen.add(after)
-            yield Change(change.statement, effective)
+            yield replace(change, writes=effective)
 
 
 def _same(slot: Slot, words: Words | None) -> bool:
@@ -99,23 +103,20 @@ def _is_number(word: str) -> bool:
 
 def _candidate(name: str, text: str, change: Change) -> Candidate:
     edits = _edits(text, change.writes)
-    places = [_found(slot, words) for slot, words in change.writes]
-    return Candidate(name, change.statement, places[0], lambda value: edited(text, edits), lines=_lines(places))
+    return Candidate(name, change.statement, _first_place(change.writes), lambda value: edited(text, edits))
 
 
 def _free_candidate(name: str, text: str, change: FreeChange) -> Candidate:
-    # Asked away from its start, for there it may leave the file as it is.
-    places = [_found(slot, words) for slot, words in change.writes(change.start + change.scale)]
-
     def at(value: float) -> str:
         return text if value == change.start else edited(text, _edits(text, change.writes(value)))
 
-    return Candidate(name, change.statement, places[0], at, change.start, change.scale, _lines(places))
+    # Asked away from its start, for there it may leave the file as it is.
+    place = _first_place(change.writes(change.start + change.scale))
+    return Candidate(name, change.statement, place, at, change.start, change.scale)
 
 
-def _lines(places: Sequence[Place]) -> tuple[int, ...]:
-    lines = tuple(sorted({place.line for place in places}))
-    return lines if len(lines) > 1 else ()
+def _first_place(writes: Writes) -> Place:
+    return _found(*writes[0])
 
 
 def _found(slot: Slot, words: Words | None) -> Place:
@@ -129,7 +130,8 @@ def _found(slot: Slot, words: Words | None) -> Place:
 
 def _planted(name: str, text: str, change: Change) -> Planted:
     after = edited(text, _edits(text, change.writes))
-    return Planted(name, change.statement, tuple(_made(slot, words) for slot, words in change.writes), lambda size: after)
+    places = [_made(slot, words) for slot, words in change.writes] + [slot.place for slot in change.forgotten]
+    return Planted(name, change.statement, tuple(places), lambda size: after)
 
 
 def _made(slot: Slot, words: Words | None) -> Place:

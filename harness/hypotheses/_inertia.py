@@ -13,8 +13,8 @@ from harness.hypotheses._anatomy import ENTRIES, Inertial
 from harness.hypotheses._changes import Writes
 from harness.kernels import Array
 
-# What is left of a moment after its parallel axis is taken off, and is rounding.
-_ROUNDING = Fraction(1, 2**48)
+# What is left of a mass or moment after another is taken off, and is rounding.
+ROUNDING = Fraction(1, 2**48)
 # A moving body needs this much in MuJoCo.
 _LEAST = {"mjcf": "1e-15", "urdf": "0"}
 
@@ -27,6 +27,7 @@ def parallel_axis(mass: float, centre: Array) -> Array:
 def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -> Writes:
     """What to write for another inertia matrix, the one that stands there plus or minus ``added``."""
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    largest = Fraction(float(np.abs(added).max()))
     words = {}
     for name, row, column in zip(ENTRIES, rows, columns, strict=True):
         change = Fraction(float(added[row, column]))
@@ -34,6 +35,7 @@ def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -
             continue
         total = Fraction(inertial.words[name]) + sign * change
         least = _LEAST[model_format] if row == column else "0"
-        negligible = _ROUNDING * max(abs(change), Fraction(least))
+        # A product of inertia beside moments far above it is their rounding.
+        negligible = ROUNDING * (max(abs(change), Fraction(least)) if row == column else largest)
         words[name] = least if abs(total - Fraction(least)) <= negligible else repr(float(total))
     return inertial.rewritten(words)

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.hypotheses._anatomy import Anatomy, Body
 from harness.hypotheses._changes import Change, FreeChange, Write, Writes, hypothesis, plus
-from harness.hypotheses._inertia import parallel_axis, with_added
+from harness.hypotheses._inertia import ROUNDING, parallel_axis, with_added
 from harness.hypotheses._rotations import matrix_of
 from harness.kernels import Array
 
@@ -23,9 +23,10 @@ def _counted_in_parent(parts: Anatomy, parent: Body, child: Body, sign: int, par
     own, added = (float(body.inertial.mass.values[0]) for body in (parent, child) if body.inertial is not None)
     centre, hung = parent.inertial.centre.values, child.offset.values + turn @ child.inertial.centre.values
     total = own + sign * added
+    # A parent without mass of its own, or with as little as the engine accepts, has no centre.
+    total = 0.0 if abs(total) <= float(ROUNDING) * added else total
     if total < 0:
         return []
-    # A parent without mass of its own has no centre.
     moved = (own * centre + sign * added * hung) / total if total else np.zeros(3)
     frame, axes = matrix_of(parent.inertial.rotation, parts), turn @ matrix_of(child.inertial.rotation, parts)
     inertia: Array = sign * axes @ child.inertial.matrix @ axes.T

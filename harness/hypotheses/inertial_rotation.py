@@ -35,7 +35,7 @@ def _plants(parts: Anatomy) -> Iterator[Change]:
         order = np.argmax(np.abs(axes), axis=1)
         moments = np.diag(axes[:, order].T @ body.inertial.matrix @ axes[:, order])
         words = {**dict.fromkeys(ENTRIES, "0"), **dict(zip(ENTRIES, (repr(float(moment)) for moment in moments), strict=False))}
-        yield Change(f"rotation of the principal axes of {body.name} dropped", body.inertial.rewritten(words))
+        yield Change(f"rotation of the principal axes of {body.name} dropped", body.inertial.rewritten(words), [body.inertial.rotation])
 
 
 HYPOTHESIS = hypothesis(
