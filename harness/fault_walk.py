@@ -9,7 +9,7 @@ and over many states the least of these. D is taken from the engine itself, by c
 change that is really caught is searched for by planting it in the file. A state at which the engine lost digits
 before anything was planted shows nothing, and is left out of both.
 
-Source: DESIGN's numerics; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.6.
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.6.
 """
 
 from __future__ import annotations
