@@ -14,7 +14,8 @@ def _slots(parts: Anatomy) -> Iterator[Slot]:
         yield from (slot for slot in (joint.damping, joint.stiffness, joint.spring_reference) if slot is not None)
     for stiffness, damping, _ in parts.others:
         yield from (stiffness, damping)
-    if parts.gravity is not None:
+    # The sign of a gravity that is switched off matters to nobody.
+    if parts.gravity is not None and ("gravity", ("disable",)) not in ((stage, slot.words) for stage, slot in parts.stages):
         yield parts.gravity
 
 
