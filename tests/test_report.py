@@ -250,7 +250,7 @@ def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Seq
     assert len(set(page.identifiers)) == len(page.identifiers)
 
 
-FOLDER = "/home/somebody/library/"
+FOLDER = "/somewhere/library/"
 SIDE = {"file": f"{FOLDER}mjcf/collar.xml", "text": [f'{FOLDER}mjcf/collar.xml:9: <inertial mass="2"> explains it with 1.5']}
 CAUSE = Cause(
     system="collar", subject="mujoco/mjcf", inference="the mjcf model is at fault", first_line=SIDE["text"][0], diagnosed="mujoco/mjcf",
