@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,9 @@ from harness.errors import InvalidInput
 from harness.library import Library
 from harness.models import ModelFile, read_model
 from harness.records import Record
-from harness.run import Settings
+from harness.settings import Settings
 from harness.static_audit import Difference, differences, held_by
-from harness.subject_diagnosis import SubjectDiagnosis, diagnose_subject
+from harness.subject_diagnosis import Scope, SubjectDiagnosis, diagnose_subject
 from harness.tasks import Assignment
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
@@ -111,8 +111,8 @@ def find_causes(
         path = None if subject.format == EQUATIONS else _path(settings, record.system, subject)
         tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
         worst = [] if record.worst_state is None else [record.worst_state]
-        arguments = settings.library, record.system, subject, path, settings.seed, share, tolerance, worst
-        work.append(Task(key, examine, arguments))
+        scope = Scope(settings.seed, share, tolerance, worst)
+        work.append(Task(key, examine, (settings.library, record.system, subject, path, scope)))
     for outcome in workers.run(work):
         key, found = outcome.task.key, outcome.value
         suspects_textbook = inferences[chosen[key].system].party == "equations"
@@ -141,15 +141,7 @@ def _hold(library: Library, name: str, subject: Subject, path: Path, note: Calla
 
 
 def examine(
-    library: Library,
-    name: str,
-    subject: Subject,
-    path: Path | None,
-    seed: int,
-    seconds: float,
-    tolerance: float,
-    worst_states: Sequence[Mapping[str, Sequence[float]]],
-    note: Callable[[str], None],
+    library: Library, name: str, subject: Subject, path: Path | None, scope: Scope, note: Callable[[str], None]
 ) -> SubjectDiagnosis:
     """``diagnose_subject`` of a system and the model at ``path``, None for equations, as a task for ``harness.workers``.
 
@@ -158,7 +150,7 @@ def examine(
     """
     model = None if path is None else read_model(path, subject.format)
     assignment = Assignment(library, subject, load_mechanism(library, name), model)
-    return diagnose_subject(assignment, seed, seconds, tolerance, worst_states, note)
+    return diagnose_subject(assignment, scope, note)
 
 
 def _path(settings: Settings, name: str, subject: Subject) -> Path:

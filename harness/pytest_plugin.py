@@ -181,7 +181,8 @@ class _Regression:
         return self._checks[group]
 
     def _start(self, names: list[str]) -> CrossCheck:
-        from harness.run import CrossCheck, Settings
+        from harness.run import CrossCheck
+        from harness.settings import Settings
 
         option = self.config.getoption
         settings = Settings(

@@ -22,6 +22,7 @@ from harness.states import States, sample
 from harness.tasks import Assignment, reference_kernel
 from harness.term_comparison import TermComparison, compare_terms
 from harness.textbook_diagnosis import diagnose_textbook
+from harness.verdict import AGREEMENT
 
 # Positions at which terms are compared, of a mechanism of up to so many velocities; their cost grows with the cube of those.
 TERM_STATES, TERM_VELOCITIES, LEAST_TERM_STATES = 64, 12, 4
@@ -74,20 +75,24 @@ class _Answered:
     watch: Watch | None
 
 
-def diagnose_subject(
-    assignment: Assignment,
-    seed: int,
-    seconds: float,
-    tolerance: float,
-    worst_states: Sequence[Mapping[str, Sequence[float]]],
-    note: Callable[[str], None],
-) -> SubjectDiagnosis:
-    """Diagnose a subject, as a task for ``harness.workers``.
+@dataclass(frozen=True)
+class Scope:
+    """What a diagnosis asks for.
 
-    Args:
+    Attributes:
         seed: of the sampled states. seconds: that it may take beside loading and compiling.
         tolerance: the largest backward error that explains [data roundoffs].
-        worst_states: {"q", "v", "tau"} of states at which it is known to be wrong, to be among those of the diagnosis.
+        worst_states: {"q", "v", "tau"} of states at which the subject is known to be wrong, to be among those of the diagnosis.
+    """
+
+    seed: int
+    seconds: float
+    tolerance: float = AGREEMENT
+    worst_states: Sequence[Mapping[str, Sequence[float]]] = ()
+
+
+def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str], None]) -> SubjectDiagnosis:
+    """Diagnose a subject; ``note`` is told what comes next.
 
     Raises:
         InvalidModel: the engine refuses the model.
@@ -95,25 +100,25 @@ def diagnose_subject(
     """
     mechanism = assignment.mechanism
     note("loading")
-    asked = _answered(assignment, seed, worst_states)
+    asked = _answered(assignment, scope)
     engine = load_engine(assignment.library, assignment.subject.engine)
     source = assignment.model if assignment.model is not None else mechanism
     note("comparing terms")
     loaded = engine.load(source, mechanism.joints, mechanism.gravity)
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
-    positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), seed)
+    positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
     terms = compare_terms(mechanism, loaded, asked.kernel, positions, str(assignment.subject))
     note("diagnosing the model")
-    of_model = _of_model(asked, SHARE_OF_MODEL * seconds, tolerance)
+    of_model = _of_model(asked, SHARE_OF_MODEL * scope.seconds, scope.tolerance)
     note("diagnosing the textbook's side")
-    of_textbook = _of_textbook(assignment, asked, SHARE_OF_TEXTBOOK * seconds, tolerance)
+    of_textbook = _of_textbook(assignment, asked, SHARE_OF_TEXTBOOK * scope.seconds, scope.tolerance)
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)
 
 
-def _answered(assignment: Assignment, seed: int, worst_states: Sequence[Mapping[str, Sequence[float]]]) -> _Answered:
+def _answered(assignment: Assignment, scope: Scope) -> _Answered:
     mechanism, model = assignment.mechanism, assignment.model
     states = States.concatenate(
-        [diagnostic_states(mechanism, seed), *(States.at(state["q"], state["v"], state["tau"]) for state in worst_states)]
+        [diagnostic_states(mechanism, scope.seed), *(States.at(state["q"], state["v"], state["tau"]) for state in scope.worst_states)]
     )
     engine = load_engine(assignment.library, assignment.subject.engine)
     kernel = reference_kernel(mechanism, linear_velocity_in_body(engine))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from harness.fault_records import KindOfFault
     from harness.fault_walk import Caught
     from harness.minimal import Finding
-    from harness.run import Settings
+    from harness.settings import Settings
     from harness.static_audit import Difference
 
 _PIPE_WIDTH = 160

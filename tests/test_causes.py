@@ -13,7 +13,8 @@ from harness import causes
 from harness.causes import Cause, find_causes
 from harness.library import Library
 from harness.records import Record
-from harness.run import CrossCheck, Settings
+from harness.run import CrossCheck
+from harness.settings import Settings
 
 LIBRARY = Library.built_in()
 NATIVE = {"mjcf": "mujoco/mjcf", "urdf": "pinocchio/urdf"}
@@ -89,7 +90,7 @@ def test_a_diagnosis_stays_within_the_time_limit_of_its_worker(tmp_path: Path, m
     given: list[float] = []
 
     def examine(*arguments: Any) -> Any:
-        given.append(arguments[5])
+        given.append(arguments[4].seconds)
         raise ValueError
 
     monkeypatch.setattr(causes, "examine", examine)

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from support import BUILT_IN, InThisProcess
 
-from harness import gauss_newton, subject_diagnosis, workers
+from harness import gauss_newton, workers
 from harness.attributes import Watch
 from harness.base_parameters import are_parallel, base_parameters
 from harness.cli import main
@@ -29,6 +29,7 @@ from harness.kernels import Array
 from harness.models import ModelFile, parse_model, read_model
 from harness.perturbation import Column, Whitening, backward_errors, diagnostic_states, find_columns, held_out, numeric_candidates, watch
 from harness.reference import Reference, ReferenceKernel
+from harness.subject_diagnosis import Scope, diagnose_subject
 from harness.tasks import Assignment
 from harness.textbook_diagnosis import diagnose_textbook
 from harness.verdict import AGREEMENT
@@ -368,13 +369,13 @@ def assignment(name: str, model_format: str, text: str) -> Assignment:
 def test_the_first_line_of_a_check_names_what_the_load_audit_refuses() -> None:
     own = case("simple_pendulum", "mjcf")
     task = assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"')))
-    found = subject_diagnosis.diagnose_subject(task, 0, 100.0, AGREEMENT, [], lambda text: None)
+    found = diagnose_subject(task, Scope(0, 100.0), lambda text: None)
     assert '<inertial mass="1.6"> explains it with 1.5' in found.first_line()
 
 
 def test_the_equations_are_asked_about_the_textbook_only() -> None:
     task = Assignment(BUILT_IN, Subject("lagrange", "equations"), load_mechanism(BUILT_IN, "collar"), None)
-    found = subject_diagnosis.diagnose_subject(task, 0, 10.0, AGREEMENT, [], lambda text: None)
+    found = diagnose_subject(task, Scope(0, 10.0), lambda text: None)
     assert found.model is None
     assert found.textbook.finding == Finding.SOUND
 

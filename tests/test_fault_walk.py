@@ -32,7 +32,8 @@ from harness.models import read_model
 from harness.perturbation import watch
 from harness.records import Record
 from harness.reference import Reference, ReferenceKernel
-from harness.run import DEFAULT_STATES, CrossCheck, Settings
+from harness.run import CrossCheck
+from harness.settings import DEFAULT_STATES, Settings
 from harness.states import sample
 from harness.verdict import gravest
 

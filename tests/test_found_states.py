@@ -16,7 +16,8 @@ from harness.errors import InvalidInput
 from harness.found_states import FoundState, as_text, keep, load_found, merged, path_of, stored_states, worst_cases
 from harness.library import Library
 from harness.records import Record
-from harness.run import CrossCheck, Settings
+from harness.run import CrossCheck
+from harness.settings import Settings
 from harness.workers import Workers
 
 FOUND = FoundState(

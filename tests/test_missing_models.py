@@ -25,7 +25,8 @@ from harness.expected import Expectation, load_expectations, why_no_model
 from harness.library import Library
 from harness.records import Record
 from harness.reference import ReferenceKernel
-from harness.run import CrossCheck, Settings
+from harness.run import CrossCheck
+from harness.settings import Settings
 from harness.states import States, sample
 
 BUILT_IN = Library.built_in()

@@ -12,7 +12,8 @@ from harness.errors import InvalidRequest
 if TYPE_CHECKING:
     from harness.causes import Cause
     from harness.records import Record, Run
-    from harness.run import CrossCheck, Settings
+    from harness.run import CrossCheck
+    from harness.settings import Settings
     from harness.workers import Workers
 
 

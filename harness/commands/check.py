@@ -54,7 +54,7 @@ def command(
     """Cross-check NAMEs, or every mechanism, and print a table."""
     from harness.description import describe_run
     from harness.library import Library
-    from harness.run import Settings
+    from harness.settings import Settings
 
     stand_ins = {name: Path(path) for name, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
     options = [("--library", library_path), ("--mjcf", mjcf), ("--urdf", urdf)]

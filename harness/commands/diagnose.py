@@ -61,7 +61,8 @@ def command(
     from harness.description import describe_run
     from harness.library import Library
     from harness.records import write_json
-    from harness.run import CrossCheck, Settings
+    from harness.run import CrossCheck
+    from harness.settings import Settings
     from harness.terminal import print_diagnoses, print_superfluous, print_table
     from harness.workers import Workers
 

@@ -48,7 +48,8 @@ def command(
     from harness.description import describe_run
     from harness.history import History
     from harness.library import Library
-    from harness.run import CrossCheck, Settings
+    from harness.run import CrossCheck
+    from harness.settings import Settings
     from harness.workers import Workers
     from harness.worst_cases import ranked
 
