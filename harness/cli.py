@@ -11,7 +11,8 @@ from importlib import import_module
 
 import click
 
-from harness import __version__, commands
+from harness import commands
+from harness.version import __version__
 
 
 class Commands(click.Group):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 
@@ -33,3 +34,9 @@ class InvalidModel(InvalidInput):
 
 class InvalidRequest(Exception):
     """Something asked for that cannot be: a name nothing has, options that do not fit: exit status 2."""
+
+
+def shown_path(path: Path) -> str:
+    """The path from the current directory where it lies below that."""
+    relative = os.path.relpath(path)
+    return str(path) if relative.startswith(os.pardir) else relative

@@ -4,26 +4,35 @@ The built-in library keeps its systems inside the package and its models at the 
 repository; in an installed wheel the models lie inside the package too. A library may also hold
 ``engines/`` of its own and an ``expected_verdicts.toml``. An installed distribution offers a library under
 a name by an entry point of the group ``harness.libraries``, whose value is the package that holds it.
+
+A system file that defines ``SIZES`` and ``system(n)`` is a family; ``mjcf/<family>.py`` and
+``urdf/<family>.py`` define ``model(n)``, which returns the text of the model. A member's own path, as
+``systems/chain_12.py``, does not exist; it stands for the family's file and the size.
 """
 
 from __future__ import annotations
 
+import ast
 import difflib
 import importlib.metadata
 import importlib.util
 import os
+import re
+import sys
+import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from types import ModuleType
 
 from harness.errors import InvalidInput, InvalidRequest
-from harness.family import member_of, sizes
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 BUILT_IN_NAME = "built-in"
 ENTRY_POINTS = "harness.libraries"
 _PACKAGE = Path(__file__).resolve().parent
+_MEMBER = re.compile(r"(?P<family>.+)_(?P<size>[1-9]\d{0,3})")
 
 
 @dataclass(frozen=True)
@@ -35,12 +44,20 @@ class Library:
     models: Path
     engines: Path
     expected_verdicts: Path
+    hard_states: Path
 
     @classmethod
     def built_in(cls) -> Library:
         """The textbook mechanisms that come with the harness."""
         models = _PACKAGE if (_PACKAGE / "mjcf").is_dir() else _PACKAGE.parent
-        return cls(BUILT_IN_NAME, _PACKAGE / "systems", models, _PACKAGE / "engines", _PACKAGE / "expected_verdicts.toml")
+        return cls(
+            BUILT_IN_NAME,
+            _PACKAGE / "systems",
+            models,
+            _PACKAGE / "engines",
+            _PACKAGE / "check" / "expected_verdicts.toml",
+            _PACKAGE / "hard" / "states",
+        )
 
     @classmethod
     def at(cls, directory: Path | str | None) -> Library:
@@ -58,7 +75,7 @@ class Library:
             raise InvalidInput(directory, None, "no such directory; expected a library with systems/, mjcf/ and urdf/")
         if not (root / "systems").is_dir():
             raise InvalidInput(directory, None, "holds no systems/ folder; expected a library with systems/, mjcf/ and urdf/")
-        return cls(root.name, root / "systems", root, root / "engines", root / "expected_verdicts.toml")
+        return cls(root.name, root / "systems", root, root / "engines", root / "expected_verdicts.toml", root / "hard_states")
 
     def system_names(self) -> list[str]:
         """Names of all systems, in the order of their files; those that begin with an underscore are helpers."""
@@ -150,3 +167,69 @@ def nearest(name: str, known: Iterable[str]) -> str:
     known = list(known)
     close = difflib.get_close_matches(name, known, n=1)
     return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(map(repr, known))}"
+
+
+def member_of(path: Path) -> tuple[Path, int] | None:
+    """The family's file and the size that a member's path stands for; None for a path of its own."""
+    match = _MEMBER.fullmatch(path.stem)
+    if match is None or path.exists():
+        return None
+    writer = path.with_name(match["family"] + ".py")
+    return (writer, int(match["size"])) if writer.is_file() else None
+
+
+def sizes(path: Path) -> tuple[int, ...]:
+    """The sizes a family's system file lists in ``SIZES``, read without running it; () for a single system."""
+    try:
+        source = path.read_bytes()
+        if b"SIZES" not in source:
+            return ()
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["SIZES"]:
+                return tuple(int(size) for size in ast.literal_eval(node.value) if int(size) > 0)
+    except (OSError, ValueError, TypeError, SyntaxError):
+        return ()
+    return ()
+
+
+class CannotRun(Exception):
+    """A Python file of a library that cannot be run: which, in which line, and why."""
+
+    def __init__(self, path: Path, line: int | None, problem: str) -> None:
+        super().__init__(path, line, problem)
+        self.path, self.line, self.problem = path, line, problem
+
+
+def run_file(path: Path, name: str) -> ModuleType:
+    """Run a library's Python file as module ``name``, with helpers from its own folder and no trace left.
+
+    Raises:
+        CannotRun: the file or a helper of it is not Python, or raises.
+    """
+    specification = importlib.util.spec_from_file_location(name, path)
+    assert specification is not None and specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    wrote_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    sys.path.insert(0, str(path.parent))
+    loaded_before = set(sys.modules)
+    try:
+        specification.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        # A helper's syntax error lies in the helper; one in a string the file parses lies in neither.
+        if isinstance(error, SyntaxError) and (error.filename is None or Path(error.filename).parent == path.parent):
+            raise CannotRun(Path(error.filename or path), error.lineno or None, f"is not Python: {error.msg}") from error
+        raise raised_in(path, error) from error
+    finally:
+        sys.path.remove(str(path.parent))
+        # A helper must not answer for one of the same name in another library, nor for its own older text.
+        for helper in set(sys.modules) - loaded_before:
+            if Path(getattr(sys.modules[helper], "__file__", None) or "").parent == path.parent:
+                del sys.modules[helper]
+        sys.dont_write_bytecode = wrote_bytecode
+    return module
+
+
+def raised_in(path: Path, error: BaseException) -> CannotRun:
+    """``error`` with the line of ``path`` it came through."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return CannotRun(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {str(error) or 'no message'}")

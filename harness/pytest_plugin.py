@@ -17,11 +17,11 @@ import pytest
 from harness.library import BUILT_IN_NAME
 
 if TYPE_CHECKING:
-    from harness.causes import Cause
+    from harness.check.run import CrossCheck
     from harness.library import Library
-    from harness.minimal import Finding
-    from harness.records import Record
-    from harness.run import CrossCheck
+    from harness.results.causes import Cause
+    from harness.results.records import Record
+    from harness.results.superfluous import SuperfluousPart
     from harness.workers import Workers
 
 _DEFAULT_STATES = 1000
@@ -146,7 +146,7 @@ class _Regression:
             self._known[record.system, record.subject] = record
         return self._known[system, subject]
 
-    def superfluous(self, system: str, subject: str) -> list[Finding]:
+    def superfluous(self, system: str, subject: str) -> list[SuperfluousPart]:
         """Superfluous parts of the model of a pair whose record is known."""
         check, _ = self._check_of(system)
         return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
@@ -155,7 +155,7 @@ class _Regression:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
         check, coming = self._check_of(system)
         if system not in self._causes:
-            from harness.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
+            from harness.diagnose.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
 
             # Who is wrong is told by who is right.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
@@ -181,8 +181,8 @@ class _Regression:
         return self._checks[group]
 
     def _start(self, names: list[str]) -> CrossCheck:
-        from harness.run import CrossCheck
-        from harness.settings import Settings
+        from harness.check.run import CrossCheck
+        from harness.check.settings import Settings
 
         option = self.config.getoption
         settings = Settings(
@@ -251,7 +251,7 @@ class CrossCheckItem(pytest.Item):
 class Superfluous(Exception):
     """A model that agrees but holds more than its scene needs; prints each part with its line."""
 
-    def __init__(self, findings: list[Finding]) -> None:
+    def __init__(self, findings: list[SuperfluousPart]) -> None:
         super().__init__(findings)
         self.findings = findings
 
@@ -269,7 +269,7 @@ class NotAsExpected(Exception):
         self.diagnosis = diagnosis
 
     def __str__(self) -> str:
-        from harness.explanation import explain
+        from harness.results.explanation import explain
 
         if self.cause is None:
             return explain(self.record)

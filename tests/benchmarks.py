@@ -17,17 +17,17 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from harness import timing
-from harness.derivation import derive_mechanism, load_mechanism, load_system
-from harness.kernels import Float64Kernel
-from harness.lagrange import derive
+from harness.bench import timing
+from harness.bench.methods import select_methods
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import sample
+from harness.check.scene import Scene
+from harness.equations.derivation import derive_mechanism, load_mechanism, load_system
+from harness.equations.kernels import Float64Kernel
+from harness.equations.lagrange import derive
+from harness.equations.system import TIME
 from harness.library import Library
-from harness.methods import select_methods
-from harness.models import read_model
-from harness.reference import ReferenceKernel
-from harness.scene import Scene
-from harness.states import sample
-from harness.system import TIME
+from harness.models.model_file import read_model
 
 LIBRARY = Library.built_in()
 SYSTEMS = LIBRARY.system_names()

@@ -13,14 +13,14 @@ import sympy as sp
 from hypothesis import settings
 from support import PLAIN
 
-from harness.derivation import load_mechanism, load_system
-from harness.energies import energy_program_of
-from harness.kernels import program_of
-from harness.lagrange import EquationsOfMotion, derive
+from harness.equations.derivation import load_mechanism, load_system
+from harness.equations.energies import energy_program_of
+from harness.equations.kernels import program_of
+from harness.equations.lagrange import EquationsOfMotion, derive
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import DEFAULT_RATES
+from harness.equations.system import TIME, System
 from harness.library import MODEL_SUFFIXES, Library
-from harness.mechanism import Mechanism
-from harness.states import DEFAULT_RATES
-from harness.system import TIME, System
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from harness.commands._scaffold import write_example
 from harness.errors import InvalidInput
 from harness.library import Library, installed_libraries
-from harness.new import write_example
 
 
 def distribution(site: Path, name: str, **entries: str) -> None:

@@ -10,10 +10,10 @@ from harness.commands._options import AS_EXPECTED, CRASHED, NOT_AS_EXPECTED, tel
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:
-    from harness.causes import Cause
-    from harness.records import Record, Run
-    from harness.run import CrossCheck
-    from harness.settings import Settings
+    from harness.check.run import CrossCheck
+    from harness.check.settings import Settings
+    from harness.results.causes import Cause
+    from harness.results.records import Record, Run
     from harness.workers import Workers
 
 
@@ -31,9 +31,9 @@ def cross_check_all(
 
     ``keep_rest`` is given the cross-check once all records are there, before causes are looked for.
     """
-    from harness.records import write_json
-    from harness.run import CrossCheck
-    from harness.terminal import progress
+    from harness.check.run import CrossCheck
+    from harness.commands._terminal import progress
+    from harness.results.records import write_json
     from harness.workers import Workers
 
     records: list[Record] = []
@@ -64,8 +64,8 @@ def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **l
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.causes import find_causes, wrong_records
-    from harness.terminal import progress
+    from harness.commands._terminal import progress
+    from harness.diagnose.causes import find_causes, wrong_records
 
     causes: list[Cause] = []
     with progress(len(wrong_records(records)), "diagnosis") as advance:
@@ -77,7 +77,7 @@ def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **l
 
 def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) -> None:
     """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
-    from harness.terminal import print_causes, print_superfluous, print_table, print_unexpected
+    from harness.commands._terminal import print_causes, print_superfluous, print_table, print_unexpected
 
     print_table(records)
     print_unexpected(records)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from harness.history import History
+    from harness.results.history import History
 
 
 def write_page(directory: Path, history: History, library: str, run_id: int | None = None) -> None:

@@ -44,15 +44,15 @@ def command(
     time_limit: float,
 ) -> None:
     """Ask every subject along the hard CASEs, or along all of them, and add it to the report."""
-    from harness.atlas_run import AtlasRun, AtlasSettings
-    from harness.atlas_tables import print_atlas
-    from harness.description import describe_run
-    from harness.hard_cases import STATES
-    from harness.hard_points import Atlas
-    from harness.history import History
+    from harness.check.description import describe_run
+    from harness.commands._atlas_tables import print_atlas
+    from harness.commands._terminal import progress
+    from harness.hard.atlas_run import AtlasRun, AtlasSettings
+    from harness.hard.cases import STATES
     from harness.library import Library
-    from harness.records import write_json
-    from harness.terminal import progress
+    from harness.results.atlas import Atlas
+    from harness.results.history import History
+    from harness.results.records import write_json
     from harness.workers import Workers
 
     library = Library.at(library_path)

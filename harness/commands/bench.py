@@ -46,17 +46,17 @@ def command(
     workers: int | None,
 ) -> None:
     """Measure speed against error on NAMEs, or on every mechanism, and add it to the report."""
-    from harness.bench import Bench
-    from harness.benchmark_parts import Settings
-    from harness.benchmark_tables import print_benchmark
-    from harness.description import describe_run
-    from harness.history import History
+    from harness.bench.parts import Settings
+    from harness.bench.study import Bench
+    from harness.check.description import describe_run
+    from harness.commands._benchmark_tables import print_benchmark
+    from harness.commands._terminal import progress
     from harness.library import Library
-    from harness.measurements import Benchmark
-    from harness.pareto import with_cheapest
-    from harness.records import write_json
     from harness.report.benchmarks import unexpected
-    from harness.terminal import progress
+    from harness.results.benchmark import Benchmark
+    from harness.results.history import History
+    from harness.results.pareto import with_cheapest
+    from harness.results.records import write_json
 
     settings = Settings(library=Library.at(library_path), names=names, methods=methods, motion=motion, profile=profile, seed=seed)
     bench = Bench(settings)

@@ -52,9 +52,9 @@ def command(
     time_limit: float,
 ) -> None:
     """Cross-check NAMEs, or every mechanism, and print a table."""
-    from harness.description import describe_run
+    from harness.check.description import describe_run
+    from harness.check.settings import Settings
     from harness.library import Library
-    from harness.settings import Settings
 
     stand_ins = {name: Path(path) for name, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
     options = [("--library", library_path), ("--mjcf", mjcf), ("--urdf", urdf)]
@@ -80,7 +80,7 @@ def _parse_state(text: str | None) -> Any:
     """
     if text is None:
         return None
-    from harness.states import States
+    from harness.equations.states import States
 
     try:
         data = json.loads(text)

@@ -56,14 +56,14 @@ def command(
     time_limit: float,
 ) -> None:
     """Say which engine, term and attribute make NAME disagree, with the line in the file and the value that would explain it."""
-    from harness.agreement_pattern import infer_from_records
-    from harness.causes import find_differences
-    from harness.description import describe_run
+    from harness.check.description import describe_run
+    from harness.check.run import CrossCheck
+    from harness.check.settings import Settings
+    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table
+    from harness.diagnose.causes import find_differences
+    from harness.diagnose.pattern import infer_from_records
     from harness.library import Library
-    from harness.records import write_json
-    from harness.run import CrossCheck
-    from harness.settings import Settings
-    from harness.terminal import print_diagnoses, print_superfluous, print_table
+    from harness.results.records import write_json
     from harness.workers import Workers
 
     library = Library.at(library_path)

@@ -25,8 +25,8 @@ from harness.commands._options import (
 )
 
 if TYPE_CHECKING:
-    from harness.fault_records import Fault
-    from harness.records import Run
+    from harness.diagnose.faults.summary import Fault
+    from harness.results.records import Run
     from harness.workers import Task
 
 
@@ -85,13 +85,13 @@ def command(
     Exit status 0 where every fault is caught that changes the dynamics, 95 % of those diagnosed are named first or in
     their class, and nobody sound is blamed.
     """
-    from harness.description import describe_run
+    from harness.check.description import describe_run
+    from harness.commands._terminal import print_caught, print_kinds
+    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign, without_campaign
+    from harness.diagnose.faults.summary import broken_bars, by_kind
+    from harness.diagnose.faults.walk import unwalkable, walk, walkable
     from harness.errors import InvalidRequest
-    from harness.fault_campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign, without_campaign
-    from harness.fault_records import broken_bars, by_kind
-    from harness.fault_walk import unwalkable, walk, walkable
     from harness.library import Library, nearest
-    from harness.terminal import print_caught, print_kinds
     from harness.workers import Task, Workers
 
     if subjects and not smallest:
@@ -146,8 +146,8 @@ def _run(
     pool: Any, tasks: Sequence[Task], scheduler: str | None, write: Callable[[list[Any]], None]
 ) -> tuple[list[Any], list[Exception], bool]:
     """Everything the tasks return, what went wrong, and whether a process died; what is there is written after each."""
+    from harness.commands._terminal import progress
     from harness.errors import InvalidInput, InvalidRequest
-    from harness.terminal import progress
 
     rows: list[Any] = []
     problems: list[Exception] = []
@@ -201,7 +201,8 @@ def _print_faults(faults: Sequence[Fault]) -> None:
 
 def _write(path: str | None, run: Run, rows: list[Any]) -> None:
     """{"harness": versions, "run", "faults": [...]}."""
-    from harness.records import dumps, write_atomically
+    from harness.results.records import dumps
+    from harness.storage import write_atomically
 
     if path:
         about = asdict(run)

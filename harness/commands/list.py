@@ -16,8 +16,8 @@ from harness.errors import InvalidInput
 @told
 def command(library_path: str | None, json_path: str | None) -> None:
     """Mechanisms with their degrees of freedom, and the engines available."""
-    from harness.derivation import load_mechanism
     from harness.engines import engine_names, installed_version, load_engine
+    from harness.equations.derivation import load_mechanism
     from harness.library import Library, installed_libraries
 
     library = Library.at(library_path)
@@ -33,7 +33,7 @@ def command(library_path: str | None, json_path: str | None) -> None:
             systems[name] = mechanism.nv, mechanism.description.splitlines()[0]
     engines = {name: load_engine(library, name) for name in engine_names(library)}
     if json_path:
-        from harness.records import write_atomically
+        from harness.storage import write_atomically
 
         listed = {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],

@@ -25,7 +25,7 @@ from harness.commands._options import told
 @told
 def command(name: str, dof: int, library_path: str) -> None:
     """Write the three files of a mechanism NAME: a working example with the places to edit marked."""
-    from harness.new import write_example
+    from harness.commands._scaffold import write_example
 
     for path in write_example(name, dof, Path(library_path)):
         click.echo(f"written: {click.format_filename(path)}")

@@ -45,13 +45,13 @@ def command(
     time_limit: float,
 ) -> None:
     """Cross-check everything and write the discrepancy report."""
-    from harness.description import describe_run
-    from harness.history import History
+    from harness.check.description import describe_run
+    from harness.check.run import CrossCheck
+    from harness.check.settings import Settings
+    from harness.hard.worst_cases import ranked
     from harness.library import Library
-    from harness.run import CrossCheck
-    from harness.settings import Settings
+    from harness.results.history import History
     from harness.workers import Workers
-    from harness.worst_cases import ranked
 
     make_folder(directory)
     settings = Settings(

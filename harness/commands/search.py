@@ -6,14 +6,7 @@ import sys
 
 import click
 
-from harness.commands._options import (
-    json_option,
-    library_option,
-    long_time_limit_option,
-    seed_option,
-    told,
-    workers_option,
-)
+from harness.commands._options import json_option, library_option, long_time_limit_option, seed_option, told, workers_option
 
 
 @click.command("search")
@@ -39,13 +32,13 @@ def command(
     time_limit: float,
 ) -> None:
     """Search for the states of NAME at which each subject does worst, and store them with the system."""
-    from harness.description import describe_run
+    from harness.check.description import describe_run
+    from harness.commands._terminal import progress
     from harness.engines import select_subjects
+    from harness.hard.search import DEFAULT_BUDGET, SearchSettings, hunts, run_search
     from harness.library import Library
-    from harness.records import write_json
-    from harness.search import DEFAULT_BUDGET, SearchSettings, hunts, run_search
-    from harness.search_result import as_lines
-    from harness.terminal import progress
+    from harness.results.records import write_json
+    from harness.results.search import as_lines
     from harness.workers import Workers
 
     library = Library.at(library_path)

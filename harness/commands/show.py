@@ -18,7 +18,7 @@ from harness.commands._options import CRASHED, library_option, tell, time_limit_
 def command(name: str, html_path: str | None, library_path: str | None, time_limit: float) -> None:
     """Equations, parameters, joints of both models, and what each engine holds."""
     from harness.library import Library
-    from harness.show import as_text, look_at
+    from harness.show.exhibit import as_text, look_at
     from harness.workers import Workers
 
     library = Library.at(library_path)
@@ -27,8 +27,8 @@ def command(name: str, html_path: str | None, library_path: str | None, time_lim
     for line in as_text(exhibit):
         click.echo(line)
     if html_path is not None:
-        from harness.page import render
-        from harness.records import write_atomically
+        from harness.show.page import render
+        from harness.storage import write_atomically
 
         write_atomically(html_path, render(exhibit, library.name))
         click.echo(f"\npage: {click.format_filename(html_path)}")

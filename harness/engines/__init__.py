@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from harness.arrays import Array
+from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput, InvalidRequest
-from harness.kernels import Array
 from harness.library import Library, nearest
-from harness.mechanism import Mechanism
-from harness.models import ModelFile
+from harness.models.model_file import ModelFile
 
 EQUATIONS = "equations"
 

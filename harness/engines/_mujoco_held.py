@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
-from harness.kernels import Array
 
 
 def joint_kinds() -> dict[int, str]:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import Terms
-from harness.kernels import Array
 
 
 def terms_of(model: Any, addresses: tuple[Sequence[int], Sequence[int]], q: Array, v: Array, tau: Array) -> Terms:

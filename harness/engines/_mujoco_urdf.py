@@ -20,9 +20,9 @@ import numpy as np
 from lxml import etree
 
 from harness.engines import Unsupported
-from harness.model_formats import LEAST
-from harness.model_xml import Document, describe, literal_tag, parse_document
-from harness.models import ROOT_TAGS, JointSpring, ModelFile, PointSpring
+from harness.models.formats import LEAST
+from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
+from harness.models.xml import Document, describe, literal_tag, parse_document
 
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14

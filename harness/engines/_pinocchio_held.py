@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
+from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import JointPlace
-from harness.force_elements import ForceElements
-from harness.models import JointDamper, JointSpring
+from harness.models.model_file import JointDamper, JointSpring
 
 _KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
 

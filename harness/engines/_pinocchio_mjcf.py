@@ -1,6 +1,6 @@
 """What Pinocchio's MJCF reader passes over or reads otherwise than MuJoCo, and the model it reads.
 
-Gravity, springs and dampers are supplied by the caller from the file (``harness.mjcf_forces``). Everything else that the
+Gravity, springs and dampers are supplied by the caller from the file (``harness.models.mjcf_forces``). Everything else that the
 harness lets stand in an MJCF and that this reader does not read as MuJoCo does is refused here by name and line.
 
 Source: Pinocchio 4.1, parsers/mjcf/mjcf-graph; MuJoCo documentation, XML reference.
@@ -17,10 +17,10 @@ from typing import Any
 from lxml import etree
 
 from harness.engines import Unsupported
-from harness.mjcf_defaults import childclass_of, of_class, resolved
-from harness.model_xml import Document, describe, parse_document, shorten
-from harness.models import ROOT_TAGS, ModelFile
-from harness.standard_error import captured_standard_error
+from harness.engines._standard_error import captured_standard_error
+from harness.models.mjcf_defaults import childclass_of, of_class, resolved
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.xml import Document, describe, parse_document, shorten
 
 # Sections of which the reader takes the first as often as there are some.
 _ONCE = ("compiler", "default", "worldbody")

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import Terms
-from harness.kernels import Array
 
 
 def terms_of(model: Any, velocities: Sequence[int], configuration: Array, velocity: Array, force: Array, passive: Array) -> Terms:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import EQUATIONS, Terms
-from harness.kernels import OUTPUTS, Array, Float64Kernel
-from harness.mechanism import Mechanism
-from harness.models import ModelFile
-from harness.program import StraightLineProgram
-from harness.states import States
+from harness.equations.kernels import Float64Kernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.program import OUTPUTS, StraightLineProgram
+from harness.equations.states import States
+from harness.models.model_file import ModelFile
 
 # Half an ulp of a larger angle [rad] hides what taking turns from it rounds.
 LARGE_ANGLE = 64.0

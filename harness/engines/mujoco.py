@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
-from harness.kernels import Array
-from harness.mechanism import Mechanism
-from harness.models import ModelFile
+from harness.equations.mechanism import Mechanism
+from harness.models.model_file import ModelFile
 
 
 class MujocoModel:
@@ -74,7 +74,7 @@ class MujocoModel:
         return _mujoco_terms.terms_of(self.model, self.addresses, q, v, tau)
 
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.reproducer``."""
+        """See ``harness.hard.reproducer``."""
         positions, velocities = self.addresses
         own = [np.zeros(size) for size in (self.model.nq, *[self.model.nv] * 3)]
         for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):

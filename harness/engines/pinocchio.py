@@ -4,7 +4,7 @@
 about a joint is what is left of one about the origin, and loses digits that ``aba`` keeps.
 
 ABA applies no springs and dampers; those the file declares are added to the applied forces by
-``harness.force_elements``. The reflected inertias a URDF declares become the model's armature, which ABA
+``harness.engines._pinocchio_forces``. The reflected inertias a URDF declares become the model's armature, which ABA
 adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it; an MJCF does, and Pinocchio's
 reader passes over it, as over much else that ``harness.engines._pinocchio_mjcf`` refuses by name.
 
@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
+from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import joint_places
+from harness.engines._standard_error import captured_standard_error
+from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel
-from harness.force_elements import ForceElements
-from harness.kernels import Array
-from harness.mechanism import Mechanism
-from harness.models import ModelFile
-from harness.standard_error import captured_standard_error
+from harness.models.model_file import ModelFile
 
 
 class PinocchioModel:
@@ -113,7 +113,7 @@ class PinocchioModel:
         return f"import numpy as np, pinocchio as pin; m = pin.buildModelFrom{'Urdf' if is_file else 'XML'}({source}{ball})"
 
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.reproducer``; what the harness adds for ABA is part of tau."""
+        """See ``harness.hard.reproducer``; what the harness adds for ABA is part of tau."""
         configuration, velocity, force = self.columns(q[None], v[None], tau[None])
         added = self.force_elements.generalised_forces(configuration, velocity)
         expected = np.zeros(self.model.nv)

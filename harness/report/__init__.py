@@ -12,19 +12,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidInput
-from harness.hard_points import Atlas
-from harness.measurements import Benchmark
-from harness.records import Record, Run, SystemCard, to_json, write_atomically
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.html import render_html, render_measured
 from harness.report.markdown import render_markdown, render_measured_markdown
 from harness.report.summary import Earlier, Summary
+from harness.results.atlas import Atlas
+from harness.results.benchmark import Benchmark
+from harness.results.records import Record, Run, SystemCard, to_json
+from harness.storage import write_atomically
 
 if TYPE_CHECKING:
-    from harness.causes import Cause
-    from harness.found_states import RankedCase
-    from harness.minimal import Finding
+    from harness.results.causes import Cause
+    from harness.results.hard_states import RankedCase
+    from harness.results.superfluous import SuperfluousPart
 
 __all__ = ["Earlier", "build", "build_measured", "write"]
 
@@ -34,7 +35,7 @@ def build(
     cards: Sequence[SystemCard],
     records: Sequence[Record],
     history: Sequence[Earlier] = (),
-    superfluous: Sequence[Finding] = (),
+    superfluous: Sequence[SuperfluousPart] = (),
     benchmark: tuple[Run, Benchmark] | None = None,
     atlas: tuple[Run, Atlas] | None = None,
     worst_cases: Sequence[RankedCase] = (),

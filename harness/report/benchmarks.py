@@ -8,10 +8,10 @@ from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
 
-from harness.measurements import AccelerationCost, Benchmark, Cheapest, Drift, MotionCost, Order, Stationarity
-from harness.pareto import cost_of, front, way_of, with_cheapest
-from harness.records import Run
 from harness.report.summary import Change, changed_versions
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, MotionCost, Order, Stationarity
+from harness.results.pareto import cost_of, front, way_of, with_cheapest
+from harness.results.records import Run
 
 _Cell = TypeVar("_Cell")
 

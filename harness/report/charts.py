@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from harness.records import Record
 from harness.report.figures import (
     GREY,
     HIGHEST,
@@ -24,6 +23,7 @@ from harness.report.figures import (
     within,
 )
 from harness.report.summary import Summary, error_text, seconds_text
+from harness.results.records import Record
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from itertools import groupby
 from operator import attrgetter
 from statistics import median
 
-from harness.hard_points import Atlas, HardPoint, HardReason, HardRow, Parting
-from harness.records import Run
 from harness.report.summary import Change, changed_versions, counted
+from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
+from harness.results.records import Run
 from harness.verdict import GRAVITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.

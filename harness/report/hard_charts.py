@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from harness.hard_points import HardPoint, HardRow
 from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
 from harness.report.hard_cases import SILENT, Family, HardSummary
 from harness.report.summary import error_text
+from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.hard_points import HardRow
 from harness.report.hard_cases import HardSummary, growth_text
 from harness.report.markdown_parts import bullets, plain, table
 from harness.report.summary import error_text
+from harness.results.atlas import HardRow
 
 
 def stable_hard(hard: HardSummary | None) -> Iterator[str]:

@@ -13,13 +13,13 @@ from xml.etree import ElementTree
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.pareto import cost_of, way_of
-from harness.records import Record, Run
 from harness.report import benchmark_charts, charts, hard_charts
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import embed
 from harness.report.hard_cases import HardSummary, growth_text
 from harness.report.summary import Summary, counted, error_text, seconds_text, state_lines
+from harness.results.pareto import cost_of, way_of
+from harness.results.records import Record, Run
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

@@ -9,16 +9,16 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from harness.records import Record
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.hard_markdown import stable_hard, volatile_hard
 from harness.report.markdown_parts import bullets, cell, fenced, plain, table
 from harness.report.summary import Summary, error_text, seconds_text, state_lines
+from harness.results.records import Record
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
-    from harness.causes import Cause
+    from harness.results.causes import Cause
 
 VOLATILE = "## This run (differs from run to run)"
 

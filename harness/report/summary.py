@@ -11,14 +11,14 @@ from datetime import datetime
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from harness.diagnosis_result import shown_path
-from harness.records import Record, Run, SystemCard, dumps
-from harness.restoring import restored
+from harness.errors import shown_path
+from harness.results.records import Record, Run, SystemCard, dumps
+from harness.results.restoring import restored
 
 if TYPE_CHECKING:
-    from harness.causes import Cause
-    from harness.found_states import RankedCase
-    from harness.minimal import Finding
+    from harness.results.causes import Cause
+    from harness.results.hard_states import RankedCase
+    from harness.results.superfluous import SuperfluousPart
 
 Earlier = tuple[Run, Sequence[Record]]
 
@@ -55,7 +55,7 @@ class Summary:
         cards: Sequence[SystemCard],
         records: Sequence[Record],
         history: Sequence[Earlier] = (),
-        superfluous: Iterable[Finding] = (),
+        superfluous: Iterable[SuperfluousPart] = (),
         worst_cases: Iterable[RankedCase] = (),
         causes: Iterable[Cause] = (),
     ) -> None:

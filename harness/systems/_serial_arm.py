@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from harness.system import TIME
+from harness import TIME
 
 AXES = {"x": sp.Matrix([1, 0, 0]), "y": sp.Matrix([0, 1, 0]), "z": sp.Matrix([0, 0, 1])}
 

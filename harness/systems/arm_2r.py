@@ -9,7 +9,7 @@ manipulator); The Euler-Lagrange equations (chapter 7.9), the manipulator equati
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q1, q2 = dynamicsymbols("q1 q2")
 m1, m2, l1, lc1, lc2, I1, I2, g = sp.symbols("m1 m2 l1 lc1 lc2 I1 I2 g", positive=True)

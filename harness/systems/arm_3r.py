@@ -10,7 +10,7 @@ from link to link); Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, s
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q1, q2, q3 = dynamicsymbols("q1 q2 q3")
 m1, m2, m3, l1, l2, lc1, lc2, lc3, I1, I2, I3, g = sp.symbols("m1 m2 m3 l1 l2 lc1 lc2 lc3 I1 I2 I3 g", positive=True)

@@ -12,7 +12,7 @@ import sympy as sp
 from _serial_arm import Link, energies, table
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q = dynamicsymbols("q1:8")
 g = sp.Symbol("g", positive=True)

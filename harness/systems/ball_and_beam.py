@@ -11,7 +11,7 @@ and beam example, IEEE Transactions on Automatic Control 37 (1992), section II; 
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 r, theta = dynamicsymbols("r theta")
 M, J, J_b, g = sp.symbols("M J J_b g", positive=True)

@@ -8,7 +8,7 @@ Source: The Euler-Lagrange equations (chapter 7.9), example 2.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta = dynamicsymbols("theta")
 I_O, m, r_G, c, g = sp.symbols("I_O m r_G c g", positive=True)

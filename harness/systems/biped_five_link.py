@@ -12,7 +12,7 @@ biped walkers, IEEE Transactions on Automatic Control 48 (2003).
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q1, q2, q3, q4, q5 = dynamicsymbols("q1 q2 q3 q4 q5")
 m_t, m_f, m_T, L_t, L_f, p_t, p_f, p_T, I_t, I_f, I_T, g = sp.symbols("m_t m_f m_T L_t L_f p_t p_f p_T I_t I_f I_T g", positive=True)

@@ -11,7 +11,7 @@ Engineering, technical report CSE-04-006 (2004), section 2.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 x, q1, q2 = dynamicsymbols("x q1 q2")
 m0, m1, m2, L1, L2, k, g = sp.symbols("m0 m1 m2 L1 L2 k g", positive=True)

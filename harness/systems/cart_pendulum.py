@@ -8,7 +8,7 @@ Source: The Euler-Lagrange equations (chapter 7.9), example 4.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 x, theta = dynamicsymbols("x theta")
 M, m, L, k, c, g = sp.symbols("M m L k c g", positive=True)

@@ -11,7 +11,7 @@ import itertools
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 SIZES = (3, 6, 12)
 

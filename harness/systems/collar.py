@@ -9,7 +9,7 @@ Source: The Euler-Lagrange equations (chapter 7.9), example 1.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta = dynamicsymbols("theta")
 m, r, d, k, g = sp.symbols("m r d k g", positive=True)

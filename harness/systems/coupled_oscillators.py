@@ -8,7 +8,7 @@ Source: Taylor, Classical Mechanics, sections 11.1 to 11.3 (two masses and three
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 x1, x2 = dynamicsymbols("x1 x2")
 m1, m2, k1, k2, k3, e1, e2, e3 = sp.symbols("m1 m2 k1 k2 k3 e1 e2 e3", positive=True)

@@ -11,7 +11,7 @@ and problem 6.25, the tautochrone.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 phi = dynamicsymbols("phi")
 m, R, g = sp.symbols("m R g", positive=True)

@@ -12,7 +12,7 @@ flat on a lift. All values are this file's own.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta, z, r = dynamicsymbols("theta z r")
 m2, m3, I1, I2, I3, a, b, g = sp.symbols("m2:4 I1:4 a b g", positive=True)

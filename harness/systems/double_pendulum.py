@@ -10,7 +10,7 @@ Mechanics, 3rd ed., chapter 1, exercise 22.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q1, q2 = dynamicsymbols("q1 q2")
 m1, m2, l1, l2, g = sp.symbols("m1 m2 l1 l2 g", positive=True)

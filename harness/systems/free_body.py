@@ -9,8 +9,7 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 4.4, 4.9
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.charts import Attitude, body_rates
-from harness.system import TIME, System
+from harness import TIME, Attitude, System, body_rates
 
 x, y, z, a1, a2, a3 = dynamicsymbols("x y z a1 a2 a3")
 m, A, B, C, g = sp.symbols("m A B C g", positive=True)

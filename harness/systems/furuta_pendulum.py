@@ -12,7 +12,7 @@ J2yy, which it takes as 0 and J2zz.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta1, swing = dynamicsymbols("theta1 swing")
 m1, m2, L1, l1, l2, J1zz, J2xx, J2yy, J2zz, b1, b2, g = sp.symbols("m1 m2 L1 l1 l2 J1zz J2xx J2yy J2zz b1 b2 g", positive=True)

@@ -13,7 +13,7 @@ Greenwood, Principles of Dynamics, chapter 8, for the gimbals.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 phi, tilt, psi = dynamicsymbols("phi tilt psi")
 I_o, I_x, I_y, I_z, A, C, h, m, g = sp.symbols("I_o I_x I_y I_z A C h m g", positive=True)

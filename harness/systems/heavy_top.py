@@ -10,8 +10,7 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 5.7 (Lagr
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.charts import Attitude, body_rates, rotation
-from harness.system import TIME, System
+from harness import TIME, Attitude, System, body_rates, rotation
 
 phi, theta, psi = dynamicsymbols("phi theta psi")
 m, L, I1, I3, g = sp.symbols("m L I1 I3 g", positive=True)

@@ -10,7 +10,7 @@ Taylor, Classical Mechanics, section 9.1 (pendulum in an accelerating car).
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 s, theta = dynamicsymbols("s theta")
 M, m, L, alpha, g = sp.symbols("M m L alpha g", positive=True)

@@ -10,7 +10,7 @@ Source: Block, Astrom, Spong, The Reaction Wheel Pendulum (2007), chapter 2.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta, phi = dynamicsymbols("theta phi")
 m_p, m_r, J_p, J_r, l_p, l_r, g = sp.symbols("m_p m_r J_p J_r l_p l_r g", positive=True)

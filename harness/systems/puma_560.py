@@ -16,7 +16,7 @@ import sympy as sp
 from _serial_arm import Link, energies, table
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 q = dynamicsymbols("q1:7")
 a2, a3, d2, d3, d4 = sp.symbols("a2 a3 d2 d3 d4", real=True)

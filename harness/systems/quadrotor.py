@@ -11,8 +11,7 @@ equations 1 to 4, with the centre of mass off the frame's origin as in Greenwood
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.charts import Attitude, body_rates, rotation
-from harness.system import TIME, System
+from harness import TIME, Attitude, System, body_rates, rotation
 
 x, y, z, roll, pitch, yaw = dynamicsymbols("x y z roll pitch yaw")
 m, h, J1, J2, J3, g = sp.symbols("m h J1 J2 J3 g", positive=True)

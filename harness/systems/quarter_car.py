@@ -8,7 +8,7 @@ Source: Rajamani, Vehicle Dynamics and Control, 2nd ed., chapter 10 (passive aut
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 z_u, z_r = dynamicsymbols("z_u z_r")
 m_s, m_u, k_s, b_s, k_t, g = sp.symbols("m_s m_u k_s b_s k_t g", positive=True)

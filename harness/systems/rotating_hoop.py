@@ -10,7 +10,7 @@ Classical Mechanics, 3rd ed., chapter 2, exercise 18.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 phi, rise = dynamicsymbols("phi rise")
 I_h, m, R, g = sp.symbols("I_h m R g", positive=True)

@@ -10,8 +10,7 @@ Source: Hughes, Spacecraft Attitude Dynamics, section 3.5 and chapter 6 (gyrosta
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.charts import Attitude, body_rates
-from harness.system import TIME, System
+from harness import TIME, Attitude, System, body_rates
 
 x, y, z, a1, a2, a3, w = dynamicsymbols("x y z a1 a2 a3 w")
 M, m, A, B, C, D, S = sp.symbols("M m A B C D S", positive=True)

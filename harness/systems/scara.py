@@ -11,7 +11,7 @@ import sympy as sp
 from _serial_arm import Link, energies
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta1, theta2, theta3, theta4 = dynamicsymbols("theta1:5")
 m1, m2, m3, m4, l1, l2, r1, r2, Iz1, Iz2, Iz3, Iz4, g = sp.symbols("m1:5 l1:3 r1:3 Iz1:5 g", positive=True)

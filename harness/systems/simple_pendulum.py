@@ -7,7 +7,7 @@ Source: Landau, Lifshitz, Mechanics, 3rd ed., section 11, problem 1.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta = dynamicsymbols("theta")
 m, L, g = sp.symbols("m L g", positive=True)

@@ -10,7 +10,7 @@ spherical pendulum); Landau, Lifshitz, Mechanics, section 14, problem 1.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta, phi = dynamicsymbols("theta phi")
 m, L, g = sp.symbols("m L g", positive=True)

@@ -8,7 +8,7 @@ Source: The Euler-Lagrange equations (chapter 7.9), example 3.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 x = dynamicsymbols("x")
 m, k, c = sp.symbols("m k c", positive=True)

@@ -8,7 +8,7 @@ Source: Taylor, Classical Mechanics, chapter 7, problem 7.36.
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 r, phi = dynamicsymbols("r phi")
 m, k, l_0, g = sp.symbols("m k l_0 g", positive=True)

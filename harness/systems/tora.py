@@ -11,7 +11,7 @@ Robust and Nonlinear Control 8 (1998), section 2; numbers of its experimental te
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 x, theta = dynamicsymbols("x theta")
 M, m, e, J, k, d = sp.symbols("M m e J k d", positive=True)

@@ -8,7 +8,7 @@ Source: Rao, Mechanical Vibrations, 5th ed., section 2.3 (undamped torsional sys
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.system import TIME, System
+from harness import TIME, System
 
 theta = dynamicsymbols("theta")
 m, L, k_t, g = sp.symbols("m L k_t g", positive=True)

@@ -1,0 +1,192 @@
+"""Energy over many steps of integrators on a mechanism without its dampers: bounded, a random walk, or secular.
+
+The growth is the slope of the largest energy error over ever longer stretches of time, on logarithmic axes.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., chapter IX (long-time energy conservation of
+symplectic integrators) and section VIII.5 (random walk of roundings).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.bench.motion_cost import ROUNDINGS_PER_STEP, prepared
+from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.sampling import sample
+from harness.check.scene import Scene
+from harness.check.tasks import Note
+from harness.engines import Unsupported
+from harness.equations.energies import EnergyKernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.program import StraightLineProgram
+from harness.library import Library
+from harness.models.model_file import ModelFile, parse_model
+from harness.models.text import find_numbers, with_values
+from harness.motion.integrators import Advance, Integrator, select_integrators
+from harness.motion.taylor import Taylor
+from harness.motion.trajectories import HORIZON, Start
+from harness.results.benchmark import Drift
+
+# Size of the steps, and the longest that one integrator may take [s].
+STEP, LONGEST = 1e-3, 120.0
+TOLERANCE = 1e-12
+KEPT = 2048
+# Stretches of time, each twice as long as the one before it, that the growth is fitted over.
+STRETCHES = 5
+BOUNDED_BELOW, SECULAR_ABOVE = 0.25, 0.75
+# An energy that is off by this share of the largest kinetic energy has been lost: what follows tells nothing of its growth.
+LOST = 0.3
+FEWEST_STATES = 2**STRETCHES
+TRIAL_STEPS = 1000
+
+
+def without_dampers(mechanism: Mechanism, models: Mapping[str, ModelFile]) -> tuple[Mechanism, dict[str, ModelFile]]:
+    """The mechanism with the parameters of its dampers at 0, and its models with their damping at 0.
+
+    A damper's parameter is one that the non-conservative forces depend on, and the energy does not.
+
+    Raises:
+        ValueError: non-conservative forces are left.
+    """
+    program = mechanism.energy_programs[0]
+    first = len(program.inputs) - len(mechanism.parameters)
+    of_dampers = _inputs_of(program, "forces") - _inputs_of(program, "energy")
+    parameters = tuple(
+        (name, 0.0 if first + place in of_dampers else value, unit) for place, (name, value, unit) in enumerate(mechanism.parameters)
+    )
+    conservative = replace(mechanism, parameters=parameters)
+    if EnergyKernel(conservative).evaluate(sample(conservative, 8, seed=1)).power.any():
+        raise ValueError(f"{mechanism.name} has non-conservative forces that no parameter switches off")
+    undamped = {}
+    for name, model in models.items():
+        numbers = [number for number in find_numbers(model.text, model.format) if "damping" in f"{number.element} {number.attribute}"]
+        text = with_values(model.text, dict.fromkeys(numbers, 0.0))
+        undamped[name] = parse_model(model.path, text, model.format)
+    return conservative, undamped
+
+
+def _inputs_of(program: StraightLineProgram, output: str) -> set[int]:
+    """Indices of the inputs that an output depends on."""
+    found: set[int] = set()
+    seen: set[int] = set()
+    pending = list(program.outputs[output])
+    while pending:
+        index = pending.pop()
+        if index in seen:
+            continue
+        seen.add(index)
+        operation, *operands = program.instructions[index]
+        if operation == "input":
+            found.add(operands[0])
+        elif operation == "integer_power":
+            pending.append(operands[0])
+        elif operation not in ("rational", "pi"):
+            pending.extend(operands)
+    return found
+
+
+def drifts(
+    library: Library,
+    mechanism: Mechanism,
+    models: Mapping[str, ModelFile],
+    names: Sequence[str],
+    steps: int,
+    note: Note,
+    step: float = STEP,
+    seconds: float = LONGEST,
+) -> list[Drift]:
+    """Energy over ``steps`` steps of ``step`` [s], or as many as fit into ``seconds``, of the integrators called ``names``, or of all.
+
+    Dampers are taken out of the mechanism and its models. Adaptive integrators run over the same time at
+    ``TOLERANCE``. An integrator that cannot express the mechanism has no entry.
+    """
+    conservative, undamped = without_dampers(mechanism, models)
+    scene = Scene(library, conservative, undamped)
+    start = Start.of(conservative, steps * step)
+    energies = EnergyKernel(conservative)
+    # One computed motion cannot be the measure of its own energy.
+    truth = Taylor(conservative).solve(start.q, start.v, np.linspace(0.0, min(HORIZON, start.horizon), KEPT))
+    largest_kinetic = float(energies.along(truth.q, truth.v).kinetic.max()) or 1.0
+    found: list[Drift] = []
+    for integrator in select_integrators(names):
+        note(f"{mechanism.name}: {integrator.name} over {steps} steps")
+        try:
+            advance = prepared(integrator, scene)
+        except Unsupported:
+            continue
+        found.append(_drift(integrator, advance, start, energies, largest_kinetic, mechanism.name, steps, step, seconds))
+    return found
+
+
+def _drift(
+    integrator: Integrator,
+    advance: Advance,
+    start: Start,
+    energies: EnergyKernel,
+    largest_kinetic: float,
+    system: str,
+    steps: int,
+    step: float,
+    seconds: float,
+) -> Drift:
+    trial = min(steps, TRIAL_STEPS)
+    began = time.perf_counter()
+    if integrator.adaptive:
+        advance(replace(start, horizon=trial * step), TOLERANCE, 1, 1)
+    else:
+        advance(start, step, trial, trial)
+    allowed = seconds * trial / (time.perf_counter() - began)
+    count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
+    if integrator.adaptive:
+        path = advance(replace(start, horizon=count * step), TOLERANCE, KEPT, 1)
+    else:
+        path = advance(start, step, count, max(1, count // KEPT))
+    energy = energies.along(path.q, path.v, path.times).energy
+    errors = np.abs(energy - energy[0]) / largest_kinetic
+    growth = growth_of(path.times, errors)
+    # Of rounding errors theory says nothing; on a linear system a method may leave nothing else.
+    only_rounding = bool(errors.max() <= ROUNDINGS_PER_STEP * UNIT_ROUNDOFF * math.sqrt(count))
+    return Drift(
+        system=system,
+        integrator=integrator.name,
+        step=count * step / path.evaluations if integrator.adaptive else step,
+        steps=path.evaluations if integrator.adaptive else count,
+        seconds=path.seconds,
+        largest=float(errors.max()) if np.isfinite(errors).all() else math.inf,
+        growth=growth,
+        verdict=verdict_of(growth, errors),
+        expected="" if only_rounding else integrator.long_run,
+    )
+
+
+def growth_of(times: Array, errors: Array) -> float | None:
+    """Slope of log of the largest error up to T, T/2, T/4, ... over log of the time, T the end or where the energy is lost.
+
+    None where an error is 0, or the energy is lost at once.
+    """
+    lost = np.flatnonzero(~(errors < LOST))
+    last = int(lost[0]) if len(lost) else len(times) - 1
+    if last < FEWEST_STATES:
+        return None
+    ends = times[last] / 2.0 ** np.arange(STRETCHES)
+    largest = [float(errors[times <= end * (1 + 1e-12)].max()) for end in ends]
+    if not all(math.isfinite(value) and value > 0 for value in largest):
+        return None
+    return float(np.polyfit(np.log(ends), np.log(largest), 1)[0])
+
+
+def verdict_of(growth: float | None, errors: Array) -> str:
+    """The growth in a word; an energy that is lost before the end was not bounded, however it went."""
+    if not (errors < LOST).all():
+        return "secular"
+    if growth is None:
+        return "bounded" if not errors.any() else "secular"
+    if growth > SECULAR_ABOVE:
+        return "secular"
+    return "bounded" if growth < BOUNDED_BELOW else "random walk"

@@ -1,0 +1,93 @@
+"""Ways of computing accelerations, each a ``Method`` declared in a module of this package.
+
+A method is prepared once for a scene and its states, which loads, compiles and converts; what is timed
+afterwards covers all states and nothing else.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.check.scene import Scene
+from harness.engines import Engine, Model, load_engine
+from harness.equations.states import States
+from harness.errors import InvalidRequest
+from harness.library import nearest
+
+Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A method ready to run on the states it was prepared with.
+
+    Attributes:
+        compute: everything that is timed, over all states.
+        accelerations: (n, nv), in the order of the mechanism's coordinates, what the last ``compute`` found.
+        note: what its cost means on this system where that is not plain; "" where it is.
+    """
+
+    compute: Callable[[], object]
+    accelerations: Callable[[], Accelerations]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way of computing accelerations.
+
+    Attributes:
+        name: for the command line and the report.
+        format: what it reads: "equations", "mjcf" or "urdf".
+        prepare: loads and converts. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
+        threads: how many it runs on.
+        growth: highest exponent of cost over the number of bodies of a chain that the algorithm allows, for
+            the reader: "1", "up to 3".
+        linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame.
+        most_states: how many it is given at most, where more would only take time; None for as many as there are.
+    """
+
+    name: str
+    format: str
+    prepare: Callable[[Scene, States], Prepared]
+    threads: int = 1
+    growth: str = ""
+    linear_velocity_in_body: bool = False
+    most_states: int | None = None
+
+
+def find_methods() -> list[Method]:
+    """Every method that a module of this package holds, sorted by name."""
+    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
+    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Method)}
+    return [found[name] for name in sorted(found)]
+
+
+def select_methods(names: Sequence[str]) -> list[Method]:
+    """The methods called ``names``, or all of them for none.
+
+    Raises:
+        InvalidRequest: a name no method has; the message gives the nearest one.
+    """
+    known = {method.name: method for method in find_methods()}
+    for name in names:
+        if name not in known:
+            raise InvalidRequest(f"no method is called {name!r}; {nearest(name, known)}")
+    return [known[name] for name in dict.fromkeys(names)] or list(known.values())
+
+
+def load_model(scene: Scene, engine: str, format: str) -> tuple[Engine, Model]:
+    """An engine and the scene's model loaded into it, as the cross-check loads it.
+
+    Raises:
+        harness.engines.Unsupported: the engine cannot express the mechanism.
+        ValueError: the engine refuses the model.
+    """
+    loader = load_engine(scene.library, engine)
+    return loader, loader.load(scene.models[format], scene.mechanism.joints, scene.mechanism.gravity)

@@ -1,0 +1,147 @@
+"""The equations of motion themselves: SymPy's ``lambdify``, heyoka's machine code, and certified balls.
+
+``lambdify`` gets the equations as they are derived, with common subexpressions taken out, which is what a
+SymPy user would do; M qdd = f is solved by LAPACK. heyoka compiles the harness's own program with an
+unrolled solution.
+
+Sources: SymPy documentation, ``lambdify``; Biscani, Izzo, heyoka.py documentation, ``cfunc``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from harness.bench.methods import Accelerations, Method, Prepared
+from harness.certify.reference import Reference
+from harness.check.scene import Scene
+from harness.check.tasks import reference_kernel
+from harness.engines import Unsupported
+from harness.equations.derivation import load_system
+from harness.equations.kernels import Float64Kernel, heyoka_expressions, solve_symmetric
+from harness.equations.program import StraightLineProgram, position_count
+from harness.equations.states import States
+
+# Python needs minutes to derive and to compile more.
+MOST_INSTRUCTIONS_PRINTED = 5000
+# A state takes so long that a call's own cost is lost in it.
+SLOW = 512
+ONE_CHART = "in one chart of Euler angles, which loses digits where it is singular"
+SEVERAL_CHARTS = "each state's chart of Euler angles was chosen beforehand"
+
+
+def _lambdified(scene: Scene, modules: str) -> tuple[Callable[..., Any], str]:
+    """A function of q, v, time and parameters that returns the entries of M by rows, then those of p - c - g; and a note."""
+    import sympy as sp
+
+    from harness.equations.euler_angles import in_joint_coordinates
+    from harness.equations.lagrange import derive
+    from harness.equations.system import TIME
+
+    mechanism = scene.mechanism
+    instructions = len(mechanism.program.instructions)
+    if instructions > MOST_INSTRUCTIONS_PRINTED:
+        raise Unsupported(f"the equations take {instructions} operations; lambdify is tried up to {MOST_INSTRUCTIONS_PRINTED}")
+    system, _ = load_system(scene.library.system_path(mechanism.name))
+    joint = in_joint_coordinates(derive(system), list(system.coordinates), system.attitudes, linear_velocity_in_body=False)
+    right_hand_side = joint.passive_forces - joint.velocity_terms - joint.gravity_terms
+    # Nested lists would hide the subexpressions from ``cse``.
+    arguments = [*joint.positions, *joint.velocities, TIME, *system.parameters]
+    expressions = [*joint.mass_matrix, *right_hand_side]
+    function: Callable[..., Any] = sp.lambdify(arguments, expressions, modules=modules, cse=partial(sp.cse, order="none"))
+    return function, ONE_CHART if mechanism.attitudes else ""
+
+
+def _one_at_a_time(scene: Scene, states: States) -> Prepared:
+    evaluate, note = _lambdified(scene, "math")
+    parameters = list(scene.mechanism.parameter_values)
+    rows = [row + parameters for row in np.hstack([states.q, states.v, states.time[:, None]]).tolist()]
+    nv, forces, found = scene.mechanism.nv, states.tau, np.full_like(states.v, np.nan)
+
+    def compute() -> None:
+        for state, row in enumerate(rows):
+            values = np.array(evaluate(*row))
+            found[state] = np.linalg.solve(values[:-nv].reshape(nv, nv), values[-nv:] + forces[state])
+
+    return Prepared(compute, lambda: found, note)
+
+
+def _batch(scene: Scene, states: States) -> Prepared:
+    evaluate, note = _lambdified(scene, "numpy")
+    columns = [*np.ascontiguousarray(states.q.T), *np.ascontiguousarray(states.v.T), states.time, *scene.mechanism.parameter_values]
+    n, nv = states.v.shape
+    values, found = np.empty((n, nv * nv + nv)), np.full((n, nv), np.nan)
+
+    def compute() -> None:
+        for place, value in enumerate(evaluate(*columns)):
+            values[:, place] = value
+        force = values[:, -nv:] + states.tau
+        found[:] = np.linalg.solve(values[:, :-nv].reshape(n, nv, nv), force[:, :, None])[:, :, 0]
+
+    return Prepared(compute, lambda: found, note)
+
+
+def compiled_solution(program: StraightLineProgram, number: type) -> Callable[..., Any]:
+    """heyoka's machine code for qdd, (nv, n), of the program's inputs, (number of inputs, n), in the type ``number``."""
+    import heyoka
+
+    inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
+    outputs = heyoka_expressions(program, inputs)
+    nv = len(outputs["velocity"])
+    forces = inputs[position_count(program) + nv :][:nv]
+    terms = zip(forces, outputs["passive"], outputs["velocity"], outputs["gravity"], strict=True)
+    right_hand_side = [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
+    function: Callable[..., Any] = heyoka.cfunc(solve_symmetric(outputs["mass"], right_hand_side), vars=inputs, fp_type=number)
+    return function
+
+
+def _machine_code(number: type, scene: Scene, states: States) -> Prepared:
+    mechanism = scene.mechanism
+    charts = mechanism.charts(linear_velocity_in_body=False)
+    inputs = mechanism.inputs(states)
+    best = np.zeros(len(states), dtype=int)
+    if len(charts) > 1:
+        best = np.argmax([Float64Kernel(chart).regularity(inputs) for chart in charts], axis=0)
+    parts: list[tuple[Any, Callable[..., Any], Accelerations, Accelerations]] = []
+    for place, chart in enumerate(charts):
+        chosen = np.flatnonzero(best == place)
+        if len(chosen):
+            columns: Accelerations = np.ascontiguousarray(inputs[:, chosen], dtype=number)
+            parts.append((chosen, compiled_solution(chart, number), columns, np.full((mechanism.nv, len(chosen)), np.nan, dtype=number)))
+
+    def compute() -> None:
+        for _, solve, columns, outputs in parts:
+            solve(columns, outputs=outputs)
+
+    def accelerations() -> Accelerations:
+        found: Accelerations = np.empty((len(states), mechanism.nv), dtype=number)
+        for chosen, _, _, outputs in parts:
+            found[chosen] = outputs.T
+        return found
+
+    return Prepared(compute, accelerations, SEVERAL_CHARTS if len(charts) > 1 else "")
+
+
+def _balls(scene: Scene, states: States) -> Prepared:
+    kernel = reference_kernel(scene.mechanism, linear_velocity_in_body=False)
+    last: list[Reference] = []
+
+    def compute() -> None:
+        last[:] = [kernel.evaluate(states)]
+
+    return Prepared(compute, lambda: last[0].high, "certified, with its data roundoff; the error is that of rounding to float64")
+
+
+def _of_number(name: str, number: type) -> Method:
+    return Method(f"heyoka {name}", "equations", partial(_machine_code, number), growth="up to 3")
+
+
+ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, growth="up to 3", most_states=SLOW)
+BATCH = Method("lambdify, numpy batch", "equations", _batch, growth="up to 3")
+FLOAT32 = _of_number("float32", np.float32)
+FLOAT64 = _of_number("float64", float)
+LONG_DOUBLE = _of_number("long double", np.longdouble)
+BALLS = Method("certified balls", "equations", _balls, growth="up to 3", most_states=SLOW)

@@ -1,0 +1,169 @@
+"""The parts of a benchmark: what each measures on a system, in a worker process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
+from harness.bench.energy_drift import drifts
+from harness.bench.methods import select_methods
+from harness.bench.motion_cost import motion_costs
+from harness.bench.stationary_action import stationarity
+from harness.bench.tuned_mass_damper import SYSTEM, figures
+from harness.check.scene import Scene
+from harness.library import Library
+from harness.results.benchmark import Benchmark
+
+Note = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """How thorough a benchmark is.
+
+    Attributes:
+        states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
+        sizes: numbers of bodies of the growing chain.
+        steps: steps of the integrators [s]; horizon: length of those motions [s].
+        seconds: longest that an integrator may take with one step, else the step is left out.
+        long_steps: steps of a long run, or as many as take an integrator ``long_seconds``.
+        time_limit: seconds a task may take.
+    """
+
+    states: int
+    minimum_seconds: float
+    sizes: Sequence[int]
+    steps: Sequence[float]
+    horizon: float
+    seconds: float
+    long_steps: int
+    long_seconds: float
+    time_limit: float
+
+
+PROFILES = {
+    "quick": Profile(
+        states=1000, minimum_seconds=0.05, sizes=(1, 2, 4, 8, 16), steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5,
+        long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
+    ),
+    "nightly": Profile(
+        states=10_000, minimum_seconds=0.5, sizes=(1, 2, 4, 8, 16, 32), horizon=10.0, seconds=30.0,
+        steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What to measure.
+
+    Attributes:
+        library: where systems and models are.
+        names: systems; all for none.
+        methods: names of methods and integrators; all for none.
+        motion: whether to measure motion too.
+        profile: name of one of ``PROFILES``.
+        seed: of the sampled states.
+    """
+
+    library: Library
+    names: Sequence[str] = ()
+    methods: Sequence[str] = ()
+    motion: bool = False
+    profile: str = "quick"
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a part measures: with which settings, methods and integrators, on which scene, None for the library itself."""
+
+    settings: Settings
+    methods: Sequence[str]
+    integrators: Sequence[str]
+    scene: Scene | None
+
+    @property
+    def profile(self) -> Profile:
+        return PROFILES[self.settings.profile]
+
+    @property
+    def place(self) -> Scene:
+        """The scene of a part that is measured on systems."""
+        if self.scene is None:
+            raise ValueError("this part is measured on a system")
+        return self.scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One part of a benchmark.
+
+    Attributes:
+        name: in words.
+        measure: what a worker does.
+        moving: whether it is about motion.
+        timed: whether it must run by itself because its times are compared.
+        system: the one system or family it belongs to; "" for a part that is measured on every system.
+    """
+
+    name: str
+    measure: Callable[[Request, Note], Benchmark]
+    moving: bool
+    timed: bool
+    system: str = ""
+
+
+def load(library: Library, name: str, note: Note) -> Scene:
+    """The equations and models of system ``name``."""
+    return Scene.of(library, name)
+
+
+def _accelerations(request: Request, note: Note) -> Benchmark:
+    scene, profile, methods = request.place, request.profile, select_methods(request.methods)
+    found = acceleration_costs(
+        scene.library, scene.mechanism, scene.models, methods, profile.states, request.settings.seed, profile.minimum_seconds, note
+    )
+    return Benchmark(accelerations=found)
+
+
+def _growth(request: Request, note: Note) -> Benchmark:
+    settings, profile, methods = request.settings, request.profile, select_methods(request.methods)
+    found = growth(settings.library, methods, profile.states, settings.seed, profile.minimum_seconds, note, FAMILY, profile.sizes)
+    return Benchmark(growth=found)
+
+
+def _motion(request: Request, note: Note) -> Benchmark:
+    scene, profile = request.place, request.profile
+    truth, costs, orders = motion_costs(
+        scene.library, scene.mechanism, scene.models, request.integrators, profile.steps, profile.horizon, profile.seconds, note
+    )
+    return Benchmark(truths=[truth], motion=costs, orders=orders)
+
+
+def _drifts(request: Request, note: Note) -> Benchmark:
+    scene, profile = request.place, request.profile
+    found = drifts(
+        scene.library, scene.mechanism, scene.models, request.integrators, profile.long_steps, note, seconds=profile.long_seconds
+    )
+    return Benchmark(drifts=found)
+
+
+def _stationarity(request: Request, note: Note) -> Benchmark:
+    scene = request.place
+    return Benchmark(stationarity=stationarity(scene.library, scene.mechanism, scene.models, note))
+
+
+def _figures(request: Request, note: Note) -> Benchmark:
+    return Benchmark(figures=figures(request.settings.library, note))
+
+
+PARTS = (
+    Part(name="accelerations", measure=_accelerations, moving=False, timed=True),
+    Part(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
+    Part(name="motion", measure=_motion, moving=True, timed=True),
+    Part(name="long runs", measure=_drifts, moving=True, timed=False),
+    Part(name="stationary action", measure=_stationarity, moving=True, timed=False),
+    Part(name="figures of the text", measure=_figures, moving=True, timed=False, system=SYSTEM),
+)

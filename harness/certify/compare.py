@@ -1,0 +1,68 @@
+"""Backward error and verdict of an engine's accelerations against the reference.
+
+Source: Oettli, Prager, Compatibility of approximate solution of linear equations
+with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, chapter 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.reference import UNIT_ROUNDOFF, Reference, energy_norm
+from harness.verdict import AGREEMENT, GRAVITY, Verdict
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Judgement of n answers.
+
+    Attributes:
+        backward_error: (n,) error in units of data roundoff; NaN where the answer is not finite or the
+            reference is not certified.
+        relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing. NaN beside a zero or
+            subnormal answer too.
+        verdicts: (n,) ``Verdict`` values as strings.
+    """
+
+    backward_error: Array
+    relative_error: Array
+    verdicts: np.ndarray[Any, np.dtype[np.str_]]
+
+    @staticmethod
+    def concatenate(parts: Sequence[Comparison]) -> Comparison:
+        """The judgements of all parts, in order."""
+        return Comparison(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("backward_error", "relative_error", "verdicts"))
+        )
+
+    @property
+    def worst(self) -> int:
+        """Index of the answer that decides: the gravest verdict, then the largest backward error."""
+        gravity = np.array([GRAVITY[verdict] for verdict in self.verdicts.tolist()])
+        error = np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf)
+        return int(np.lexsort((error, gravity))[-1])
+
+
+def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> Comparison:
+    """Judge ``accelerations``, (n, nv) of any precision [SI per s^2], against the reference of the same states."""
+    if accelerations.shape != reference.high.shape:
+        raise ValueError(f"accelerations have shape {accelerations.shape}; the reference has {reference.high.shape}")
+    with np.errstate(all="ignore"):
+        difference = (accelerations - reference.high) - reference.low
+        error = energy_norm(reference.norm_factor, difference)
+        backward = error / reference.sensitivity / UNIT_ROUNDOFF
+        # Beside a subnormal answer a relative error says nothing.
+        relative = np.where(reference.size >= np.finfo(np.float64).tiny, error / reference.size, np.nan)
+    finite = np.isfinite(np.ascontiguousarray(accelerations.T)).all(axis=0)
+    verdicts = np.select(
+        [~finite, ~reference.certified, backward <= AGREEMENT, error <= UNIT_ROUNDOFF * reference.instability],
+        [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value, Verdict.UNSTABLE.value],
+        Verdict.DISAGREES.value,
+    )
+    judged = finite & reference.certified
+    return Comparison(np.where(judged, backward, np.nan), np.where(judged, relative, np.nan), verdicts)

@@ -1,0 +1,268 @@
+"""The certified acceleration at the exact float64 inputs, and its data roundoff.
+
+M and the right-hand side are evaluated in balls and solved rigorously; precision doubles until the
+radius is negligible beside the data roundoff. Data roundoff comes from M dqdd = d(rhs) - dM qdd with
+exact derivatives, compiled to float64.
+
+To it is added half an ulp of twice the kinetic energy, as a torque on every rotating coordinate. Engines
+work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the equations
+have lost these terms to algebra, so no derivative shows them. Without this share a wheel that is carried
+along at 10 m/s, or a pendulum at its dead centre, would condemn every general algorithm.
+
+Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
+not depend on the choice of coordinates.
+
+Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7; Demmel, Underflow
+and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), for inputs near zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.factorisation import cholesky_in_balls, condition_number, forward_substitute, norm_over_first_axis, scaled_cholesky
+from harness.equations.kernels import BallKernel, Float64Kernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.program import StraightLineProgram, upper_triangle
+from harness.equations.states import States
+
+UNIT_ROUNDOFF = 2.0**-53
+FIRST_PRECISION = 128
+LAST_PRECISION = 4096
+# Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
+SOUGHT_RADIUS = 2.0**-80
+CERTIFIED_RADIUS = 2.0**-60
+# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
+# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
+SMALLEST_SCALE = 2.0**-1021
+_STATES_AT_ONCE = 2048
+# Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.
+MOST_IN_FLOAT64 = 1e8
+# Parameter sets whose constants are kept in balls.
+_MOST_BOUND = 256
+Indices = np.ndarray[Any, np.dtype[np.int64]]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Certified accelerations of n states, as arrays whose first axis is the state.
+
+    Attributes:
+        high, low: (n, nv); the certified midpoint is high + low.
+        radius: (n,) energy norm of the radius [sqrt(J)/s].
+        norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
+        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M, and over rotating coordinates i of
+            2 T |M^-1 e_i|_M; the data roundoff is UNIT_ROUNDOFF times it.
+        instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
+            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose.
+        certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
+        bits: (n,) precision that was needed.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    norm_factor: Array
+    sensitivity: Array
+    instability: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+    bits: Indices
+
+    def __len__(self) -> int:
+        return len(self.high)
+
+    def __getitem__(self, selection: Any) -> Reference:
+        """The references that a slice or an index array selects."""
+        return Reference(*(getattr(self, field.name)[selection] for field in fields(Reference)))
+
+    @cached_property
+    def size(self) -> Array:
+        """(n,) energy norm of the accelerations [sqrt(J)/s]."""
+        return energy_norm(self.norm_factor, self.high)
+
+    @property
+    def data_roundoff(self) -> Array:
+        """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
+        return UNIT_ROUNDOFF * self.sensitivity
+
+    @staticmethod
+    def concatenate(parts: list[Reference]) -> Reference:
+        """The references of consecutive batches as one."""
+        return Reference(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Reference)))
+
+
+class ReferenceKernel:
+    """Certified accelerations of one mechanism; compile once, evaluate many batches.
+
+    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
+    Each state is evaluated in the chart that is most regular there.
+    """
+
+    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
+        self.mechanism = mechanism
+        self._charts = [ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
+
+    def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
+        """The reference at ``states``; a state that cannot be certified is marked, never dropped.
+
+        ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
+        default all have the mechanism's. Nothing is derived or compiled anew for them.
+        """
+        count = len(self.mechanism.parameters)
+        if parameters is None:
+            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), count))
+        if parameters.shape != (len(states), count):
+            raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
+        starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
+        batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
+        return Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+
+    def by_chart(self, states: States, parameters: Array | None = None) -> Iterator[tuple[ChartKernel, Indices]]:
+        """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""
+        if len(self._charts) == 1 or not len(states):
+            yield self._charts[0], np.arange(len(states))
+            return
+        inputs = self.mechanism.inputs(states, parameters)
+        with np.errstate(all="ignore"):
+            regularity = np.array([chart.float64.regularity(inputs) for chart in self._charts])
+        best = np.nan_to_num(regularity, nan=-1.0).argmax(axis=0)
+        for number, chart in enumerate(self._charts):
+            chosen = np.flatnonzero(best == number)
+            if len(chosen):
+                yield chart, chosen
+
+    def _evaluate(self, states: States, parameters: Array) -> Reference:
+        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states, parameters)]
+        if len(parts) == 1:
+            return parts[0][0]
+        return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
+
+
+class ChartKernel:
+    """The reference of one mechanism by one of its programs."""
+
+    def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
+        self.mechanism = mechanism
+        self.float64 = Float64Kernel(program)
+        self._balls = BallKernel(program, len(mechanism.parameters))
+        self._bound: dict[tuple[int, tuple[float, ...]], Callable[..., tuple[Any, ...]]] = {}
+
+    def evaluate(self, states: States, parameters: Array) -> Reference:
+        """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
+        n, nv = len(states), self.mechanism.nv
+        high, low, radii, scale, factor = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((nv, n)), np.empty((nv, nv, n))
+        bits = np.zeros(n, dtype=np.int64)
+        with np.errstate(all="ignore"):
+            pending = np.arange(n)
+            precision = FIRST_PRECISION
+            while True:
+                results = self._certify(states[pending], parameters[pending], precision)
+                high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
+                bits[pending] = precision
+                norm_factor, sensitivity, instability = self._norms(states, parameters, high, scale, factor)
+                radius = energy_norm(np.abs(norm_factor), radii)
+                pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
+                precision *= 2
+                if precision > LAST_PRECISION or not len(pending):
+                    break
+            certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
+        return Reference(high, low, radius, norm_factor, sensitivity, instability, certified, bits)
+
+    def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array]:
+        """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``."""
+        import flint
+
+        nv = self.mechanism.nv
+        pairs = upper_triangle(nv)
+        results = np.empty((len(states), 3, nv))
+        exact: list[tuple[Any, ...]] = []
+        with flint.ctx.workprec(precision):
+            for index, (row, values) in enumerate(self.in_balls(states, parameters)):
+                velocity, gravity, passive = (values[len(pairs) + k * nv : len(pairs) + (k + 1) * nv] for k in range(3))
+                force = [flint.arb(row[self.mechanism.nq + nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
+                exact.append(values[: len(pairs)])
+                solution = _solve(values[: len(pairs)], pairs, force, nv)
+                for i, ball in enumerate(solution):
+                    results[index, :, i] = parts_of(ball)
+            scale, factor = factorise(exact, nv)
+        return results[:, 0], results[:, 1], results[:, 2], scale, factor
+
+    def in_balls(self, states: States, parameters: Array) -> Iterator[tuple[list[float], tuple[Any, ...]]]:
+        """q, v, tau and time of each state, and the program's outputs there as ``arb`` at the working precision."""
+        import flint
+
+        rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
+        for row, values_of_parameters in zip(rows, map(tuple, parameters.tolist()), strict=True):
+            yield row, self._bind(flint.ctx.prec, values_of_parameters)(*row)
+
+    def _bind(self, precision: int, parameters: tuple[float, ...]) -> Callable[..., tuple[Any, ...]]:
+        """The ball kernel of one parameter set at the working precision, which is ``precision``."""
+        key = precision, parameters
+        if key not in self._bound:
+            if len(self._bound) >= _MOST_BOUND:
+                self._bound.clear()
+            self._bound[key] = self._balls.bind(parameters)
+        return self._bound[key]
+
+    def _norms(self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Array, Array]:
+        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and factors of M."""
+        nv = self.mechanism.nv
+        inputs = self.mechanism.inputs(states, parameters)
+        terms = self.float64.terms(inputs)
+        derivatives = self.float64.input_derivatives(inputs, np.ascontiguousarray(accelerations.T))
+        columns = derivatives * np.maximum(np.abs(inputs), SMALLEST_SCALE)[None]
+        sensitivity = norm_over_first_axis(forward_substitute(factor, columns / scale[:, None])).sum(axis=0)
+        norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
+        torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
+        of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
+        sensitivity = sensitivity + energy_norm(norm_factor, states.v) ** 2 * of_torques
+        separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
+        of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
+        instability = 16 * nv * condition_number(factor) * (energy_norm(norm_factor, accelerations) + of_terms)
+        return norm_factor, sensitivity, instability
+
+
+def parts_of(ball: Any) -> tuple[float, float, float]:
+    """(high, low, radius): high + low is the ball's midpoint to twice the digits of float64."""
+    midpoint = float(ball)
+    return midpoint, float(ball - midpoint), float(ball.rad())
+
+
+def factorise(exact: Sequence[Sequence[Any]], nv: int) -> tuple[Array, Array]:
+    """``scaled_cholesky`` of mass matrices given by their upper triangles in balls; in balls where float64 would lose digits."""
+    pairs = upper_triangle(nv)
+    mass = np.empty((len(exact), nv, nv))
+    for index, upper in enumerate(exact):
+        for (i, j), entry in zip(pairs, upper, strict=True):
+            mass[index, i, j] = mass[index, j, i] = float(entry)
+    scale, factor = scaled_cholesky(mass)
+    for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)).tolist():
+        factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
+    return scale, factor
+
+
+def _solve(upper: Any, pairs: list[tuple[int, int]], force: list[Any], nv: int) -> list[Any]:
+    """M qdd = force in balls; all indeterminate where M is not certainly regular."""
+    import flint
+
+    if nv == 1:
+        return [force[0] / upper[0]]
+    entries = dict(zip(pairs, upper, strict=True))
+    mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
+    try:
+        solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
+    except ZeroDivisionError:
+        return [flint.arb.nan()] * nv
+    return [solution[i, 0] for i in range(nv)]
+
+
+def energy_norm(norm_factor: Array, vectors: Array) -> Array:
+    """|x|_M per state, for norm_factor (n, nv, nv) and vectors (n, nv)."""
+    # Reductions over the first axis of what numpy would lay out by states take four times as long.
+    return norm_over_first_axis(np.einsum("nij,nj->in", norm_factor, vectors, order="C"))

@@ -1,0 +1,100 @@
+"""States at which engines are compared: bulk samples, and hypothesis strategies that shrink.
+
+Source: Owen, Scrambling Sobol' and Niederreiter-Xing points, J. Complexity 14 (1998), through
+``scipy.stats.qmc``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+# Sampled angles of an unbounded coordinate; the special values go much further.
+ANGLES = (-math.pi, math.pi)
+HUGE_ANGLES = (1e3, 1e8, 1e15)
+TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
+
+
+def sample(mechanism: Mechanism, count: int, seed: int) -> States:
+    """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
+    from scipy.stats import qmc
+
+    bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
+    bounds += [*mechanism.rate_ranges, *mechanism.force_ranges]
+    low, high = np.array(bounds).T
+    points = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed)).random_base2(max(0, math.ceil(math.log2(max(count, 1)))))[:count]
+    q, v, tau = np.split(low + points * (high - low), 3, axis=1)
+    for place in reversed(mechanism.attitudes):
+        rotations = _uniform_rotations(points[:, place : place + 3])
+        q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
+    return States.at(q, v, tau) if count else States(q, v, tau, np.zeros(0))
+
+
+def _uniform_rotations(points: Array) -> Array:
+    """Quaternions (n, 4) of uniformly distributed rotations from uniform points (n, 3) of the unit cube.
+
+    Source: Shoemake, Uniform random rotations, Graphics Gems III (1992).
+    """
+    radius, first, second = points[:, 0], 2 * math.pi * points[:, 1], 2 * math.pi * points[:, 2]
+    inner, outer = np.sqrt(1 - radius), np.sqrt(radius)
+    return np.stack([inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)], axis=1)
+
+
+def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
+    """Hypothesis strategy of single states of ``mechanism``, with the special values that matter.
+
+    Zero, both ends of each range, tiny values, multiples of pi/2 and huge angles are drawn often, and
+    everything shrinks to zero.
+    """
+    from hypothesis import strategies as st
+
+    positions: list[SearchStrategy[tuple[float, ...]]] = [st.tuples(_position(bounds)) for bounds in mechanism.position_ranges]
+    for place in reversed(mechanism.attitudes):
+        positions[place : place + 3] = [_rotation()]
+    configuration = st.tuples(*positions).map(lambda parts: tuple(value for part in parts for value in part))
+    # No rate or force leaves its range: what a wrist does under the torque of a shoulder belongs to hard cases.
+    rates, forces = ([_bounded(bounds) for bounds in ranges] for ranges in (mechanism.rate_ranges, mechanism.force_ranges))
+    return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces)).map(lambda state: States.at(*state))
+
+
+def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:
+    from hypothesis import strategies as st
+
+    if bounds is not None:
+        return _bounded(bounds)
+    quarter_turns = st.integers(-8, 8).map(lambda k: k * (math.pi / 2))
+    return st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(_special(HUGE_ANGLES)), st.floats(*ANGLES))
+
+
+def _rotation() -> SearchStrategy[tuple[float, ...]]:
+    """Unit quaternions to rounding: none, half and quarter turns about the axes, and any other."""
+    from hypothesis import strategies as st
+
+    half = math.sqrt(0.5)
+    axes = [tuple(float(component == axis) for component in range(4)) for axis in range(4)]
+    quarters = [(half, *(sign * half * component for component in axis[1:])) for axis in axes[1:] for sign in (1.0, -1.0)]
+    components = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda quaternion: math.hypot(*quaternion) > 0.01)
+    others = components.map(lambda quaternion: tuple(component / math.hypot(*quaternion) for component in quaternion))
+    return st.one_of(st.sampled_from(axes), st.sampled_from(quarters), others)
+
+
+def _bounded(bounds: tuple[float, float]) -> SearchStrategy[float]:
+    from hypothesis import strategies as st
+
+    inside = [value for value in (0.0, *bounds) if bounds[0] <= value <= bounds[1]]
+    special = [value for value in _special() if bounds[0] <= value <= bounds[1]]
+    return st.one_of(st.sampled_from(inside), *([st.sampled_from(special)] if special else []), st.floats(*bounds))
+
+
+def _special(huge: Sequence[float] = ()) -> list[float]:
+    return [sign * magnitude for magnitude in (*TINY, *huge) for sign in (1.0, -1.0)]

@@ -1,0 +1,61 @@
+"""What a run and its systems were, as plain data for the report."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shlex
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from statistics import median
+
+from harness.engines import engine_names, installed_version, load_engine
+from harness.equations.mechanism import Mechanism
+from harness.library import Library
+from harness.results.records import Run, SystemCard
+from harness.version import __version__
+
+
+def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str]) -> Run:
+    """Versions, machine and settings of a run that starts now."""
+    versions = {"harness": __version__, "python": platform.python_version()}
+    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
+        versions[distribution] = importlib.metadata.version(distribution)
+    for name in engine_names(library):
+        engine = load_engine(library, name)
+        version = installed_version(engine)
+        if version is not None:
+            versions[engine.requires[1]] = version
+    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count())}
+    return Run(
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions=versions,
+        machine=machine,
+        seed=seed,
+        profile=profile,
+        states=states,
+        library=library.name,
+        command=shlex.join(command),
+    )
+
+
+def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], compilation_seconds: float | None = None) -> SystemCard:
+    """What a report shows of a system.
+
+    ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
+    """
+    free = ("input", "rational", "pi")
+    return SystemCard(
+        name=mechanism.name,
+        description=mechanism.description,
+        source=mechanism.source,
+        coordinates=[{"name": name, "joint": joint} for name, joint in zip(mechanism.coordinates, mechanism.joints, strict=True)],
+        parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
+        equations_mathml=mechanism.equations_mathml,
+        equations_text=mechanism.equations_text,
+        operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
+        derivation_seconds=mechanism.derivation_seconds,
+        reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
+        compilation_seconds=compilation_seconds,
+    )

@@ -1,0 +1,123 @@
+"""A new mechanism's three files: a working example that agrees, with the places to edit marked ``EDIT:``.
+
+The example is a chain of plates on pins. Each file has a template of its own in ``templates/``, written from
+the plates' numbers; no file is made from another.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import keyword
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
+
+MOST_DEGREES_OF_FREEDOM = 12
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rigid plate that hangs on a pin, its centre of mass half way to the next pin.
+
+    Attributes:
+        mass: [kg]. length: from its pin to the next one [m]. inertia: about the centre of mass [kg m^2].
+        stiffness, damping: of its pin [N m/rad, N m s/rad].
+    """
+
+    mass: float
+    length: float
+    inertia: float
+    stiffness: float
+    damping: float
+
+
+def chain(count: int) -> list[Plate]:
+    """Plates of which each has half the mass of the one above it.
+
+    They are wide and ever lighter, because a long chain of equal bars is ill-conditioned: that would be a
+    test of engines, not an example.
+    """
+    whole = Plate(mass=6.0, length=0.25, inertia=1.5, stiffness=20.0, damping=0.5)
+    return [
+        replace(whole, mass=whole.mass * half, inertia=whole.inertia * half, stiffness=whole.stiffness * half, damping=whole.damping * half)
+        for half in (0.5**i for i in range(count))
+    ]
+
+
+def write_example(name: str, degrees_of_freedom: int, directory: Path) -> list[Path]:
+    """Write system, MJCF and URDF of ``name`` into the library ``directory``, made where it is missing; their paths.
+
+    Raises:
+        InvalidRequest: the name is none a mechanism can have.
+        InvalidInput: a file exists, or cannot be written; then none is written.
+    """
+    root = directory.resolve()
+    _check_directory(directory, root)
+    _check_name(name)
+    plates = chain(degrees_of_freedom)
+    texts = {
+        root / "systems" / f"{name}.py": _render("system.py.jinja", name, plates),
+        **{
+            root / model_format / f"{name}{suffix}": _render(f"model{suffix}.jinja", name, plates)
+            for model_format, suffix in MODEL_SUFFIXES.items()
+        },
+    }
+    for path in texts:
+        if path.exists() or path.is_symlink():
+            raise InvalidInput(path, None, "exists already and is left alone; choose another name, or remove the file")
+    path = root / "systems" / f"{name}.py"
+    if member_of(path) is not None or name in (Library.at(root).system_names() if path.parent.is_dir() else []):
+        raise InvalidRequest(f"the library has a system called {name!r} already; choose another name")
+    written: list[Path] = []
+    try:
+        for path, text in texts.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as file:
+                written.append(path)
+                file.write(text)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise InvalidInput(error.filename or root, None, f"cannot be written: {error.strerror}; nothing was made") from error
+    return written
+
+
+def _check_directory(directory: Path, root: Path) -> None:
+    built_in = Library.built_in()
+    if root == built_in.models or root.is_relative_to(built_in.systems.parent):
+        raise InvalidInput(
+            directory, None, "belongs to the harness itself; make the mechanism in a library of your own, named by --library DIR"
+        )
+    if root.exists() and not root.is_dir():
+        raise InvalidInput(directory, None, "is not a directory; expected a library, or the folder that is to become one")
+    if not root.exists() and str(directory) in installed_libraries():
+        raise InvalidInput(directory, None, "is an installed library, which is not to be edited; name a folder")
+
+
+def _check_name(name: str) -> None:
+    """Refuse what cannot be the name of a Python file that others may import beside it."""
+    if name.startswith("_"):
+        raise InvalidRequest(f"{name!r} begins with an underscore, which marks helpers; begin with a letter")
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        raise InvalidRequest(f"{name!r} cannot be the name of a mechanism; expected a Python identifier of ASCII letters, digits and _")
+    # The folder of systems is on Python's path while one of them is loaded.
+    specification = None if name in sys.stdlib_module_names else importlib.util.find_spec(name)
+    if name in sys.stdlib_module_names or (specification is not None and specification.origin is not None):
+        raise InvalidRequest(f"{name!r} is a Python module, which systems/{name}.py would hide from its neighbours; choose another name")
+
+
+def _render(template: str, name: str, plates: Sequence[Plate]) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    # The shortest decimal that reads back as the same float64.
+    environment.filters["number"] = lambda value: repr(float(value)).removesuffix(".0")
+    source = files("harness").joinpath("commands", "templates", template).read_text("utf-8")
+    return environment.from_string(source).render(name=name, plates=plates)

@@ -1,0 +1,7 @@
+"""Why a record is red: who is at fault, which term, which line, and the value that explains it.
+
+May use ``check`` and what is below it.
+
+Start with ``causes`` (one cause per record) and ``subject`` (one subject's diagnosis). ``hypotheses`` holds the mistakes that
+are tried, one declaration each; ``faults`` plants the same mistakes and counts what is caught and named.
+"""

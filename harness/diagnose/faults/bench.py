@@ -1,0 +1,218 @@
+"""One model under test with all who are asked about it: what becomes of its text once that is changed.
+
+Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), on whom to blame.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import sample
+from harness.check.expected import Expectation
+from harness.check.superfluous import CHANGE, NOISE
+from harness.diagnose.faults.walk import Baseline, answer_to, expectations, is_caught, require_sound, smallest_caught
+from harness.diagnose.hypotheses import Planted
+from harness.diagnose.pattern import NOTHING, UNDECIDED, infer
+from harness.diagnose.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.engines import EQUATIONS, Engine, LoadedModel, Subject, Unsupported, linear_velocity_in_body, load_engine, select_subjects
+from harness.engines._audit import audit
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidInput, InvalidModel
+from harness.library import Library
+from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.models.text import largest_change
+from harness.verdict import Verdict, gravest
+
+RED = (Verdict.DISAGREES.value, Verdict.ERROR.value, Verdict.UNSTABLE.value)
+# By which the dynamics is never asked.
+REFUSED = ("validator", "reader")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What became of a changed text: who refused it and where, or the verdict and movement of each subject."""
+
+    refused_by: str = ""
+    refusal: str = ""
+    line: int | None = None
+    verdicts: Mapping[str, str] = field(default_factory=dict)
+    movement: float = 0.0
+
+    @property
+    def caught_by(self) -> str:
+        if self.refused_by:
+            return self.refused_by
+        return "check" if set(self.verdicts.values()) & set(RED) else ""
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the dynamics is another, or there is none."""
+        return self.refused_by in REFUSED or self.movement > NOISE
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A subject that reads the file, with its answers to the sound file, (n, nv), and what others are judged by.
+
+    ``diagnostic_states`` are those at which a diagnosis may ask it, with their certified reference.
+    """
+
+    subject: Subject
+    engine: Engine
+    baseline: Baseline
+    healthy: Array
+    diagnostic_states: States
+    diagnostic_reference: Reference
+
+    def movement(self, answers: Array) -> float:
+        """The largest change of answers, (n, nv), relative to the joint's largest, where those to the sound file agree."""
+        return largest_change(self.healthy[self.baseline.sound], answers[self.baseline.sound])
+
+
+class Bench:
+    """One model of one system, the subjects that read it, and those that do not and must stay green.
+
+    Attributes:
+        mechanism, model: as they are in the library. readers: of the file; others: the other subjects and their verdicts.
+
+    Raises:
+        harness.errors.InvalidInput: the system or its model cannot be used, or a subject that can express the mechanism refuses its
+            model or is wrong before any fault is planted.
+    """
+
+    def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int) -> None:
+        self._library, self._name = library, name
+        self.mechanism: Mechanism = load_mechanism(library, name)
+        self.model = read_model(library.model_path(name, model_format), model_format)
+        self._states = sample(self.mechanism, states, seed)
+        self._diagnostic_states = diagnostic_states(self.mechanism, seed)
+        self._expected = expectations(library)
+        self._kernels: dict[bool, ReferenceKernel] = {}
+        self._references: dict[tuple[bool, bool], Reference] = {}
+        self.readers: list[Reader] = []
+        self.others: dict[str, str] = {}
+        unsupported = [reason for subject in select_subjects(library, ()) if (reason := self._join(subject))]
+        if not self.readers:
+            raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
+
+    def _reference(self, in_body: bool, diagnostic: bool) -> Reference:
+        """Certified once: it does not depend on the fault."""
+        if in_body not in self._kernels:
+            self._kernels[in_body] = ReferenceKernel(self.mechanism, in_body)
+        if (in_body, diagnostic) not in self._references:
+            states = self._diagnostic_states if diagnostic else self._states
+            self._references[in_body, diagnostic] = self._kernels[in_body].evaluate(states)
+        return self._references[in_body, diagnostic]
+
+    def _join(self, subject: Subject) -> str:
+        """Hear a subject on the sound models; why it is unsupported, "" where it is not."""
+        engine = load_engine(self._library, subject.engine)
+        source: Any = self.mechanism if subject.format == EQUATIONS else self.model
+        if subject.format not in (EQUATIONS, self.model.format):
+            source = _model_or_none(self._library.model_path(self._name, subject.format), subject.format)
+        if source is None:
+            return ""
+        path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
+        try:
+            answers, diagnostic = self._accelerations(engine, source, self._states, self._diagnostic_states)
+        except Unsupported as reason:
+            return f"{subject}: {reason}"
+        except ValueError as error:
+            raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
+        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
+        reference = self._reference(in_body, False)
+        expected = self._expected.get((self._name, str(subject)), Expectation())
+        require_sound(path, self._name, subject, reference, answers, expected)
+        if subject.format == self.model.format:
+            asked = self._reference(in_body, True)
+            sound = Baseline.of(asked, diagnostic).sound
+            baseline = Baseline.of(reference, answers)
+            self.readers.append(Reader(subject, engine, baseline, answers, self._diagnostic_states[sound], asked[sound]))
+        else:
+            self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
+        return ""
+
+    def _accelerations(self, engine: Engine, source: Any, *batches: States) -> list[Array]:
+        loaded = engine.load(source, self.mechanism.joints, self.mechanism.gravity)
+        return [loaded.forward_dynamics(states.q, states.v, states.tau) for states in batches]
+
+    def ask(self, text: str) -> Answer:
+        """What becomes of the model with another text, at the states of a check."""
+        try:
+            model = parse_model(self.model.path, text, self.model.format)
+        except InvalidModel as error:
+            return Answer("validator", str(error), error.line)
+        verdicts: dict[str, str] = {}
+        movement = 0.0
+        refused: InvalidModel | None = None
+        for one in self.readers:
+            try:
+                loaded = one.engine.load(model, self.mechanism.joints, self.mechanism.gravity)
+                answers = loaded.forward_dynamics(self._states.q, self._states.v, self._states.tau)
+            except Unsupported:
+                verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
+                continue
+            except (InvalidModel, ValueError) as error:
+                line = re.search(r"\bline (\d+)", str(error))
+                return Answer("reader", str(error), int(line[1]) if line else None)
+            held = loaded.loaded()
+            if held is not None and refused is None:
+                refused = _refusal_of(held, model, self.mechanism)
+            movement = max(movement, one.movement(answers))
+            verdicts[str(one.subject)] = one.baseline.verdict(answers)
+        said = ("audit", str(refused), refused.line) if refused is not None else ("", "", None)
+        return Answer(*said, verdicts, movement)
+
+    def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
+        """In the direction that is not refused, where there is one."""
+        answer = self.ask(planted.text(size))
+        if not planted.sized or answer.refused_by not in REFUSED:
+            return answer, size
+        other = self.ask(planted.text(-size))
+        return (answer, size) if other.refused_by in REFUSED else (other, -size)
+
+    def smallest(self, planted: Planted) -> tuple[float, float, int]:
+        """The least size that some reader catches, the promise of theory, and the order in which the size is felt."""
+        readers = [(watch(one.engine, self.mechanism, self.model, self._states), one.baseline) for one in self.readers]
+        # Theory speaks of one reader: of the first that has most states to be caught at.
+        watched, baseline = max(readers, key=lambda reader: int(reader[1].sound.sum()))
+        theory, order = baseline.promised(derivative(watched, planted.text, 0.0, DIFFERENCE)), 1
+        if theory > DIFFERENCE:
+            # The difference saw rounding only: the size is felt by its square.
+            answers, order = answer_to(watched, planted.text, CHANGE), 2
+            theory = math.inf if answers is None else CHANGE * math.sqrt(baseline.promised(answers - watched.healthy))
+        return smallest_caught(theory, lambda size: is_caught(readers, planted.text, size)), theory, order
+
+    def blamed(self, answer: Answer) -> str:
+        """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""
+        if not answer.verdicts:
+            return ""
+        party = infer({**self.others, **answer.verdicts}).party
+        return "" if party in (f"model {self.model.format}", NOTHING, UNDECIDED) else party
+
+
+def _model_or_none(path: Path, model_format: str) -> ModelFile | None:
+    """A model that a family's writer may make; None where there is none."""
+    try:
+        return read_model(path, model_format)
+    except InvalidModel:
+        return None
+
+
+def _refusal_of(held: LoadedModel, model: ModelFile, mechanism: Mechanism) -> InvalidModel | None:
+    """What the audit has against a model, if anything."""
+    try:
+        audit(held, model, mechanism)
+    except InvalidModel as error:
+        return error
+    return None

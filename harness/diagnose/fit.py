@@ -1,0 +1,133 @@
+"""Fit of one value by Gauss and Newton's method: the value at which a residual is least in the square.
+
+The derivative is brought up to date by what each step did (the secant, which for one value is Broyden's method), and
+computed anew where that fails. A step that does not lessen the residual, or that is refused, is shortened.
+
+Source: Nocedal, Wright, Numerical Optimization, 2nd ed., sections 3.1 and 10.3.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.arrays import Array
+
+# A residual in data roundoffs is a sound engine's from here on.
+SMALL_ENOUGH = 1.0
+MOST_STEPS = 20
+# A step that does not lessen the residual is shortened by this factor, so many times.
+SHORTENED, MOST_SHORTENED = 0.3, 6
+# No step is longer than this times the larger of the value and its scale.
+LONGEST = 4.0
+# The secant of a shorter step, relative to the value, is rounding.
+SHORTEST_SECANT = 1e-7
+# Where nothing is left in the end every full step gains much; one that leaves more than this share of the residual ends the fit.
+LEAST_GAIN = 0.9
+# A shorter decimal explains as well as the fitted value up to this residual, or this many times the fit's own.
+AS_WELL, TIMES_AS_WELL = 8.0, 4.0
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """A moment on the monotonic clock; called, it says whether that has come."""
+
+    moment: float
+
+    @classmethod
+    def after(cls, seconds: float) -> Deadline:
+        """The moment ``seconds`` from now."""
+        return cls(time.monotonic() + seconds)
+
+    def __call__(self) -> bool:
+        return time.monotonic() >= self.moment
+
+
+def fit(
+    residual: Callable[[float], Array | None],
+    derivative: Callable[[float], Array | None],
+    start: float,
+    column: Array | None,
+    scale: float,
+    out_of_time: Callable[[], bool] = lambda: False,
+) -> float | None:
+    """The value near ``start`` at which ``residual`` is least in the square; None where it has no finite value at ``start``.
+
+    Args:
+        residual: residuals (n, nv) at a value; None where the value is refused.
+        derivative: of the residuals by the value, as ``residual``.
+        column: the derivative at ``start``; None to have it computed.
+        scale: natural size of the value, above 0.
+        out_of_time: asked between evaluations; the best so far is given.
+    """
+    value, here = start, residual(start)
+    if here is None or not np.isfinite(here).all():
+        return None
+    size = float(np.linalg.norm(here))
+    slope = derivative(value) if column is None else column
+    fresh = True
+    for _ in range(MOST_STEPS):
+        if slope is None or not np.isfinite(slope).all() or not slope.any() or out_of_time():
+            break
+        if float(np.linalg.norm(here, axis=1).max()) <= SMALL_ENOUGH:
+            break
+        longest = LONGEST * max(abs(value), scale)
+        step = float(np.clip(-np.vdot(slope, here) / np.vdot(slope, slope), -longest, longest))
+        taken = _lessened(residual, value, step, size, out_of_time)
+        if taken is None:
+            if fresh:
+                break
+            slope, fresh = derivative(value), True
+            continue
+        reached, there, smaller = taken
+        if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
+            slope, fresh = (there - here) / (reached - value), False
+        stalled = smaller > LEAST_GAIN * size and abs(step) < longest
+        value, here, size = reached, there, smaller
+        if stalled:
+            if fresh:
+                break
+            slope, fresh = derivative(value), True
+    return value
+
+
+def _lessened(
+    residual: Callable[[float], Array | None], value: float, step: float, size: float, out_of_time: Callable[[], bool]
+) -> tuple[float, Array, float] | None:
+    """(value, residual, its norm) after the longest of the shortened steps that lessens the residual; None where none does."""
+    for _ in range(MOST_SHORTENED):
+        reached = value + step
+        if reached == value or out_of_time():
+            return None
+        there = residual(reached)
+        with np.errstate(over="ignore"):
+            smaller = np.inf if there is None else float(np.linalg.norm(there))
+        if there is not None and smaller < size:
+            return reached, there, smaller
+        step *= SHORTENED
+    return None
+
+
+def shortest_decimal(value: float, uncertainty: float, will_do: Callable[[float], bool]) -> float:
+    """The number of the fewest decimal digits within ``uncertainty`` of ``value`` that will do; ``value`` where none does."""
+    for rounded in (0.0, *(float(f"{value:.{digits}e}") for digits in range(17))):
+        if abs(rounded - value) <= uncertainty and will_do(rounded):
+            return rounded
+    return value
+
+
+def settled(value: float, slope: Array | None, left: float, tolerance: float, left_at: Callable[[float], float]) -> tuple[float, float]:
+    """(value, largest backward error) of the shortest decimal that explains as well as a fitted value which leaves ``left``.
+
+    ``slope``: whitened derivative (n, nv) there [data roundoffs per unit], None where it has none. ``left_at``: the
+    largest backward error at a value.
+    """
+    steepest = 0.0 if slope is None else float(np.linalg.norm(slope, axis=1).max())
+    if not 0 < steepest < np.inf:
+        return value, left
+    limit = min(tolerance, max(AS_WELL, TIMES_AS_WELL * left))
+    short = shortest_decimal(value, 2 * limit / steepest, lambda at: left_at(at) <= limit)
+    return short, left if short == value else left_at(short)

@@ -1,0 +1,225 @@
+"""What a diagnosis found, as plain data and as sentences.
+
+The same shape serves changes of a model file and of a textbook parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from harness.errors import shown_path
+from harness.models.text import Place, find_elements
+
+PARAMETER = "parameter"
+
+
+class Finding(StrEnum):
+    """How a diagnosis ended."""
+
+    SOUND = "nothing to explain"
+    EXPLAINED = "explained"
+    UNEXPLAINED = "no single change explains it"
+    UNSTABLE = "digits lost"
+    NOT_FINITE = "not finite"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What one change makes of the discrepancy.
+
+    Attributes:
+        hypothesis: its name, "number" for one number of the file and "parameter" for one of the textbook's.
+        statement: what it says here, "" where place and value say all. place: what would change.
+        value: the value that explains, or explains best; None for a change without a free value.
+        tag: how the place is written now, as ``<inertial mass="1.01">``. shown: what would stand there; "" without a value.
+        residual: largest backward error left over all states, also those no fit has seen [data roundoffs].
+        explains: whether that agrees.
+    """
+
+    hypothesis: str
+    statement: str
+    place: Place
+    value: float | None
+    tag: str
+    shown: str
+    residual: float
+    explains: bool
+
+    @property
+    def change(self) -> str:
+        """What is found there and what would explain it, as one phrase."""
+        remark = f": {self.statement}" if self.statement else ""
+        return f"{self.tag} with {self.shown}{remark}" if self.shown else f"{self.tag}{remark}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: where, what is found, what explains it, and what that leaves."""
+        where = {key: value for key, value in asdict(self.place).items() if key != "found"}
+        return {
+            "hypothesis": self.hypothesis,
+            "statement": self.statement,
+            **where,
+            "found": self.place.found,
+            "value": self.value,
+            "shown": self.shown,
+            "residual": self.residual,
+            "explains": self.explains,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """What a diagnosis found.
+
+    Attributes:
+        file: path of the model or system file. finding: how it ended.
+        before: largest backward error as the file is [data roundoffs]; inf where an answer is not finite.
+        tried: what was tried and made it less, best first; what explains comes before what does not.
+        seconds: what it was given [s]. stopped: whether that ended it.
+        live, rank: number of numbers of the file that accelerations feel, and of their combinations that these determine; 0
+            where time ran out before they were counted.
+        together: the values whose changes together do what a change of the first does, as the file has them.
+    """
+
+    file: Path
+    finding: Finding
+    before: float
+    tried: tuple[Explanation, ...] = ()
+    seconds: float = 0.0
+    stopped: bool = False
+    live: int = 0
+    rank: int = 0
+    together: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> Explanation | None:
+        """The best there is, whether it explains or not."""
+        return self.tried[0] if self.tried else None
+
+    @property
+    def explaining(self) -> tuple[Explanation, ...]:
+        """Everything that explains: what no acceleration tells apart here."""
+        return tuple(explanation for explanation in self.tried if explanation.explains)
+
+    @property
+    def runner_up(self) -> Explanation | None:
+        """The best that does not explain, at another place than the first's."""
+        others = (other for other in self.tried if self.first and other.place.key != self.first.place.key)
+        return next((other for other in others if not other.explains), None)
+
+    @property
+    def class_keys(self) -> frozenset[tuple[int, str, str]]:
+        """``Place.key`` of every place that explains."""
+        return frozenset(explanation.place.key for explanation in self.explaining)
+
+    @property
+    def first_line(self) -> str:
+        """One sentence: the place and the value, or why there is none."""
+        file, first = shown_path(self.file), self.first
+        if self.finding == Finding.EXPLAINED and first is not None:
+            left = f"(residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
+            if first.hypothesis == PARAMETER:
+                instead = f"instead of {first.place.found}"
+                return f"{file}:{first.place.line}: behaves as if {first.place.attribute} = {first.shown} {instead} {left}"
+            remark = f", {first.statement}" if first.statement and first.shown else ""
+            said = f"explains it with {first.shown}{remark}" if first.shown else f"explains it: {first.statement}"
+            return f"{file}:{first.place.line}: {first.tag} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
+        reason = {
+            Finding.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
+            Finding.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
+            "factorisation loses: the digits are the engine's",
+            Finding.NOT_FINITE: "some answers are not finite, which no fit can explain",
+            Finding.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
+        }.get(self.finding, f"no single change explains it{self._best()}")
+        time = f"; stopped after {self.seconds:g} s" if self.stopped and self.finding == Finding.UNEXPLAINED else ""
+        return f"{file}: {reason}{time}"
+
+    def _best(self) -> str:
+        if self.first is None:
+            return f", nor makes it less than {self.before:.2g} data roundoffs"
+        left, place = f"{self.first.residual:.2g} of {self.before:.2g}", f"line {self.first.place.line}, {self.first.change}"
+        return f"; the best leaves {left} data roundoffs: {place}"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The whole of it: the first line, what cannot be told apart, the runner-up, and what is known of the file's values."""
+        return (self.first_line, *self._class_lines(), *self._remarks())
+
+    def _class_lines(self) -> Iterable[str]:
+        first = self.first
+        others = [other for other in self._one_of_each_place(self.explaining) if first and other.place.key != first.place.key]
+        if others:
+            yield "explain it as well, and no acceleration here tells them apart:"
+            yield from (f"  line {other.place.line}: {other.change}, residual {other.residual:.2g}" for other in others)
+
+    def _remarks(self) -> Iterable[str]:
+        runner_up = self.runner_up
+        if runner_up is not None:
+            yield f"runner-up: line {runner_up.place.line}, {runner_up.change} leaves {runner_up.residual:.2g} data roundoffs"
+        if self.together:
+            yield f"what {self.tried[0].tag} does, changes of these do together: {', '.join(self.together)}"
+        if self.live:
+            yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
+        if self.stopped:
+            yield f"stopped after {self.seconds:g} s; what was not tried by then may explain it as well"
+
+    @staticmethod
+    def _one_of_each_place(explanations: Sequence[Explanation]) -> list[Explanation]:
+        best: dict[tuple[int, str, str], Explanation] = {}
+        for explanation in explanations:
+            best.setdefault(explanation.place.key, explanation)
+        return list(best.values())
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data; infinite numbers as None."""
+        return {
+            "file": str(self.file),
+            "finding": self.finding.value,
+            "before": self.before if self.before < float("inf") else None,
+            "explaining": [explanation.as_json() for explanation in self.explaining],
+            "first": None if self.first is None else self.first.as_json(),
+            "runner_up": None if self.runner_up is None else self.runner_up.as_json(),
+            "live": self.live,
+            "rank": self.rank,
+            "together": list(self.together),
+            "seconds": self.seconds,
+            "stopped": self.stopped,
+            "text": list(self.lines),
+        }
+
+
+def digits_of(value: float | None) -> int:
+    """How many decimal digits a value needs."""
+    return 0 if value is None else len(repr(abs(value)).partition("e")[0].replace(".", "").strip("0"))
+
+
+def to_four_digits(value: float, start: float) -> float:
+    """The value with four digits, or as many more as tell it from ``start``: more say nothing of what does not explain."""
+    return next(
+        (short for digits in range(4, 17) if abs((short := float(f"{value:.{digits}g}")) - value) <= 0.01 * abs(value - start)), value
+    )
+
+
+def written(text: str, model_format: str, place: Place) -> str:
+    """The whole of the attribute that a place is in, or what the place says was found."""
+    of_place = (
+        attribute
+        for element in find_elements(text, model_format)
+        for attribute in element.attributes
+        if element.tag == place.element and attribute.name == place.attribute
+        for line in {attribute.line, *(number.line for number in attribute.numbers if place.index in (None, number.index))}
+        if line == place.line
+    )
+    attribute = next(of_place, None)
+    return place.found if attribute is None else " ".join(attribute.value.split())
+
+
+def tag(place: Place, whole: str) -> str:
+    """An attribute as a reader finds it in the file."""
+    if not place.attribute:
+        return f"<{place.element}>{whole}</{place.element}>" if whole else f"<{place.element}>"
+    return f'<{place.element} {place.attribute}="{whole}">' if whole else f"<{place.element} {place.attribute}>"

@@ -1,0 +1,250 @@
+"""Which term of an engine's equations is wrong, in which entries or coordinates, and since which kind of state.
+
+The same positions are asked for three times: at rest, moving, and moving under applied forces. A wrong gravity shows at
+rest, a damper once it moves. A term may show nothing while the accelerations do: then it is the solution, or a force
+that the engine counts as none of these terms. The applied force is what an engine says it applies; the built-in ones
+say what they were given.
+
+``harness.certify.terms`` says what a data roundoff of each term is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
+from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, quotient
+from harness.engines import Model, Terms
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.verdict import AGREEMENT, Verdict, gravest
+
+AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"
+TITLES = {
+    MASS: "mass matrix",
+    VELOCITY: "velocity terms",
+    GRAVITY: "gravity",
+    PASSIVE: "springs and dampers",
+    APPLIED: "applied forces",
+}
+_WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
+_SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
+_WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
+_MOST_NAMED = 3
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class WrongPlace:
+    """An entry of M, or a coordinate of a force, that is beyond its data roundoff.
+
+    Attributes:
+        coordinates: (row, column) of M, or the one of a force, counted from 0. names: what people call them.
+        backward_error: the largest over all states [data roundoffs].
+    """
+
+    coordinates: tuple[int, ...]
+    names: tuple[str, ...]
+    backward_error: float
+
+    def __str__(self) -> str:
+        return f"({', '.join(self.names)})" if len(self.names) > 1 else self.names[0]
+
+
+@dataclass(frozen=True)
+class TermFinding:
+    """The judgement of one term over all states.
+
+    Attributes:
+        term: "mass", "velocity", "gravity", "passive" or "applied".
+        verdict: "agrees", "disagrees", "undecided", or "error" for an answer that is not finite.
+        backward_error: the largest [data roundoffs]; None where none could be told, or some answer is not finite.
+        since: the first kind of state at which it does not agree, "at rest", "moving" or "loaded"; "" where it agrees.
+        wrong, states: at how many states it does not agree, of how many of that kind and of later ones.
+        places: what is wrong, the worst first.
+        worst_state: {"q", "v", "tau"} with the largest error, or one whose answer is not finite.
+    """
+
+    term: str
+    verdict: str
+    backward_error: float | None
+    since: str
+    wrong: int
+    states: int
+    places: tuple[WrongPlace, ...]
+    worst_state: dict[str, list[float]]
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        title = TITLES[self.term]
+        size = "" if self.backward_error is None else f"{self.backward_error:.3g} data roundoffs"
+        if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED):
+            return f"{title}: {self.verdict}" + (f"; {size}" if size else "")
+        when = _WHEN[self.since] if self.wrong == self.states else f"at {self.wrong} of {self.states} states, {_SINCE[self.since]}"
+        if self.verdict == Verdict.ERROR:
+            return f"{title}: not finite {when}"
+        kind = ("entry", "entries") if self.term == MASS else ("force on", "forces on")
+        named = ", ".join(map(str, self.places[:_MOST_NAMED]))
+        more = f" and {len(self.places) - _MOST_NAMED} more" if len(self.places) > _MOST_NAMED else ""
+        plural = len(self.places) > 1
+        return f"{title}: {kind[plural]} {named}{more} {'are' if plural else 'is'} wrong {when}; {size}"
+
+
+@dataclass(frozen=True)
+class TermComparison:
+    """The terms of one subject on one system.
+
+    Attributes:
+        system, subject: names.
+        findings: one per term, in the order of the equation; () for an engine that states no terms.
+        accelerations_since: the first kind of state at which an acceleration does not agree; "" where all do.
+        loses_digits: whether those that do not agree are ``unstable`` only, which shows no wrong term.
+    """
+
+    system: str
+    subject: str
+    findings: tuple[TermFinding, ...]
+    accelerations_since: str
+    loses_digits: bool = False
+
+    @property
+    def wrong(self) -> tuple[TermFinding, ...]:
+        """The terms that do not agree."""
+        return tuple(finding for finding in self.findings if finding.verdict in _WRONG)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is wrong, a sentence for each term; one sentence where no term is."""
+        if self.wrong:
+            return tuple(finding.sentence for finding in self.wrong)
+        if not self.accelerations_since:
+            return ("every term agrees" if self.findings else "the engine states no terms",)
+        since = _SINCE[self.accelerations_since]
+        if self.loses_digits:
+            return (f"no term is wrong; solving for the accelerations loses digits, {since}",)
+        if not self.findings:
+            return (f"the engine states no terms; its accelerations are wrong, {since}",)
+        return (
+            f"every term agrees, but accelerations do not, {since}: "
+            "solving for them is wrong, or a force that the engine counts as no term",
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data, with the sentences."""
+        return {**asdict(self), "sentences": list(self.sentences)}
+
+
+def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, states: States, subject: str) -> TermComparison:
+    """Judge every term that ``model`` states, at the positions of ``states`` at rest, at their velocities, and under their forces.
+
+    ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``.
+    """
+    still = np.zeros_like(states.v)
+    batches = {
+        AT_REST: States(states.q, still, still, states.time),
+        MOVING: States(states.q, states.v, still, states.time),
+        LOADED: states,
+    }
+    verdicts = {
+        name: gravest(compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts.tolist())
+        for name, batch in batches.items()
+    }
+    wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
+    unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]
+    since = next(iter(wrong or unstable), "")
+    everything = States.concatenate(list(batches.values()))
+    stated = getattr(model, "terms", None)
+    findings: tuple[TermFinding, ...] = ()
+    if stated is not None:
+        terms = stated(everything.q, everything.v, everything.tau)
+        reference = certify_terms(kernel, everything)
+        kinds = np.repeat(list(batches), len(states))
+        findings = tuple(_finding(name, reference, terms, mechanism, everything, kinds) for name in TERMS)
+    return TermComparison(mechanism.name, subject, findings, since, bool(unstable and not wrong))
+
+
+def backward_errors(reference: TermReference, terms: Terms) -> dict[str, Array]:
+    """(n,) per term, the error in its data roundoffs; NaN where an answer is not finite or the reference not certified."""
+    return {name: _judged(name, reference, terms)[1] for name in TERMS}
+
+
+def _judged(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array]:
+    """Errors of each entry (n, nv, nv) or coordinate (n, nv), and of the whole term (n,) [data roundoffs]."""
+    with np.errstate(all="ignore"):
+        difference = (getattr(terms, name) - getattr(reference.high, name)) - getattr(reference.low, name)
+        sensitivity = UNIT_ROUNDOFF * reference.sensitivity[name]
+        if name == MASS:
+            parts = quotient(np.abs(difference), sensitivity)
+            whole = parts.max(axis=(1, 2))
+        else:
+            # A component is at most the norm times sqrt(M_ii).
+            lengths = np.sqrt(np.diagonal(reference.high.mass, axis1=1, axis2=2))
+            parts = quotient(np.abs(difference) / lengths, sensitivity[:, None])
+            whole = quotient(dual_norm(reference.norm_factor, difference), sensitivity)
+            whole = np.where(difference.any(axis=1), whole, 0.0)
+        finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
+        return parts, np.where(finite & reference.certified[name], whole, np.nan)
+
+
+def _finding(
+    name: str, reference: TermReference, terms: Terms, mechanism: Mechanism, states: States, kinds: np.ndarray[Any, np.dtype[np.str_]]
+) -> TermFinding:
+    parts, whole = _judged(name, reference, terms)
+    finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
+    verdicts = np.select(
+        [~finite, ~reference.certified[name], whole <= AGREEMENT],
+        [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
+        Verdict.DISAGREES.value,
+    )
+    wrong = np.isin(verdicts, list(_WRONG))
+    # What is no number is worse than any number; what is undecided is none.
+    worst = int(np.argmax(np.select([~finite, np.isnan(whole)], [np.inf, -1.0], whole)))
+    since, later = "", wrong
+    if wrong.any():
+        since = str(kinds[np.argmax(wrong)])
+        later = wrong[np.argmax(kinds == since) :]
+    return TermFinding(
+        term=name,
+        verdict=gravest(verdicts.tolist()),
+        backward_error=None if np.isnan(whole[worst]) else float(whole[worst]),
+        since=since,
+        wrong=int(later.sum()),
+        states=len(later),
+        places=_places(parts[verdicts == Verdict.DISAGREES.value], coordinate_names(mechanism)),
+        worst_state=states.as_json(worst),
+    )
+
+
+def _places(parts: Array, names: Sequence[str]) -> tuple[WrongPlace, ...]:
+    """Entries or coordinates that are wrong somewhere in ``parts``, the worst first; the worst of all where none is by itself."""
+    if not len(parts):
+        return ()
+    largest = np.nan_to_num(parts, nan=0.0, posinf=np.inf).max(axis=0)
+    if largest.ndim == 2:
+        largest = np.triu(largest)
+    order = np.argsort(largest, axis=None)[::-1].tolist()
+    chosen = [place for place in order if largest.flat[place] > AGREEMENT] or order[:1]
+    places = [tuple(int(axis) for axis in np.unravel_index(place, largest.shape)) for place in chosen]
+    return tuple(WrongPlace(place, tuple(names[axis] for axis in place), float(largest[place])) for place in places)
+
+
+def coordinate_names(mechanism: Mechanism) -> list[str]:
+    """What people call each velocity: its joint, and the axis along or about which a joint of several moves."""
+    turning = {place + axis: _AXES[axis] for place in mechanism.attitudes for axis in range(3)}
+    firsts: Mapping[str, int] = {joint: mechanism.joints.index(joint) for joint in mechanism.joints}
+    names = []
+    for place, joint in enumerate(mechanism.joints):
+        if mechanism.joints.count(joint) == 1:
+            names.append(joint)
+        elif place in turning:
+            names.append(f"{joint} about {turning[place]}")
+        else:
+            names.append(f"{joint} along {_AXES[place - firsts[joint]]}")
+    return names

@@ -1,0 +1,50 @@
+"""The load audit: what an engine holds after loading, against what the system says, before any comparison."""
+
+from __future__ import annotations
+
+from harness.engines import LoadedModel
+from harness.equations.mechanism import Mechanism
+from harness.errors import InvalidModel
+from harness.library import nearest
+from harness.models.model_file import ModelFile
+
+# Coarser than what the comparison sees by far: the audit finds another mechanism, the comparison finds
+# another digit.
+AUDIT_TOLERANCE = 1e-6
+
+
+def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
+    """Check joints by name and size, gravity and total mass.
+
+    Raises:
+        InvalidModel: with the line, the value found and the value expected.
+    """
+    for joint in mechanism.joints:
+        if joint not in loaded.joints:
+            raise InvalidModel(
+                model.path, model.root_line, f"has no moving joint {joint!r}, which the system needs; {nearest_joint(joint, loaded)}"
+            )
+    for joint, (positions, velocities) in loaded.joints.items():
+        line = model.joint_lines.get(joint, model.root_line)
+        if joint not in mechanism.joints:
+            raise InvalidModel(model.path, line, f"joint {joint!r} moves, but the system has joints {', '.join(mechanism.joints)} only")
+        nq, nv = mechanism.joint_sizes[joint]
+        if (positions, velocities) != (nq, nv):
+            kind = {(4, 3): "a ball joint", (7, 6): "a free joint"}.get((nq, nv), "a joint of one degree of freedom")
+            problem = f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected {nq} and {nv}; use {kind}"
+            raise InvalidModel(model.path, line, problem)
+    expected = (0.0, 0.0, -mechanism.gravity)
+    if any(abs(found - wanted) > AUDIT_TOLERANCE * mechanism.gravity for found, wanted in zip(loaded.gravity, expected, strict=True)):
+        # Adding zero turns -0 into 0.
+        found_text, expected_text = (" ".join(f"{component + 0.0:g}" for component in vector) for vector in (loaded.gravity, expected))
+        raise InvalidModel(model.path, model.gravity_line, f"gravity is {found_text} m/s^2, expected {expected_text} as the system says")
+    if abs(loaded.total_mass - mechanism.total_mass) > AUDIT_TOLERANCE * mechanism.total_mass:
+        raise InvalidModel(
+            model.path,
+            model.root_line,
+            f"the moving bodies have {loaded.total_mass:.10g} kg in all, expected {mechanism.total_mass:.10g} kg as the system says",
+        )
+
+
+def nearest_joint(joint: str, loaded: LoadedModel) -> str:
+    return nearest(joint, sorted(loaded.joints)) if loaded.joints else "the model has none at all"

@@ -1,0 +1,247 @@
+"""From a system file to its ``Mechanism``, through a disk cache.
+
+An entry is JSON under a name that hashes the system's source, the sources of this room and the library versions;
+one that is damaged is derived again and replaced.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import DEFAULT_ACCELERATION, DEFAULT_RATES
+from harness.errors import InvalidSystem
+from harness.library import CannotRun, Library, member_of, raised_in, run_file
+from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+
+if TYPE_CHECKING:
+    from harness.equations.lagrange import EquationsOfMotion
+    from harness.equations.program import StraightLineProgram
+    from harness.equations.system import System
+
+MOST_INSTRUCTIONS_SIMPLIFIED = 200
+# (w, x, y, z) at which no chart is singular.
+ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
+_VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
+
+
+def load_mechanism(library: Library, name: str) -> Mechanism:
+    """The mechanism of system ``name``, from the cache where that is sound, else derived and cached.
+
+    Raises:
+        InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
+    """
+    path = library.system_path(name)
+    file, _ = member_of(path) or (path, None)
+    try:
+        source = file.read_bytes()
+    except OSError as error:
+        raise InvalidSystem(path, None, f"cannot be read: {error.strerror}") from error
+    helpers = b"".join(helper.read_bytes() for helper in sorted(path.parent.glob("_*.py")))
+    digest = hashlib.sha256(_toolchain_digest() + name.encode() + b"\0" + source + b"\0" + helpers).hexdigest()
+    entry = cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
+    cached = _restored(read_entry(entry), name)
+    if cached is not None:
+        return cached
+    mechanism = derive_mechanism(path, name)
+    write_entry(entry, json.dumps(mechanism.to_json()))
+    return mechanism
+
+
+def derive_mechanism(path: Path, name: str) -> Mechanism:
+    """Derive the system in ``path`` without looking at the cache.
+
+    Raises:
+        InvalidSystem: as ``load_mechanism``.
+    """
+    from harness.equations.energies import energy_program_of
+    from harness.equations.kernels import program_of
+    from harness.equations.notation import printed
+    from harness.equations.system import TIME
+
+    atlas, docstring = load_atlas(path)
+    system = atlas[0]
+    file, _ = member_of(path) or (path, None)
+    line = _line_of_declaration(file)
+    started = time.perf_counter()
+    try:
+        derived = [_derived(chart) for chart in atlas]
+        _, equations, program = derived[0]
+        # Longer equations are not worth the time, and nobody would read them.
+        text, mathml = printed(equations) if _is_short(program) else ("", "")
+        free = any(attitude.position for attitude in system.attitudes)
+        in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free)
+        energies = tuple(energy_program_of(chart, of_chart) for chart, of_chart, _ in derived)
+        total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
+    except (ValueError, TypeError) as error:
+        raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
+    seconds = time.perf_counter() - started
+    description, _, reference = docstring.partition("Source:")
+    return Mechanism(
+        name=name,
+        description=description.strip(),
+        source=" ".join(reference.split()),
+        coordinates=tuple(symbol.name for symbol in equations.coordinates),
+        joints=tuple(system.coordinates.values()),
+        parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
+        gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
+        total_mass=total_mass,
+        rotating=system.rotating,
+        position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
+        rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
+        force_ranges=_force_ranges(program, system),
+        attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
+        other_charts=tuple(program for _, _, program in derived[1:]),
+        charts_in_body=in_body,
+        energy_programs=energies,
+        start=_start(system),
+        program=program,
+        equations_text=text,
+        equations_mathml=mathml,
+        derivation_seconds=seconds,
+    )
+
+
+def _derived(system: System) -> tuple[System, EquationsOfMotion, StraightLineProgram]:
+    """The system as it was derived, its equations, and their program."""
+    from harness.equations.kernels import program_of
+    from harness.equations.lagrange import derive
+
+    equations = derive(system)
+    program = program_of(system, equations)
+    if _is_short(program):
+        if system.measured_from:
+            system = system.in_joint_positions()
+            equations = derive(system)
+        equations = equations.simplified()
+        program = program_of(system, equations)
+    return system, equations, program
+
+
+def _start(system: System) -> tuple[tuple[float, float], ...]:
+    if not system.start:
+        return ()
+    pairs = zip(system.coordinates, system.rates, strict=True)
+    return tuple((float(system.start.get(q, 0.0)), float(system.start.get(rate, 0.0))) for q, rate in pairs)
+
+
+def _is_short(program: StraightLineProgram) -> bool:
+    return len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED
+
+
+def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[float, float], ...]:
+    """Applied forces that would give each coordinate alone a brisk acceleration, in the middle of its range."""
+    from harness.equations.kernels import BallKernel
+    from harness.equations.program import upper_triangle
+
+    n = len(system.coordinates)
+    middle = [sum(system.ranges.get(q, (0.0, 0.0))) / 2 for q in system.coordinates]
+    for attitude in reversed(system.attitudes):
+        place = list(system.coordinates).index(attitude.angles[0])
+        middle[place : place + 3] = ANY_ROTATION
+    values = [value for value, _ in system.parameters.values()]
+    mass = BallKernel(program, len(values)).bind(values)(*middle, *[0.0] * (2 * n + 1))
+    inertias = [abs(float(mass[position])) for position, (i, j) in enumerate(upper_triangle(n)) if i == j]
+    forces = [DEFAULT_ACCELERATION * inertia if 0 < inertia < math.inf else DEFAULT_ACCELERATION for inertia in inertias]
+    return tuple((-force, force) for force in forces)
+
+
+def load_system(path: Path) -> tuple[System, str]:
+    """``SYSTEM``, or a family's member, in the positions of its joints, and the module docstring of a system file.
+
+    Raises:
+        InvalidSystem: with the line at fault.
+    """
+    (system, *_), docstring = load_atlas(path)
+    return system.in_joint_positions() if system.measured_from else system, docstring
+
+
+def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:
+    """The system of a file in each of its charts, and the module docstring.
+
+    ``ATLAS`` lists the same system in several Euler angles, that of ``SYSTEM`` first; a file without one
+    has the chart of ``SYSTEM`` only.
+
+    Raises:
+        InvalidSystem: with the line at fault.
+    """
+    from harness.equations.system import System
+
+    member = member_of(path)
+    file, size = member or (path, None)
+    try:
+        module = run_file(file, f"_harness_system_{file.stem}")
+        found = getattr(module, "SYSTEM", None)
+        if size is not None and callable(getattr(module, "system", None)):
+            try:
+                found = module.system(size)
+            except Exception as error:
+                raise raised_in(file, error) from error
+    except CannotRun as error:
+        raise InvalidSystem(error.path, error.line, error.problem) from error
+    if found is None:
+        raise InvalidSystem(file, None, "defines no SYSTEM; expected SYSTEM = System(...), or SIZES and system(n)")
+    if not isinstance(found, System):
+        line = _line_of_declaration(file)
+        raise InvalidSystem(file, line, f"SYSTEM is a {type(found).__name__}; expected a harness.System")
+    if not (module.__doc__ and "Source:" in module.__doc__):
+        problem = "has no docstring with a 'Source:' line; say what the mechanism is, its zero and axes, and where it is from"
+        raise InvalidSystem(file, 1, problem)
+    atlas = tuple(getattr(module, "ATLAS", (found,)))
+    alike = [isinstance(chart, System) and _same_but_for_angles(chart, found) for chart in atlas]
+    if not atlas or atlas[0] is not found or not all(alike):
+        raise InvalidSystem(file, None, "ATLAS must list SYSTEM first, then systems with the same joints, parameters and total mass")
+    return atlas, module.__doc__
+
+
+def _same_but_for_angles(chart: System, system: System) -> bool:
+    same = ("parameters", "total_mass", "gravity")
+    return list(chart.coordinates.values()) == list(system.coordinates.values()) and all(
+        getattr(chart, name) == getattr(system, name) for name in same
+    )
+
+
+def _line_of_declaration(path: Path) -> int | None:
+    for node in ast.parse(path.read_bytes()).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        if any(isinstance(target, ast.Name) and target.id == "SYSTEM" for target in targets) or getattr(node, "name", "") == "system":
+            return node.lineno
+    return None
+
+
+def _floats(bounds: tuple[float, float] | None) -> tuple[float, float] | None:
+    return None if bounds is None else (float(bounds[0]), float(bounds[1]))
+
+
+def _exact(value: float) -> Any:
+    import sympy as sp
+
+    return sp.Rational(*float(value).as_integer_ratio())
+
+
+@functools.cache
+def _toolchain_digest() -> bytes:
+    digest = hashlib.sha256(sys.version.encode() + sources_digest("equations"))
+    for distribution in _VERSIONED:
+        digest.update(f"{distribution}={importlib.metadata.version(distribution)}".encode())
+    return digest.digest()
+
+
+def _restored(text: str | None, name: str) -> Mechanism | None:
+    """The mechanism that an entry of the cache holds; None where there is none, or somebody else's."""
+    if text is None:
+        return None
+    try:
+        mechanism = Mechanism.from_json(json.loads(text))
+    except (ValueError, RecursionError):
+        return None
+    return mechanism if mechanism.name == name else None

@@ -1,0 +1,279 @@
+"""Ball and free joints: from a textbook's Euler angles to the engines' quaternions and velocities.
+
+A chart says which Euler angles a text uses. The equations of motion, derived in the angles and their
+rates, are rewritten for the quaternion and the velocities that an engine holds: with q' = A(q) u for the
+engine's velocities u,
+
+    A'MA u' + A'(c + M A' u) + A'g = A'p + tau
+
+(the second A' in the bracket is dA/dt), and sines and cosines of the angles become algebraic functions
+of the quaternion. So the certified evaluation starts from the engine's exact numbers and no roundoff of
+a conversion is charged to it.
+
+Velocities of a ball joint are the angular velocity in the body's frame. Those of a free joint are the
+velocity of the body frame's origin and then the same; engines differ in the frame that the former is
+given in. Quaternions are (w, x, y, z), of any length.
+
+Source: Greenwood, Advanced Dynamics, sections 3.1 and 4.4 (Euler angles, quasi-velocities); Diebel,
+Representing attitude, 2006, section 8, for all sequences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from harness.equations.differentiation import Derivatives
+
+if TYPE_CHECKING:
+    from harness.equations.lagrange import EquationsOfMotion
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """Euler angles of a ball joint, or of the rotation of a free joint.
+
+    Attributes:
+        joint: name of the joint that carries the angles.
+        angles: the three coordinates, in the order of their rotations.
+        sequence: axes of the rotations about the body's own axes, as "zxz" or "xyz": a body vector r is
+            R_z(angles[0]) R_x(angles[1]) R_z(angles[2]) r in the joint's frame.
+        position: the three coordinates of the body frame's origin for a free joint; () for a ball joint.
+
+    Raises:
+        ValueError: the sequence is none of the twelve, or the number of coordinates is wrong.
+    """
+
+    joint: str
+    angles: tuple[sp.Expr, ...]
+    sequence: str
+    position: tuple[sp.Expr, ...] = ()
+
+    def __post_init__(self) -> None:
+        if (
+            len(self.sequence) != 3
+            or set(self.sequence) - set(AXES)
+            or any(a == b for a, b in zip(self.sequence, self.sequence[1:], strict=False))
+        ):
+            raise ValueError(f"sequence {self.sequence!r} of joint {self.joint!r}; expected three of x, y, z, no two neighbours alike")
+        if len(self.angles) != 3 or len(self.position) not in (0, 3):
+            raise ValueError(
+                f"joint {self.joint!r} has {len(self.angles)} angles and {len(self.position)} positions; expected 3, and 3 or none"
+            )
+
+    @property
+    def coordinates(self) -> tuple[sp.Expr, ...]:
+        """The coordinates the joint carries, in the order of the engines' velocities."""
+        return (*self.position, *self.angles)
+
+
+@dataclass(frozen=True)
+class JointEquations:
+    """Equations of motion in an engine's positions and velocities: mass u' + velocity + gravity = passive + tau.
+
+    Attributes:
+        positions: (nq) symbols; a quaternion takes four. velocities: (nv) symbols.
+        mass_matrix, velocity_terms, gravity_terms, passive_forces: as in ``EquationsOfMotion``.
+        regularity: |regularity| falls to 0 where the chart is singular, and is at most 1.
+    """
+
+    positions: tuple[sp.Symbol, ...]
+    velocities: tuple[sp.Symbol, ...]
+    mass_matrix: sp.Matrix
+    velocity_terms: sp.Matrix
+    gravity_terms: sp.Matrix
+    passive_forces: sp.Matrix
+    regularity: sp.Expr
+
+
+@dataclass(frozen=True)
+class JointEnergies:
+    """Energies [J] and power [W] in a joint's positions and velocities.
+
+    Attributes:
+        positions, velocities: as in ``JointEquations``.
+        energy: Jacobi's energy function. lagrangian: T - V. kinetic: T.
+        forces: (nv, 1) non-conservative generalised forces; power: theirs.
+        regularity: as in ``JointEquations``.
+    """
+
+    positions: tuple[sp.Symbol, ...]
+    velocities: tuple[sp.Symbol, ...]
+    energy: sp.Expr
+    lagrangian: sp.Expr
+    kinetic: sp.Expr
+    power: sp.Expr
+    forces: sp.Matrix
+    regularity: sp.Expr
+
+
+@dataclass(frozen=True)
+class _ChangeOfVariables:
+    """From coordinates and their rates to joint positions and velocities; ``transform`` is A of q' = A(q) u."""
+
+    positions: tuple[sp.Symbol, ...]
+    transform: sp.Matrix
+    of_rates: Mapping[sp.Expr, sp.Expr]
+    of_angles: Mapping[sp.Expr, sp.Expr]
+    regularity: sp.Expr
+
+    def applied(self, matrix: sp.Matrix) -> sp.Matrix:
+        return _substitute(matrix.xreplace(self.of_rates), angles_to=self.of_angles)
+
+
+def rotation(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
+    """Rotation matrix (3, 3) from the body's frame to the joint's, by rotations about the body's own axes."""
+    product = sp.eye(3)
+    for axis, angle in zip(sequence, angles, strict=True):
+        product *= _elementary(AXES.index(axis), angle)
+    return product
+
+
+def body_rates(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
+    """B (3, 3) with omega = B d(angles)/dt, omega the angular velocity in the body's frame."""
+    axes = [sp.eye(3)[:, AXES.index(axis)] for axis in sequence]
+    after = [rotation(sequence[place + 1 :], angles[place + 1 :]) for place in range(3)]
+    return sp.Matrix.hstack(*(turned.T * axis for turned, axis in zip(after, axes, strict=True)))
+
+
+def sines_and_cosines(sequence: str, turned: sp.Matrix) -> tuple[list[tuple[sp.Expr, sp.Expr]], sp.Expr]:
+    """(sine, cosine) of each angle of a rotation matrix, and the regularity of the chart there.
+
+    The middle angle lies in (0, pi) where the first and last axes are the same, else in (-pi/2, pi/2).
+    """
+    i, j, last = (AXES.index(axis) for axis in sequence)
+    k = 3 - i - j
+    parity = sp.Integer(1 if (j - i) % 3 == 1 else -1)
+    if i == last:
+        regularity = sp.sqrt(turned[j, i] ** 2 + turned[k, i] ** 2)
+        first = turned[j, i] / regularity, -parity * turned[k, i] / regularity
+        middle = regularity, turned[i, i]
+        final = turned[i, j] / regularity, parity * turned[i, k] / regularity
+    else:
+        regularity = sp.sqrt(turned[i, i] ** 2 + turned[i, j] ** 2)
+        first = -parity * turned[j, k] / regularity, turned[k, k] / regularity
+        middle = parity * turned[i, k], regularity
+        final = -parity * turned[i, j] / regularity, turned[i, i] / regularity
+    return [first, middle, final], regularity
+
+
+def in_joint_coordinates(
+    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
+) -> JointEquations:
+    """Rewrite textbook equations for the positions and velocities an engine holds.
+
+    ``coordinates`` are the system's, in the order of the equations' symbols; those of one joint stand
+    together, positions before angles. ``linear_velocity_in_body`` says in which frame a free joint's
+    linear velocity is given. Without attitudes the equations come back as they are.
+    """
+    if not attitudes:
+        return JointEquations(
+            equations.coordinates,
+            equations.rates,
+            equations.mass_matrix,
+            equations.velocity_terms,
+            equations.gravity_terms,
+            equations.passive_forces,
+            sp.S.One,
+        )
+    n = len(coordinates)
+    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body)
+    transform, rates = change.transform, change.transform * sp.Matrix(equations.rates)
+    growth = sum((transform.diff(x) * rate for x, rate in zip(equations.coordinates, rates, strict=True)), sp.zeros(n, n))
+    inertial = equations.velocity_terms.xreplace(change.of_rates) + equations.mass_matrix * growth * sp.Matrix(equations.rates)
+    terms = [
+        transform.T * equations.mass_matrix * transform,
+        transform.T * inertial,
+        transform.T * equations.gravity_terms,
+        transform.T * equations.passive_forces.xreplace(change.of_rates),
+    ]
+    mass, velocity, gravity, passive = (_substitute(term, angles_to=change.of_angles) for term in terms)
+    return JointEquations(change.positions, equations.rates, mass, velocity, gravity, passive, change.regularity)
+
+
+def energies_in_joint_coordinates(
+    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude]
+) -> JointEnergies:
+    """The energies of textbook equations in joint positions and velocities; arguments as in ``in_joint_coordinates``.
+
+    The linear velocity of a free joint is that in the joint's frame.
+    """
+    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body=False)
+    kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
+    # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
+    at_rest = dict.fromkeys(rates, sp.S.Zero)
+    momenta = Derivatives.by(rates).of(kinetic)
+    linear = sp.Add(*(momentum.xreplace(at_rest) * rate for rate, momentum in momenta.items()))
+    energy = kinetic - linear - 2 * kinetic.xreplace(at_rest) + potential
+    power = sum((force * rate for force, rate in zip(equations.generalised_forces, rates, strict=True)), sp.S.Zero)
+    energy, lagrangian, kinetic, power = change.applied(sp.Matrix([energy, kinetic - potential, kinetic, power]))
+    forces = _substitute(change.transform.T * equations.generalised_forces.xreplace(change.of_rates), angles_to=change.of_angles)
+    return JointEnergies(change.positions, rates, energy, lagrangian, kinetic, power, forces, change.regularity)
+
+
+def _change_of_variables(
+    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
+) -> _ChangeOfVariables:
+    q = equations.coordinates
+    transform, positions = sp.eye(len(q)), list(q)
+    of_angles: dict[sp.Expr, sp.Expr] = {}
+    regularity: sp.Expr = sp.S.One
+    for attitude in sorted(attitudes, key=lambda attitude: coordinates.index(attitude.coordinates[0]), reverse=True):
+        first = coordinates.index(attitude.angles[0])
+        angles = q[first : first + 3]
+        quaternion = sp.symbols([f"{attitude.joint}_{part}" for part in "wxyz"], real=True)
+        transform[first : first + 3, first : first + 3] = _angle_rates(attitude.sequence, angles)
+        if attitude.position and linear_velocity_in_body:
+            transform[first - 3 : first, first - 3 : first] = rotation(attitude.sequence, angles)
+        pairs, of_chart = sines_and_cosines(attitude.sequence, _of_quaternion(quaternion))
+        of_angles |= _replacements(angles, pairs)
+        regularity *= of_chart
+        positions[first : first + 3] = quaternion
+    of_rates = dict(zip(equations.rates, transform * sp.Matrix(equations.rates), strict=True)) if attitudes else {}
+    return _ChangeOfVariables(tuple(positions), transform, of_rates, of_angles, regularity)
+
+
+def _angle_rates(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
+    """The inverse of ``body_rates``; no tangent stays, as it is singular where only the cosine vanishes."""
+    inverse = body_rates(sequence, angles).inv().applyfunc(sp.simplify)
+    return inverse.applyfunc(lambda entry: entry.replace(sp.tan, lambda angle: sp.sin(angle) / sp.cos(angle)))
+
+
+def _elementary(axis: int, angle: sp.Expr) -> sp.Matrix:
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    matrix = sp.eye(3)
+    matrix[j, j] = matrix[k, k] = sp.cos(angle)
+    matrix[k, j], matrix[j, k] = sp.sin(angle), -sp.sin(angle)
+    return matrix
+
+
+def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:
+    """Rotation matrix of a quaternion (w, x, y, z) of any length but 0."""
+    w, x, y, z = quaternion
+    matrix = sp.Matrix(
+        [
+            [w**2 + x**2 - y**2 - z**2, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w**2 - x**2 + y**2 - z**2, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w**2 - x**2 - y**2 + z**2],
+        ]
+    )
+    return matrix / (w**2 + x**2 + y**2 + z**2)
+
+
+def _replacements(angles: Sequence[sp.Symbol], pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> dict[sp.Expr, sp.Expr]:
+    replaced: dict[sp.Expr, sp.Expr] = {}
+    for angle, (sine, cosine) in zip(angles, pairs, strict=True):
+        replaced |= {sp.sin(angle): sine, sp.cos(angle): cosine, angle: sp.atan2(sine, cosine)}
+    return replaced
+
+
+def _substitute(matrix: sp.Matrix, angles_to: Mapping[sp.Expr, sp.Expr]) -> sp.Matrix:
+    # Whole sines and cosines go first; an angle that is left stands outside of them.
+    functions = {key: value for key, value in angles_to.items() if not key.is_Symbol}
+    bare = {key: value for key, value in angles_to.items() if key.is_Symbol}
+    return matrix.xreplace(functions).xreplace(bare)

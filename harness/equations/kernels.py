@@ -1,0 +1,335 @@
+"""Straight-line programs compiled to float64 SIMD batches and to balls.
+
+``Float64Kernel`` runs on heyoka: SIMD machine code over batches of states. ``BallKernel`` runs on Arb:
+every result is an interval that certainly holds the exact value at the exact float64 inputs.
+
+Inputs of a system's program are, in this order: q (nq), v (nv), tau (nv), time (1), parameters. Its
+outputs are ``mass`` (upper triangle by rows), ``velocity``, ``gravity`` and ``passive`` (nv each), so
+that M qdd = tau + passive - velocity - gravity, and ``regularity`` (1) where a chart can be singular.
+
+Sources: Biscani, Izzo, heyoka.py documentation, ``cfunc`` and ``diff_tensors``; Johansson, Arb:
+efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. Comput. 66 (2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, assemble, position_count, upper_triangle
+from harness.equations.relative_joints import in_joint_positions, to_coordinates, to_joints
+
+if TYPE_CHECKING:
+    from harness.equations.lagrange import EquationsOfMotion
+    from harness.equations.system import System
+
+# Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
+MOST_INSTRUCTIONS_UNROLLED = 100
+# Degrees of freedom. Compiling the solution of M x = b takes their third power, and minutes beyond.
+MOST_UNROLLED = 24
+# Straight-line machine code for more instructions takes minutes to compile; with loops it is slower to run.
+MOST_STRAIGHT = 20_000
+
+
+def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
+    """The program of a system's equations, with its parameters as run-time inputs.
+
+    Positions and velocities are those of the joints; see ``harness.equations.euler_angles`` for ball and free joints.
+    """
+    import sympy as sp
+
+    from harness.equations.euler_angles import in_joint_coordinates
+    from harness.equations.system import TIME
+
+    joint = in_joint_coordinates(equations, list(system.coordinates), system.attitudes, linear_velocity_in_body)
+    n = len(joint.velocities)
+    forces = [sp.Symbol(f"tau{i}") for i in range(n)]
+    outputs = {
+        "mass": [joint.mass_matrix[i, j] for i, j in upper_triangle(n)],
+        "velocity": list(joint.velocity_terms),
+        "gravity": list(joint.gravity_terms),
+        "passive": list(joint.passive_forces),
+    }
+    if system.attitudes:
+        outputs["regularity"] = [joint.regularity]
+    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
+    return in_joint_positions(program, system.parents) if system.measured_from else program
+
+
+class Float64Kernel:
+    """float64 batch evaluators of one system's program, compiled on first use.
+
+    Every method takes ``inputs`` of shape (number of inputs, n), C-contiguous, one column a state.
+    """
+
+    def __init__(self, program: StraightLineProgram) -> None:
+        self.program = program
+        self.nv = len(program.outputs["velocity"])
+
+    def accelerations(self, inputs: Array) -> Array:
+        """qdd, (nv, n), by L D L' factorisation without pivoting."""
+        if self.nv <= MOST_UNROLLED:
+            return np.asarray(self._accelerations(inputs))
+        entries = list(np.asarray(self._terms(inputs)))
+        first = position_count(self.program) + self.nv
+        velocity, gravity, passive = (entries[-k * self.nv :][: self.nv] for k in (3, 2, 1))
+        forces = zip(inputs[first : first + self.nv], passive, velocity, gravity, strict=True)
+        right_hand_side = [force + passive - (velocity + gravity) for force, passive, velocity, gravity in forces]
+        return np.stack(solve_symmetric(entries[: -3 * self.nv], right_hand_side))
+
+    def terms(self, inputs: Array) -> dict[str, Array]:
+        """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
+        flat = np.asarray(self._terms(inputs))
+        pairs = upper_triangle(self.nv)
+        mass = np.empty((inputs.shape[1], self.nv, self.nv))
+        for row, (i, j) in enumerate(pairs):
+            mass[:, i, j] = mass[:, j, i] = flat[row]
+        vectors = flat[len(pairs) :].reshape(3, self.nv, -1).transpose(0, 2, 1)
+        return {"mass": mass, **dict(zip(OUTPUTS[1:], vectors, strict=True))}
+
+    def input_derivatives(self, inputs: Array, accelerations: Array) -> Array:
+        """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (nv, number of inputs, n)."""
+        if self._in_coordinates is not None:
+            return self._derivatives_in_joints(self._in_coordinates, inputs, accelerations)
+        flat = np.asarray(self._derivatives(np.ascontiguousarray(np.vstack([inputs, accelerations]))))
+        return flat.reshape(self.nv, len(self.program.inputs), -1)
+
+    def _derivatives_in_joints(self, kernel: Float64Kernel, inputs: Array, accelerations: Array) -> Array:
+        """``input_derivatives`` by the chain rule from those of ``kernel``, which is in coordinates: they are few."""
+        n, parents = self.nv, self.program.measured_from
+        positions, rates, forces = (slice(block * n, (block + 1) * n) for block in range(3))
+        moved = inputs.copy()
+        for block in (positions, rates):
+            moved[block] = to_coordinates(inputs[block], parents)
+        derivatives = to_joints(kernel.input_derivatives(moved, to_coordinates(accelerations, parents)), parents)
+        for block in (positions, rates):
+            derivatives[:, block] = to_joints(derivatives[:, block].swapaxes(0, 1), parents).swapaxes(0, 1)
+        derivatives[:, forces] = np.eye(n)[:, :, None]
+        return derivatives
+
+    def regularity(self, inputs: Array) -> Array:
+        """|regularity| of the program's chart, (n,): 0 where it is singular, 1 everywhere for a program without one."""
+        if "regularity" not in self.program.outputs:
+            return np.ones(inputs.shape[1])
+        return np.asarray(np.abs(np.asarray(self._regularity(inputs))[0]))
+
+    @cached_property
+    def _in_coordinates(self) -> Float64Kernel | None:
+        return None if self.program.in_coordinates is None else Float64Kernel(self.program.in_coordinates)
+
+    @cached_property
+    def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
+        import heyoka
+
+        inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
+        return inputs, heyoka_expressions(self.program, inputs)
+
+    def _right_hand_side(self) -> list[Any]:
+        inputs, outputs = self._symbols
+        first = position_count(self.program) + self.nv
+        forces = inputs[first : first + self.nv]
+        terms = zip(forces, outputs["passive"], outputs["velocity"], outputs["gravity"], strict=True)
+        return [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
+
+    @cached_property
+    def _terms(self) -> Any:
+        inputs, outputs = self._symbols
+        return self._compiled([expression for name in OUTPUTS for expression in outputs[name]], inputs)
+
+    @cached_property
+    def _regularity(self) -> Any:
+        import heyoka
+
+        inputs, outputs = self._symbols
+        return heyoka.cfunc(outputs["regularity"], vars=inputs)
+
+    @cached_property
+    def _accelerations(self) -> Any:
+        import heyoka
+
+        inputs, outputs = self._symbols
+        return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
+
+    @cached_property
+    def _derivatives(self) -> Any:
+        import heyoka
+
+        inputs, outputs = self._symbols
+        accelerations = [heyoka.expression(f"a{i}") for i in range(self.nv)]
+        residual = self._right_hand_side()
+        for entry, (i, j) in zip(outputs["mass"], upper_triangle(self.nv), strict=True):
+            residual[i] = residual[i] - entry * accelerations[j]
+            if i != j:
+                residual[j] = residual[j] - entry * accelerations[i]
+        jacobian = heyoka.diff_tensors(residual, diff_args=inputs, diff_order=1).jacobian
+        return self._compiled(list(jacobian.flatten()), [*inputs, *accelerations])
+
+    def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
+        import heyoka
+
+        return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
+
+
+def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:
+    """The program's outputs as heyoka expressions of ``inputs``."""
+    import heyoka
+
+    binary: dict[str, Callable[[Any, Any], Any]] = {
+        "add": lambda a, b: a + b,
+        "sub": lambda a, b: a - b,
+        "mul": lambda a, b: a * b,
+        "div": lambda a, b: a / b,
+        "pow": lambda a, b: a**b,
+        "atan2": heyoka.atan2,
+    }
+    values: list[Any] = []
+    for operation, *operands in program.instructions:
+        if operation == "input":
+            value = inputs[operands[0]]
+        elif operation == "rational":
+            value = heyoka.expression(_literal(int(operands[0]), int(operands[1])))
+        elif operation == "pi":
+            value = heyoka.pi
+        elif operation == "neg":
+            value = -values[operands[0]]
+        elif operation == "integer_power":
+            value = values[operands[0]] ** float(operands[1])
+        elif operation in binary:
+            value = binary[operation](values[operands[0]], values[operands[1]])
+        else:
+            value = getattr(heyoka, operation)(values[operands[0]])
+        values.append(value)
+    return {name: [values[index] for index in indices] for name, indices in program.outputs.items()}
+
+
+def _literal(numerator: int, denominator: int) -> Any:
+    """The quotient with the digits of long double, for which a kernel may be compiled.
+
+    A literal of float64 would not do even where it is exact: heyoka turns x / 3 into x times the third of 3.0.
+    """
+    return np.longdouble(numerator) / np.longdouble(denominator)
+
+
+def solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> list[Any]:
+    """Solve M x = b by unrolled L D L', M given by its upper triangle.
+
+    Source: Golub, Van Loan, Matrix Computations, 4th ed., section 4.1.2.
+    """
+    n = len(right_hand_side)
+    mass = {}
+    for entry, (i, j) in zip(upper, upper_triangle(n), strict=True):
+        mass[i, j] = mass[j, i] = entry
+    lower: dict[tuple[int, int], Any] = {}
+    pivot: list[Any] = []
+    for j in range(n):
+        diagonal = mass[j, j]
+        for k in range(j):
+            diagonal = diagonal - lower[j, k] * lower[j, k] * pivot[k]
+        pivot.append(diagonal)
+        for i in range(j + 1, n):
+            entry = mass[i, j]
+            for k in range(j):
+                entry = entry - lower[i, k] * lower[j, k] * pivot[k]
+            lower[i, j] = entry / diagonal
+    x = list(right_hand_side)
+    for i in range(n):
+        for k in range(i):
+            x[i] = x[i] - lower[i, k] * x[k]
+    x = [entry / diagonal for entry, diagonal in zip(x, pivot, strict=True)]
+    for i in reversed(range(n)):
+        for k in range(i + 1, n):
+            x[i] = x[i] - lower[k, i] * x[k]
+    return x
+
+
+class BallKernel:
+    """Rigorous evaluator of a program in Arb's ball arithmetic.
+
+    Constants and whatever depends on parameters alone are computed once per parameter set and
+    precision; ``bind`` returns the function of the remaining inputs.
+    """
+
+    def __init__(self, program: StraightLineProgram, parameters: int) -> None:
+        """``parameters`` is how many of the last inputs ``bind`` fixes."""
+        self.program = program
+        self.parameters = parameters
+        self._source = compile(_ball_source(program, parameters), "<ball kernel>", "exec")
+
+    def bind(self, parameters: Sequence[float]) -> Callable[..., tuple[Any, ...]]:
+        """A function from the other inputs (exact float64 each) to all outputs as ``arb``.
+
+        Valid at the working precision (``flint.ctx.prec``) in force when ``bind`` is called. Outputs
+        follow the program's outputs, flattened in order. Where the expressions are singular a result
+        is not finite; nothing is raised.
+        """
+        import flint
+
+        namespace: dict[str, Any] = {"arb": flint.arb, "fmpq": flint.fmpq}
+        exec(self._source, namespace)
+        evaluate: Callable[..., tuple[Any, ...]] = namespace["bind"](*(float(value) for value in parameters))
+        return evaluate
+
+
+_ARB_BINARY = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{} * {}",
+    "div": "{} / {}",
+    "pow": "{} ** {}",
+    "atan2": "arb.atan2({}, {})",
+}
+
+
+def _ball_source(program: StraightLineProgram, parameters: int) -> str:
+    """Python source of ``bind(parameters...)``, which returns ``evaluate(other inputs)``."""
+    free = len(program.inputs) - parameters
+    constant: list[bool] = []
+    outer: list[str] = []
+    inner: list[str] = []
+    sines = {operands[0] for operation, *operands in program.instructions if operation == "sin"}
+    cosines = {operands[0] for operation, *operands in program.instructions if operation == "cos"}
+    for position, (operation, *operands) in enumerate(program.instructions):
+        if operation == "input":
+            constant.append(operands[0] >= free)
+            text = f"x{position} = arb(z{operands[0]})"
+        elif operation == "rational":
+            constant.append(True)
+            text = f"x{position} = arb(fmpq({operands[0]}, {operands[1]}))"
+        elif operation == "pi":
+            constant.append(True)
+            text = f"x{position} = arb.pi()"
+        elif operation == "integer_power":
+            constant.append(constant[operands[0]])
+            text = f"x{position} = x{operands[0]} ** {operands[1]}"
+        else:
+            constant.append(all(constant[operand] for operand in operands))
+            if operation in ("sin", "cos") and operands[0] in sines & cosines:
+                # One call gives both; the later of the two instructions finds it done.
+                text = f"s{operands[0]}, c{operands[0]} = x{operands[0]}.sin_cos()"
+                target = outer if constant[-1] else inner
+                if text not in target:
+                    target.append(text)
+                text = f"x{position} = {operation[0]}{operands[0]}"
+            elif operation == "neg":
+                text = f"x{position} = -x{operands[0]}"
+            elif operation in UNARY:
+                text = f"x{position} = x{operands[0]}.{operation}()"
+            else:
+                text = f"x{position} = " + _ARB_BINARY[operation].format(*(f"x{operand}" for operand in operands))
+        (outer if constant[-1] else inner).append(text)
+    results = ", ".join(f"x{index}" for indices in program.outputs.values() for index in indices)
+    return "\n".join(
+        [
+            f"def bind({', '.join(f'z{i}' for i in range(free, len(program.inputs)))}):",
+            *(f"    {line}" for line in outer),
+            f"    def evaluate({', '.join(f'z{i}' for i in range(free))}):",
+            *(f"        {line}" for line in inner),
+            f"        return ({results},)",
+            "    return evaluate",
+            "",
+        ]
+    )

@@ -1,0 +1,165 @@
+"""Equations of motion of any ``System`` by Euler-Lagrange with generalised forces.
+
+With L = T - V and applied forces tau, d/dt(dL/dv) - dL/dq = Q + tau is collected as
+
+    M(q) qdd + c(q, v) + g(q) = p(q, v) + tau
+
+M is the mass matrix, c the velocity terms, g the gravity terms, p the passive forces of springs and
+dampers. Rates are replaced by plain symbols before any differentiation and nothing is expanded, which
+keeps the derivation of a long arm in seconds.
+
+Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 and 2.53; chapter 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import sympy as sp
+
+from harness.equations.differentiation import Derivatives
+from harness.equations.system import TIME, System
+
+
+@dataclass(frozen=True)
+class EquationsOfMotion:
+    """SymPy equations M qdd + c + g = p + tau over plain symbols.
+
+    Attributes:
+        coordinates, rates: symbols of q and v (nv each).
+        mass_matrix: M, (nv, nv), symmetric.
+        velocity_terms: c, (nv, 1): every term of d/dt(dT/dv) - dT/dq that holds no acceleration.
+        gravity_terms: g, (nv, 1): dV/dq of the potential that is proportional to gravity.
+        passive_forces: p, (nv, 1): -dV/dq of the rest of the potential, plus Q.
+        kinetic, potential: T and V [J] in the same symbols.
+        generalised_forces: Q, (nv, 1), the non-conservative part of the passive forces.
+    """
+
+    coordinates: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Symbol, ...]
+    mass_matrix: sp.Matrix
+    velocity_terms: sp.Matrix
+    gravity_terms: sp.Matrix
+    passive_forces: sp.Matrix
+    kinetic: sp.Expr
+    potential: sp.Expr
+    generalised_forces: sp.Matrix
+
+    @property
+    def right_hand_side(self) -> sp.Matrix:
+        """p - c - g, (nv, 1): what M qdd equals when no force is applied."""
+        return self.passive_forces - self.velocity_terms - self.gravity_terms
+
+    @property
+    def energy_function(self) -> sp.Expr:
+        """Jacobi's energy function h = sum v dL/dv - L [J]; T + V where T is quadratic in the rates."""
+        lagrangian = self.kinetic - self.potential
+        return sum((v * lagrangian.diff(v) for v in self.rates), sp.S.Zero) - lagrangian
+
+    def christoffel_matrix(self) -> sp.Matrix:
+        """C(q, v), (nv, nv), from Christoffel symbols of the first kind: M' - 2C is skew.
+
+        Source: Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, section 7.3.
+        """
+        q, v, mass = self.coordinates, self.rates, self.mass_matrix
+        n = len(q)
+
+        def symbol(i: int, j: int, k: int) -> sp.Expr:
+            return (mass[k, j].diff(q[i]) + mass[k, i].diff(q[j]) - mass[i, j].diff(q[k])) / 2
+
+        return sp.Matrix(n, n, lambda k, j: sum(symbol(i, j, k) * v[i] for i in range(n)))
+
+    def simplified(self) -> EquationsOfMotion:
+        """The same equations with every entry simplified: shorter, and with fewer roundings in float64."""
+
+        def simple(matrix: sp.Matrix) -> sp.Matrix:
+            return matrix.applyfunc(sp.simplify)
+
+        return replace(
+            self,
+            mass_matrix=simple(self.mass_matrix),
+            velocity_terms=simple(self.velocity_terms),
+            gravity_terms=simple(self.gravity_terms),
+            passive_forces=simple(self.passive_forces),
+        )
+
+    def linearised(self, equilibrium: Mapping[sp.Symbol, float] | None = None) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
+        """(M0, D0, K0) of M0 x'' + D0 x' + K0 x = 0 about a configuration at rest.
+
+        ``equilibrium`` maps coordinate symbols to values; those left out are 0. D0 holds dampers and
+        gyroscopic terms, K0 gravity and springs. That the configuration is one of rest is the caller's
+        claim; a right-hand side that does not vanish there is not an error here.
+        """
+        values = dict.fromkeys((*self.coordinates, *self.rates), 0) | dict(equilibrium or {})
+        residual = -self.right_hand_side
+        damping = residual.jacobian(list(self.rates))
+        stiffness = residual.jacobian(list(self.coordinates))
+        mass, damping, stiffness = (matrix.subs(values).applyfunc(sp.simplify) for matrix in (self.mass_matrix, damping, stiffness))
+        return mass, damping, stiffness
+
+
+def derive(system: System) -> EquationsOfMotion:
+    """The equations of motion of ``system``.
+
+    Raises:
+        ValueError: T is of higher than second degree in the rates, so that M would depend on v, or V
+            is not linear in gravity.
+    """
+    q = tuple(sp.Symbol(f.func.__name__, real=True) for f in system.coordinates)
+    v = tuple(sp.Symbol(f"{f.func.__name__}_dot", real=True) for f in system.coordinates)
+    if TIME in system.parameters:
+        raise ValueError(f"parameter {TIME} is time itself; give it another name")
+    taken = {symbol.name for symbol in system.parameters} & {symbol.name for symbol in (*q, *v)}
+    if taken:
+        raise ValueError(f"{sorted(taken)} name both a parameter and a coordinate or its rate; rename one")
+    plain = dict(zip(system.rates, v, strict=True))
+    position = dict(zip(system.coordinates, q, strict=True))
+
+    def in_symbols(expression: sp.Expr) -> sp.Expr:
+        return expression.xreplace(plain).xreplace(position)
+
+    kinetic, potential = in_symbols(system.kinetic), in_symbols(system.potential)
+    forces = sp.Matrix([in_symbols(system.generalised_forces.get(f, sp.S.Zero)) for f in system.coordinates])
+    by_state = Derivatives.by((*q, *v))
+    # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
+    at_constant_rates = Derivatives({TIME: {TIME: sp.S.One}} | {x: {TIME: rate} for x, rate in zip(q, v, strict=True)})
+    of_kinetic = by_state.of(kinetic)
+    momenta = [of_kinetic.get(rate, sp.S.Zero) for rate in v]
+    mass = _mass_matrix(momenta, v, by_state)
+    velocity = sp.Matrix(
+        [
+            at_constant_rates.of(momentum).get(TIME, sp.S.Zero) - of_kinetic.get(coordinate, sp.S.Zero)
+            for momentum, coordinate in zip(momenta, q, strict=True)
+        ]
+    )
+    of_gravity, of_springs = _split_potential(potential, system.gravity)
+    gravity, springs = (sp.Matrix([by_state.of(part).get(x, sp.S.Zero) for x in q]) for part in (of_gravity, of_springs))
+    passive = forces - springs
+    return EquationsOfMotion(q, v, mass, velocity, gravity, passive, kinetic, potential, forces)
+
+
+def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_state: Derivatives) -> sp.Matrix:
+    n = len(rates)
+    mass = sp.zeros(n, n)
+    # A rate left over cancels identically; removing it keeps M a function of q alone.
+    at_rest = dict.fromkeys(rates, sp.S.Zero)
+    for i in range(n):
+        of_momentum = by_state.of(momenta[i])
+        for j in range(i, n):
+            entry = of_momentum.get(rates[j], sp.S.Zero)
+            left_over = [(rate, slope) for rate, slope in by_state.of(entry).items() if rate in at_rest]
+            for rate, slope in left_over:
+                if sp.simplify(slope) != 0:
+                    raise ValueError(f"kinetic is not of second degree in the rates: d2T/dv{i}dv{j} depends on {rate}")
+            mass[i, j] = mass[j, i] = entry.subs(at_rest) if left_over else entry
+    return mass
+
+
+def _split_potential(potential: sp.Expr, gravity: sp.Symbol | None) -> tuple[sp.Expr, sp.Expr]:
+    if gravity is None:
+        return sp.S.Zero, potential
+    slope = potential.diff(gravity)
+    if slope.has(gravity) and sp.simplify(slope.diff(gravity)) != 0:
+        raise ValueError(f"potential is not linear in gravity {gravity}")
+    return slope.subs(gravity, 0) * gravity, potential.subs(gravity, 0)

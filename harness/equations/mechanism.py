@@ -1,0 +1,187 @@
+"""A system after its derivation, as plain data: what every later stage needs, without SymPy."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, check_lists
+from harness.equations.states import States
+
+_PROGRAMS = ("other_charts", "charts_in_body", "energy_programs")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """One derived system.
+
+    Attributes:
+        name: file stem of the system, and of its models.
+        description, source: from the system file's docstring.
+        coordinates, joints: names of the nv coordinates and of the joints that carry them; a ball or free
+            joint carries several.
+        parameters: (name, value, unit) in the program's input order.
+        gravity: acceleration of gravity [m/s^2] along -z; 0 where the mechanism feels none.
+        total_mass: sum of all moving masses [kg].
+        rotating: for each coordinate, whether it is an angle.
+        position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
+        force_ranges: (lowest, highest) applied force per coordinate [N or N m].
+        attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
+            rotation takes four numbers (w, x, y, z) of q and three of v.
+        program: the equations of motion; see ``harness.equations.kernels`` for its inputs and outputs.
+        other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
+            of free joints in the body's frame, () where there is no free joint.
+        energy_programs: energies of the charts (program, *other_charts); see ``harness.equations.energies``.
+        start: (position, rate) per coordinate that computed motions start from; () where the system declares none.
+        equations_text, equations_mathml: the equations for people.
+        derivation_seconds: what deriving and assembling them cost.
+    """
+
+    name: str
+    description: str
+    source: str
+    coordinates: tuple[str, ...]
+    joints: tuple[str, ...]
+    parameters: tuple[tuple[str, float, str], ...]
+    gravity: float
+    total_mass: float
+    rotating: tuple[bool, ...]
+    position_ranges: tuple[tuple[float, float] | None, ...]
+    rate_ranges: tuple[tuple[float, float], ...]
+    force_ranges: tuple[tuple[float, float], ...]
+    program: StraightLineProgram
+    equations_text: str
+    equations_mathml: str
+    derivation_seconds: float
+    attitudes: tuple[int, ...] = ()
+    other_charts: tuple[StraightLineProgram, ...] = ()
+    charts_in_body: tuple[StraightLineProgram, ...] = ()
+    energy_programs: tuple[StraightLineProgram, ...] = ()
+    start: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return len(self.coordinates)
+
+    @property
+    def nq(self) -> int:
+        """Number of positions: one more than velocities for each ball or free joint."""
+        return len(self.coordinates) + len(self.attitudes)
+
+    @property
+    def joint_sizes(self) -> dict[str, tuple[int, int]]:
+        """Each joint's number of positions and of velocities, in the order of q and v."""
+        turning = {self.joints[place] for place in self.attitudes}
+        counts = Counter(self.joints)
+        return {joint: (count + (joint in turning), count) for joint, count in counts.items()}
+
+    def charts(self, linear_velocity_in_body: bool) -> tuple[StraightLineProgram, ...]:
+        """Programs of the same equations, of which one at least is regular everywhere it can be.
+
+        ``linear_velocity_in_body`` chooses the frame in which the linear velocity of free joints is given;
+        it makes no difference without free joints.
+        """
+        return self.charts_in_body if linear_velocity_in_body and self.charts_in_body else (self.program, *self.other_charts)
+
+    @property
+    def parameter_values(self) -> tuple[float, ...]:
+        return tuple(value for _, value, _ in self.parameters)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for mechanisms with equal equations, joints and parameter values."""
+        programs = (self.program, *self.other_charts, *self.charts_in_body)
+        outputs = tuple((name, tuple(indices)) for program in programs for name, indices in sorted(program.outputs.items()))
+        instructions = tuple(program.instructions for program in programs)
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, instructions, outputs
+
+    def inputs(self, states: States, parameters: Array | None = None) -> Array:
+        """The program's inputs at ``states``, (number of inputs, n), one column a state.
+
+        ``parameters``, (n, number of parameters), gives each state its own; by default all have the mechanism's.
+        """
+        own = np.array(self.parameter_values, dtype=np.float64)[:, None]
+        values = np.broadcast_to(own, (len(own), len(states))) if parameters is None else parameters.T
+        return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values]))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object that ``from_json`` turns back into an equal mechanism."""
+        charts = {name: [program.to_json() for program in getattr(self, name)] for name in _PROGRAMS}
+        return {**vars(self), **charts, "program": self.program.to_json()}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Mechanism:
+        """Read a mechanism back, trusting nothing in it.
+
+        Raises:
+            ValueError: a part is missing, of another type or contradicts the others.
+        """
+        try:
+            check_lists(
+                data,
+                (
+                    "coordinates",
+                    "joints",
+                    "parameters",
+                    "rotating",
+                    "position_ranges",
+                    "rate_ranges",
+                    "force_ranges",
+                    "attitudes",
+                    "start",
+                    *_PROGRAMS,
+                ),
+            )
+            mechanism = cls(
+                **{
+                    **data,
+                    "coordinates": tuple(data["coordinates"]),
+                    "joints": tuple(data["joints"]),
+                    "parameters": tuple((name, float(value), unit) for name, value, unit in data["parameters"]),
+                    "rotating": tuple(bool(angle) for angle in data["rotating"]),
+                    "position_ranges": tuple(
+                        bounds if bounds is None else (float(bounds[0]), float(bounds[1])) for bounds in data["position_ranges"]
+                    ),
+                    "rate_ranges": tuple((float(low), float(high)) for low, high in data["rate_ranges"]),
+                    "force_ranges": tuple((float(low), float(high)) for low, high in data["force_ranges"]),
+                    "attitudes": tuple(int(place) for place in data["attitudes"]),
+                    "start": tuple((float(position), float(rate)) for position, rate in data["start"]),
+                    **{name: tuple(StraightLineProgram.from_json(chart) for chart in data[name]) for name in _PROGRAMS},
+                    "program": StraightLineProgram.from_json(data["program"]),
+                }
+            )
+        except (TypeError, KeyError, IndexError, OverflowError) as error:
+            raise ValueError(f"not a mechanism: {error!r}") from error
+        texts = [mechanism.name, mechanism.description, mechanism.source, mechanism.equations_text, mechanism.equations_mathml]
+        texts += [text for name, _, unit in mechanism.parameters for text in (name, unit)]
+        if not all(isinstance(text, str) for text in (*texts, *mechanism.coordinates, *mechanism.joints)):
+            raise ValueError("a name or text of the mechanism is not a string")
+        if not all(type(number) in (int, float) for number in (mechanism.gravity, mechanism.total_mass, mechanism.derivation_seconds)):
+            raise ValueError("gravity, total_mass or derivation_seconds is not a number")
+        nv = mechanism.nv
+        per_coordinate = ("joints", "rotating", "position_ranges", "rate_ranges", "force_ranges")
+        if any(len(getattr(mechanism, name)) != nv for name in per_coordinate):
+            raise ValueError("joints or ranges do not fit the coordinates")
+        if not all(0 <= place <= nv - 3 for place in mechanism.attitudes):
+            raise ValueError("an attitude does not fit the coordinates")
+        if len(mechanism.start) not in (0, nv) or not np.isfinite(mechanism.start).all():
+            raise ValueError("the start does not fit the coordinates")
+        for program in (mechanism.program, *mechanism.other_charts, *mechanism.charts_in_body):
+            sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
+            if set(sizes.values()) != {nv} or len(program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
+                raise ValueError("the program's outputs do not fit the coordinates")
+            if len(program.inputs) != mechanism.nq + 2 * nv + 1 + len(mechanism.parameters):
+                raise ValueError("the program's inputs do not fit coordinates and parameters")
+        if len(mechanism.energy_programs) != 1 + len(mechanism.other_charts):
+            raise ValueError("there is not one energy program for each chart")
+        for program, energies in zip(mechanism.charts(linear_velocity_in_body=False), mechanism.energy_programs, strict=True):
+            expected = dict.fromkeys((*ENERGY_OUTPUTS, *(["regularity"] if "regularity" in program.outputs else [])), 1) | {"forces": nv}
+            if {name: len(indices) for name, indices in energies.outputs.items()} != expected or energies.inputs != program.inputs:
+                raise ValueError("an energy program does not fit its chart")
+        return mechanism

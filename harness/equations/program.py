@@ -1,0 +1,311 @@
+"""Straight-line programs: the one form of a system's equations from which every kernel is compiled.
+
+A program is a list of instructions, each an operation on earlier results, in which every common
+subexpression is computed once. It is plain data, so that it can be cached as JSON and checked when it
+is read back; it keeps coordinates, rates and parameters alike as run-time inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+OUTPUTS = ("mass", "velocity", "gravity", "passive")
+ENERGY_OUTPUTS = ("energy", "lagrangian", "kinetic", "power")
+
+UNARY = frozenset({"neg", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"})
+BINARY = frozenset({"add", "sub", "mul", "div", "pow", "atan2"})
+# Literals: "input" holds an index, "rational" numerator and denominator as decimal strings, "pi" nothing.
+# "integer_power" holds a result and a literal exponent.
+_OPERANDS = {"input": 1, "rational": 2, "pi": 0, "integer_power": 2} | dict.fromkeys(UNARY, 1) | dict.fromkeys(BINARY, 2)
+
+# Operands that are earlier results.
+_ARITY = dict.fromkeys(UNARY, 1) | dict.fromkeys(BINARY, 2) | {"integer_power": 1}
+
+Instruction = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class StraightLineProgram:
+    """Instructions over inputs, with named outputs.
+
+    Attributes:
+        inputs: names of the run-time inputs, in order.
+        instructions: (operation, operand, ...); an operand is the index of an earlier instruction.
+        outputs: output name to instruction indices.
+        in_coordinates: the shorter program that this one was made of, see ``harness.equations.relative_joints``; None for most.
+        measured_from: how it was made; () without ``in_coordinates``.
+    """
+
+    inputs: tuple[str, ...]
+    instructions: tuple[Instruction, ...]
+    outputs: Mapping[str, tuple[int, ...]]
+    in_coordinates: StraightLineProgram | None = None
+    measured_from: tuple[int | None, ...] = ()
+
+    @property
+    def turning(self) -> list[int]:
+        """Inputs that enter nothing but sines, cosines and tangents of their whole multiples and sums: a full turn changes no output."""
+        # For each instruction, the inputs it is a sum of whole multiples of; None where it is something else.
+        sums: list[frozenset[int] | None] = []
+        exposed: set[int] = set()
+        whole = {place for place, (operation, *operands) in enumerate(self.instructions) if operation == "rational" and operands[1] == "1"}
+        for operation, *operands in self.instructions:
+            parts = [] if operation in ("input", "rational", "pi") else [sums[place] for place in operands[: _ARITY[operation]]]
+            if operation == "input":
+                sums.append(frozenset(operands))
+            elif operation in ("rational", "pi"):
+                sums.append(frozenset())
+            elif operation in ("sin", "cos", "tan") and parts[0] is not None:
+                sums.append(None)
+            elif None not in parts and (operation in ("add", "sub", "neg") or (operation == "mul" and whole & set(operands))):
+                sums.append(frozenset().union(*(part for part in parts if part is not None)))
+            else:
+                exposed.update(*(part for part in parts if part is not None))
+                sums.append(None)
+        exposed.update(*(sums[place] or () for places in self.outputs.values() for place in places))
+        return [place for place in range(len(self.inputs)) if place not in exposed]
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object that ``from_json`` turns back into an equal program."""
+        plain: dict[str, Any] = {
+            "inputs": list(self.inputs),
+            "instructions": [list(instruction) for instruction in self.instructions],
+            "outputs": {name: list(indices) for name, indices in self.outputs.items()},
+        }
+        if self.in_coordinates is not None:
+            plain |= {"in_coordinates": self.in_coordinates.to_json(), "measured_from": list(self.measured_from)}
+        return plain
+
+    @classmethod
+    def from_json(cls, data: Any) -> StraightLineProgram:
+        """Read a program back, trusting nothing in it.
+
+        Raises:
+            ValueError: an unknown operation, an operand out of range, or any other malformed part.
+        """
+        try:
+            check_lists(data, ("inputs", "instructions"))
+            check_lists(data["instructions"], range(len(data["instructions"])))
+            check_lists(data["outputs"], data["outputs"].keys())
+            inputs = tuple(data["inputs"])
+            instructions = tuple(tuple(instruction) for instruction in data["instructions"])
+            outputs = {name: tuple(indices) for name, indices in data["outputs"].items()}
+            in_coordinates = None if "in_coordinates" not in data else cls.from_json(data["in_coordinates"])
+            measured_from = () if in_coordinates is None else tuple(data["measured_from"])
+        except (TypeError, KeyError, AttributeError) as error:
+            raise ValueError(f"not a straight-line program: {error!r}") from error
+        if not all(isinstance(name, str) for name in inputs):
+            raise ValueError("input names are not strings")
+        for position, instruction in enumerate(instructions):
+            _check_instruction(position, instruction, len(inputs))
+        for name, indices in outputs.items():
+            if not all(_is_index(index, len(instructions)) for index in indices):
+                raise ValueError(f"output {name!r} points outside the program")
+        if in_coordinates is not None and in_coordinates.inputs != inputs:
+            raise ValueError("the program in coordinates has other inputs")
+        if in_coordinates is not None and len(measured_from) != len(outputs.get("velocity", measured_from)):
+            raise ValueError("measured_from has another number of coordinates than the program")
+        for place, parent in enumerate(measured_from):
+            if not (parent is None or _is_index(parent, place)):
+                raise ValueError(f"coordinate {place} is measured from {parent!r}; expected an earlier one or none")
+        return cls(inputs, instructions, outputs, in_coordinates, measured_from)
+
+
+def upper_triangle(n: int) -> list[tuple[int, int]]:
+    """Index pairs (i, j), i <= j < n, by rows: the order of the ``mass`` output."""
+    return [(i, j) for i in range(n) for j in range(i, n)]
+
+
+def position_count(program: StraightLineProgram) -> int:
+    """nq of a system's program: time stands behind q, v and tau."""
+    return program.inputs.index("t") - 2 * len(program.outputs["velocity"])
+
+
+def check_lists(container: Any, keys: Iterable[Any]) -> None:
+    """A string or an object also turns into a tuple, but is none.
+
+    Raises:
+        ValueError: ``container[key]`` is neither list nor tuple, for one of ``keys``.
+    """
+    for key in keys:
+        if not isinstance(container[key], list | tuple):
+            raise ValueError(f"{key!r} is {type(container[key]).__name__}; expected a list")
+
+
+def _is_index(value: Any, length: int) -> bool:
+    return type(value) is int and 0 <= value < length
+
+
+def _check_instruction(position: int, instruction: Instruction, inputs: int) -> None:
+    operation, *operands = instruction or ("",)
+    if not isinstance(operation, str) or _OPERANDS.get(operation) != len(operands):
+        raise ValueError(f"instruction {position} is {instruction!r}, which is no known operation")
+    if operation == "input":
+        valid = _is_index(operands[0], inputs)
+    elif operation == "rational":
+        # Exactly as written by ``str``: the ball kernel puts the text into Python source.
+        valid = all(isinstance(text, str) and text == str(int(text)) for text in operands) and int(operands[1]) > 0
+    elif operation == "integer_power":
+        valid = _is_index(operands[0], position) and type(operands[1]) is int
+    else:
+        valid = all(_is_index(operand, position) for operand in operands)
+    if not valid:
+        raise ValueError(f"instruction {position} is {instruction!r}; its operands are out of range")
+
+
+def with_operands(instruction: Instruction, places: Sequence[int] | Mapping[int, int]) -> Instruction:
+    """``instruction`` with each operand that is an earlier result moved to ``places[operand]``."""
+    operation, *operands = instruction
+    count = _ARITY.get(operation, 0)
+    return (operation, *(places[operand] for operand in operands[:count]), *operands[count:])
+
+
+def without_unused(program: StraightLineProgram) -> StraightLineProgram:
+    """The program without the instructions on which no output rests."""
+    used = {index for indices in program.outputs.values() for index in indices}
+    for place in reversed(range(len(program.instructions))):
+        if place in used:
+            operation, *operands = program.instructions[place]
+            used.update(operands[: _ARITY.get(operation, 0)])
+    places = {old: new for new, old in enumerate(sorted(used))}
+    instructions = tuple(with_operands(program.instructions[old], places) for old in places)
+    outputs = {name: tuple(places[index] for index in indices) for name, indices in program.outputs.items()}
+    return StraightLineProgram(program.inputs, instructions, outputs)
+
+
+def assemble(inputs: Sequence[sp.Symbol], outputs: Mapping[str, Sequence[sp.Expr]]) -> StraightLineProgram:
+    """Write SymPy expressions over ``inputs`` as one program with shared subexpressions.
+
+    Raises:
+        ValueError: an expression holds a function or symbol that no kernel can evaluate.
+    """
+    import sympy as sp
+
+    flat = [expression for expressions in outputs.values() for expression in expressions]
+    replacements, reduced = sp.cse(flat, order="none")
+    assembler = _Assembler(inputs)
+    for symbol, expression in replacements:
+        assembler.known[symbol] = assembler.emit(expression)
+    results = iter([assembler.emit(expression) for expression in reduced])
+    named = {name: tuple(next(results) for _ in expressions) for name, expressions in outputs.items()}
+    return StraightLineProgram(tuple(symbol.name for symbol in inputs), tuple(assembler.instructions), named)
+
+
+class _Assembler:
+    """Emits each distinct instruction once (value numbering)."""
+
+    def __init__(self, inputs: Sequence[sp.Symbol]) -> None:
+        self.instructions: list[Instruction] = []
+        self.numbering: dict[Instruction, int] = {}
+        self.known: dict[sp.Expr, int] = {}
+        for index, symbol in enumerate(inputs):
+            self.known[symbol] = self.add("input", index)
+
+    def add(self, *instruction: Any) -> int:
+        if instruction not in self.numbering:
+            self.numbering[instruction] = len(self.instructions)
+            self.instructions.append(instruction)
+        return self.numbering[instruction]
+
+    def rational(self, value: sp.Rational) -> int:
+        return self.add("rational", str(value.p), str(value.q))
+
+    def emit(self, expression: sp.Expr) -> int:
+        if expression not in self.known:
+            self.known[expression] = self._emit(expression)
+        return self.known[expression]
+
+    def _emit(self, expression: sp.Expr) -> int:
+        import sympy as sp
+
+        if expression.is_Rational:
+            return self.rational(expression)
+        if expression.is_Float:
+            # A float in a system file means exactly the float64 it is.
+            return self.rational(sp.Rational(*float(expression).as_integer_ratio()))
+        if expression is sp.pi:
+            return self.add("pi")
+        if expression is sp.E:
+            return self.add("exp", self.rational(sp.S.One))
+        if expression.is_Add:
+            return self._sum(expression)
+        if expression.is_Mul:
+            return self._product(expression)
+        if expression.is_Pow:
+            return self._power(*expression.args)
+        if isinstance(expression, sp.exp):
+            return self.add("exp", self.emit(expression.args[0]))
+        name = type(expression).__name__
+        if name in UNARY and expression.is_Function:
+            return self.add(name, self.emit(expression.args[0]))
+        if name == "atan2":
+            return self.add("atan2", *(self.emit(argument) for argument in expression.args))
+        raise ValueError(
+            f"no kernel can evaluate {expression} ({name}); write it with + - * / powers, sqrt, trigonometric or exponential functions"
+        )
+
+    def _sum(self, expression: sp.Expr) -> int:
+        total: int | None = None
+        positive = [term for term in expression.args if not term.could_extract_minus_sign()]
+        negative = [-term for term in expression.args if term.could_extract_minus_sign()]
+        for term in positive:
+            value = self.emit(term)
+            total = value if total is None else self.add("add", total, value)
+        for term in negative:
+            value = self.emit(term)
+            total = self.add("neg", value) if total is None else self.add("sub", total, value)
+        assert total is not None
+        return total
+
+    def _product(self, expression: sp.Expr) -> int:
+        coefficient, factors = expression.as_coeff_mul()
+        upper, lower = [], []
+        for factor in factors:
+            base, exponent = factor.as_base_exp()
+            if exponent.is_Rational and exponent.is_negative:
+                lower.append(base**-exponent)
+            else:
+                upper.append(factor)
+        if not coefficient.is_Rational:
+            upper.append(coefficient)
+            coefficient = type(expression)()
+        numerator, denominator = abs(coefficient.p), coefficient.q
+        value = self._chain(upper) if upper else None
+        if numerator != 1 or value is None:
+            literal = self.add("rational", str(numerator), "1")
+            value = literal if value is None else self.add("mul", literal, value)
+        divisor = self._chain(lower) if lower else None
+        if denominator != 1:
+            literal = self.add("rational", str(denominator), "1")
+            divisor = literal if divisor is None else self.add("mul", literal, divisor)
+        if divisor is not None:
+            value = self.add("div", value, divisor)
+        return self.add("neg", value) if coefficient.is_negative else value
+
+    def _chain(self, factors: Sequence[sp.Expr]) -> int:
+        value = self.emit(factors[0])
+        for factor in factors[1:]:
+            value = self.add("mul", value, self.emit(factor))
+        return value
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
+        import sympy as sp
+
+        if (exponent.is_Integer and exponent.is_negative) or (exponent.is_Rational and exponent.is_negative):
+            return self.add("div", self.rational(sp.S.One), self.emit(base**-exponent))
+        if base is sp.E:
+            return self.add("exp", self.emit(exponent))
+        value = self.emit(base)
+        if exponent == 2:
+            return self.add("mul", value, value)
+        if exponent.is_Integer:
+            return self.add("integer_power", value, int(exponent))
+        if exponent.is_Rational and exponent.q == 2:
+            root = self.add("sqrt", value)
+            return root if exponent.p == 1 else self.add("integer_power", root, int(exponent.p))
+        return self.add("pow", value, self.emit(exponent))

@@ -1,0 +1,47 @@
+"""States of a mechanism, many at a time, and the ranges of what a system file leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+
+DEFAULT_RATES = (-10.0, 10.0)
+# Applied forces reach what would give a coordinate alone this acceleration [1/s^2, or m/s^2].
+DEFAULT_ACCELERATION = 100.0
+
+
+@dataclass(frozen=True)
+class States:
+    """n states of a mechanism: q of shape (n, nq), v and tau (n, nv), and time (n,) [s]."""
+
+    q: Array
+    v: Array
+    tau: Array
+    time: Array
+
+    @classmethod
+    def at(cls, q: Any, v: Any, tau: Any, time: Any = None) -> States:
+        """States from anything array-like; one state may be given by flat sequences."""
+        q, v, tau = (np.ascontiguousarray(np.atleast_2d(np.asarray(part, dtype=np.float64))) for part in (q, v, tau))
+        return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, selection: Any) -> States:
+        """The states a slice or an index array selects."""
+        return States(self.q[selection], self.v[selection], self.tau[selection], self.time[selection])
+
+    @staticmethod
+    def concatenate(parts: Sequence[States]) -> States:
+        """The states of all parts, in order."""
+        return States(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "tau", "time")))
+
+    def as_json(self, index: int) -> dict[str, list[float]]:
+        """One state as ``{"q", "v", "tau"}`` lists, which print exactly."""
+        return {"q": self.q[index].tolist(), "v": self.v[index].tolist(), "tau": self.tau[index].tolist()}

@@ -1,0 +1,315 @@
+"""The atlas: each subject along each family of hard points, against the certified truth.
+
+``measure`` is one (case, subject) as a task for ``harness.workers``, so that a crash costs that row alone;
+``rows`` runs many, and ``table`` is what to print of them.
+
+A model an engine refuses is ``unsupported`` at that point, in the engine's words; a state that cannot be certified
+is ``undecided``, with the reason; an answer that is not finite is an ``error``. None of them is agreement.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 1.5 and 1.6 (forward and backward
+error).
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import Comparison, compare
+from harness.certify.factorisation import condition_number
+from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidModel
+from harness.hard.cases import HardCase, hard_cases, library_of
+from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
+from harness.library import Library
+from harness.models.model_file import ModelFile, read_model
+from harness.results.atlas import HardPoint, HardRow
+from harness.verdict import Verdict, gravest
+
+if TYPE_CHECKING:
+    from harness.workers import Outcome, Workers
+
+Note = Callable[[str], None]
+
+# Slopes are fitted to backward errors above this floor, which every stable algorithm stays below.
+FLOOR = 16.0
+# A forward relative error beyond this has no digit left that could grow.
+NO_DIGITS_LEFT = 0.1
+FEWEST_POINTS_FITTED = 4
+
+
+def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> HardRow:
+    """One subject along one family; ``engines`` is the library whose engines are meant."""
+    started = time.perf_counter()
+    case = hard_cases()[case_name]
+    engine = load_engine(engines, subject.engine)
+    points: list[HardPoint] = []
+    for place, value in enumerate(case.values):
+        reference, states, mechanism = _truth(case_name, linear_velocity_in_body(engine))[place]
+        model = _model_file(case_name, mechanism.name, subject.format)
+        note(json.dumps({"knob": value, "system": mechanism.name}))
+        points.append(_point(case, value, mechanism, model, subject, engines, states, reference))
+    theory = case.theory_of(str(subject))
+    return HardRow(
+        case=case.name,
+        title=case.title,
+        subject=str(subject),
+        knob=case.knob[0],
+        unit=case.knob[1],
+        points=points,
+        verdict=gravest(point.verdict for point in points),
+        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
+        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
+        theory_verdict=theory.verdict,
+        theory_growth=theory.growth,
+        theory_digits_growth=theory.digits_growth,
+        source=case.source,
+        remedy=case.remedy,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def rows(
+    cases: Sequence[str], chosen: Sequence[Subject], engines: Library, workers: Workers, expected: Mapping[Key, HardExpectation]
+) -> Iterator[HardRow]:
+    """Every case, or all for none, with every ``chosen`` subject as it is completed, with what is not as expected of it.
+
+    ``expected`` is what ``expectations`` gives.
+
+    Raises:
+        ValueError: there is no such case.
+    """
+    from harness.workers import Task
+
+    known = hard_cases()
+    for name in cases:
+        if name not in known:
+            raise ValueError(f"no hard case is called {name!r}")
+    tasks = [Task((name, subject), measure, (name, subject, engines)) for name in cases or known for subject in chosen]
+    for outcome in workers.run(tasks):
+        name, subject = outcome.task.key
+        case = known[name]
+        if outcome.exception is None and outcome.crash is None:
+            row: HardRow = outcome.value
+        else:
+            row = _failed(case, subject, outcome)
+        yield judged(row, expected)
+
+
+def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
+    """What is expected along the harness's own hard cases, for subjects of ``engines``.
+
+    Raises:
+        harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
+    """
+    return load_hard_expectations(PATH, list(hard_cases()), [str(subject) for subject in subjects(engines)])
+
+
+HEADINGS = (
+    "case",
+    "subject",
+    "verdict",
+    "backward error",
+    "digits lost",
+    "kappa_s",
+    "slope",
+    "slope of digits",
+    "theory",
+    "points",
+    "remark",
+)
+
+
+def table(measured: Sequence[HardRow]) -> list[list[str]]:
+    """The rows as text cells under ``HEADINGS``, by case and subject."""
+    return [_cells(row) for row in sorted(measured, key=lambda row: (row.case, row.subject))]
+
+
+def _cells(row: HardRow) -> list[str]:
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in row.verdicts.items())
+    slopes = [(row.theory_growth, "slope"), (row.theory_digits_growth, "of digits")]
+    theory = ", ".join([row.theory_verdict, *(f"{what} {slope:g}" for slope, what in slopes if slope is not None)])
+    digits = max((point.digits_lost for point in row.points if point.digits_lost is not None), default=None)
+    condition = max((point.condition for point in row.points if point.condition is not None), default=None)
+    numbers = map(_text, (row.worst, digits, condition, row.growth, row.digits_growth))
+    return [row.case, row.subject, row.verdict, *numbers, theory, counts, "; ".join(row.problems)]
+
+
+def _text(number: float | None) -> str:
+    return "" if number is None else f"{number:.3g}"
+
+
+@functools.lru_cache(maxsize=4)
+def _truth(case_name: str, in_body: bool) -> list[tuple[Reference, States, Mechanism]]:
+    """Reference, states and mechanism with its parameters at each point; a system along the knob is compiled once."""
+    case = hard_cases()[case_name]
+    found: list[tuple[Reference, States, Mechanism]] = []
+    for name, group in groupby(enumerate(case.values), key=lambda point: case.system_at(point[1])):
+        mechanism = load_mechanism(library_of(case), name)
+        points = list(group)
+        batches = [case.states(mechanism, value, place) for place, value in points]
+        values = [case.parameters_at(mechanism, value) for _, value in points]
+        parameters = np.repeat(np.array(values, dtype=np.float64), [len(batch) for batch in batches], axis=0)
+        reference = _kernel(case.own, name, in_body and bool(mechanism.charts_in_body)).evaluate(States.concatenate(batches), parameters)
+        start = 0
+        for batch, row in zip(batches, values, strict=True):
+            found.append((reference[start : start + len(batch)], batch, _with_parameters(mechanism, row)))
+            start += len(batch)
+    return found
+
+
+@functools.lru_cache(maxsize=16)
+def _kernel(own: bool, system: str, in_body: bool) -> ReferenceKernel:
+    library = next(library_of(case) for case in hard_cases().values() if case.own == own)
+    return ReferenceKernel(load_mechanism(library, system), in_body)
+
+
+@functools.lru_cache(maxsize=64)
+def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | None:
+    if model_format == EQUATIONS:
+        return None
+    return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
+
+
+def _with_parameters(mechanism: Mechanism, values: Sequence[float]) -> Mechanism:
+    """The mechanism with other parameter values and the same program."""
+    if tuple(values) == mechanism.parameter_values:
+        return mechanism
+    return replace(mechanism, parameters=tuple((n, value, unit) for (n, _, unit), value in zip(mechanism.parameters, values, strict=True)))
+
+
+def _point(
+    case: HardCase,
+    value: float,
+    mechanism: Mechanism,
+    model: ModelFile | None,
+    subject: Subject,
+    engines: Library,
+    states: States,
+    reference: Reference,
+) -> HardPoint:
+    about = _about(value, mechanism.name, reference)
+    try:
+        source = mechanism if model is None else case.model_at(model, mechanism, value)
+    except InvalidModel as error:
+        # The case itself is wrong where its model is not physical.
+        return replace(about, verdict=Verdict.ERROR.value, reason=str(error))
+    try:
+        loaded = load_engine(engines, subject.engine).load(source, mechanism.joints, mechanism.gravity)
+    except ValueError as error:
+        return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}")
+    try:
+        answers = loaded.forward_dynamics(states.q, states.v, states.tau)
+    except Exception as error:
+        return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}")
+    return _judged(about, states, reference, compare(reference, answers))
+
+
+def _about(value: float, system: str, reference: Reference) -> HardPoint:
+    """What is known of a point before any engine answers."""
+    condition = condition_numbers(reference)
+    finite = condition[np.isfinite(condition)]
+    return HardPoint(
+        knob=value,
+        system=system,
+        verdict=Verdict.UNDECIDED.value,
+        condition=float(finite.max()) if len(finite) else None,
+        certified=int(reference.certified.sum()),
+        states=len(reference),
+        bits=int(reference.bits.max(initial=0)),
+        reason="; ".join(dict.fromkeys(why_undecided(reference))),
+    )
+
+
+def _judged(about: HardPoint, states: States, reference: Reference, comparison: Comparison) -> HardPoint:
+    backward, relative = (_largest(part) for part in (comparison.backward_error, comparison.relative_error))
+    worst = comparison.worst
+    with np.errstate(all="ignore"):
+        bound = float(reference.instability[worst] / reference.sensitivity[worst])
+    remarks = [about.reason]
+    not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
+    if not_finite:
+        remarks.append(f"{not_finite} of {len(states)} answers are not finite")
+    return replace(
+        about,
+        verdict=gravest(comparison.verdicts.tolist()),
+        backward_error=backward,
+        digits_lost=None if relative is None else max(0.0, math.log10(max(relative, UNIT_ROUNDOFF) / UNIT_ROUNDOFF)),
+        unstable_bound=bound if math.isfinite(bound) else None,
+        reason="; ".join(filter(None, remarks)),
+        state=states.as_json(worst),
+    )
+
+
+def condition_numbers(reference: Reference) -> Array:
+    """kappa_s, (n,): the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor."""
+    with np.errstate(all="ignore"):
+        factor = reference.norm_factor / np.linalg.norm(reference.norm_factor, axis=1)[:, None, :]
+    return condition_number(factor.transpose(2, 1, 0))
+
+
+def why_undecided(reference: Reference) -> Iterator[str]:
+    """For each state that is not certified, why."""
+    condition = condition_numbers(reference)
+    for index in np.flatnonzero(~reference.certified):
+        if not np.isfinite(reference.high[index]).all():
+            yield f"M is singular, or not certainly regular at {LAST_PRECISION} bits"
+        elif not np.isfinite(condition[index]):
+            yield "M is not certainly positive definite, so that data roundoff has no energy norm"
+        elif not np.isfinite(reference.sensitivity[index]):
+            yield "a derivative of the equations is not finite in float64, so that data roundoff is not known"
+        else:
+            share = float(reference.radius[index] / reference.sensitivity[index]) if reference.sensitivity[index] else math.inf
+            yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
+
+
+def _largest(values: Array) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(known.max()) if len(known) else None
+
+
+def _has_digits(point: HardPoint) -> bool:
+    return point.digits_lost is not None and 10**point.digits_lost * UNIT_ROUNDOFF < NO_DIGITS_LEFT
+
+
+def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
+    """Least-squares slope of log error over log knob; None for fewer than ``FEWEST_POINTS_FITTED`` different knobs."""
+    usable = [(abs(knob), error) for knob, error in pairs if knob and error and math.isfinite(error)]
+    if len({knob for knob, _ in usable}) < FEWEST_POINTS_FITTED:
+        return None
+    x, y = np.log(np.array(usable)).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def _failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
+    """The row of a task that gave none; the point at which it died is told by its last note."""
+    crash = outcome.crash
+    reason = str(crash) if crash else f"{type(outcome.exception).__name__}: {outcome.exception}"
+    at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
+    point = HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)
+    return HardRow(
+        case=case.name,
+        title=case.title,
+        subject=str(subject),
+        knob=case.knob[0],
+        unit=case.knob[1],
+        points=[point],
+        verdict=point.verdict,
+        crashed=crash is not None,
+        theory_verdict=case.theory_of(str(subject)).verdict,
+        source=case.source,
+        remedy=case.remedy,
+    )

@@ -1,0 +1,203 @@
+"""Hard cases: ways in which a mechanism is numerically hard, each with one knob and the truth along it.
+
+Every ``HardCase`` that a module of this package holds by a name of its own is found; adding one edits no list.
+A case names a system of the built-in library or of the one in this folder, says how the knob changes its
+parameters, which numbers of the model files follow, and at which states it is asked. The numbers are written
+from the mechanism, as its model files are, never computed from the equations.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapters 1 and 7, for what makes a
+problem hard; each case has its own.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import math
+import pkgutil
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from harness.arrays import Array
+from harness.certify.sampling import sample
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.library import Library, nearest
+from harness.models.model_file import ModelFile, parse_model
+from harness.models.text import Element, Number, find_elements, with_values
+
+POINTS = 30
+# States at each point; the worst of them counts.
+STATES = 8
+# What changes may refer to beside the parameters.
+KNOB = "knob"
+_ADDRESS = re.compile(r"(?P<tag>\S+?)(?: (?P<name>[^/@]+))?(?P<children>(?:/[^/@]+)*)@(?P<attribute>\w*)(?:\[(?P<index>\d+)\])?")
+
+Values = Mapping[str, float]
+# Address of a number to the parameter it holds, or to what it is of all parameters and the knob.
+Changes = Mapping[str, str | Callable[[Values], float]]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What theory expects of one subject along a family.
+
+    Attributes:
+        verdict: the gravest verdict.
+        growth: slope of log backward error over log knob; None where theory gives none.
+        digits_growth: the same of the forward relative error.
+    """
+
+    verdict: str = "agrees"
+    growth: float | None = None
+    digits_growth: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardCase:
+    """One family of hard points.
+
+    Attributes:
+        name: of the case; title: what it is, in a few words.
+        system: name of the system, or a function from the knob's value to it.
+        knob: name and unit of what is turned; values: ``POINTS`` of them, in order; a value that comes again is
+            asked at other states.
+        states: (mechanism, value, seed) to the states of one point; the seed is the place of the point.
+        parameters: the knob's value to the parameters that differ from the mechanism's own.
+        changes: model format to the numbers of the model file that follow, by address, for example
+            ``"body bar_2/inertial@diaginertia[0]"``: a tag, the element's name (or ``reference``), tags further in,
+            the attribute, and the place in it.
+        theory: subject to what is expected of it; a subject that is not named should agree.
+        source: where that is from.
+        remedy: what a user whose model is like this can do.
+        own: whether the system is in this folder's library instead of the built-in one.
+    """
+
+    name: str
+    title: str
+    system: str | Callable[[float], str]
+    knob: tuple[str, str]
+    values: tuple[float, ...]
+    states: Callable[[Mechanism, float, int], States]
+    parameters: Callable[[float], Values] = field(default=lambda value: {})
+    changes: Mapping[str, Changes] = field(default_factory=dict)
+    theory: Mapping[str, Theory] = field(default_factory=dict)
+    source: str
+    remedy: str
+    own: bool = False
+
+    def system_at(self, value: float) -> str:
+        """Name of the system at one value of the knob."""
+        return self.system if isinstance(self.system, str) else self.system(value)
+
+    def theory_of(self, subject: str) -> Theory:
+        """What theory expects of ``subject``."""
+        return self.theory.get(subject, Theory())
+
+    def parameters_at(self, mechanism: Mechanism, value: float) -> tuple[float, ...]:
+        """All parameters of ``mechanism`` at one value of the knob, in its order.
+
+        Raises:
+            ValueError: the case names a parameter that the mechanism has not.
+        """
+        own = {name: value_ for name, value_, _ in mechanism.parameters}
+        changed = self.parameters(value)
+        for name in changed:
+            if name not in own:
+                raise ValueError(f"{self.name}: {mechanism.name} has no parameter {name!r}; {nearest(name, own)}")
+        return tuple(float(changed.get(name, number)) for name, number in own.items())
+
+    def model_at(self, model: ModelFile, mechanism: Mechanism, value: float) -> ModelFile:
+        """The model file at one value of the knob.
+
+        Raises:
+            ValueError: a change points at no number of the model.
+            harness.errors.InvalidModel: the changed model is not physical.
+        """
+        names = [name for name, _, _ in mechanism.parameters]
+        values: dict[str, float] = {KNOB: value, **dict(zip(names, self.parameters_at(mechanism, value), strict=True))}
+        elements = find_elements(model.text, model.format)
+        numbers = {
+            number_at(elements, address): float(values[rule] if isinstance(rule, str) else rule(values))
+            for address, rule in self.changes.get(model.format, {}).items()
+        }
+        return parse_model(model.path, with_values(model.text, numbers), model.format) if numbers else model
+
+
+def number_at(elements: list[Element], address: str) -> Number:
+    """The one number that ``address`` means among a model's ``elements``; see ``HardCase.changes``.
+
+    Raises:
+        ValueError: there is none.
+    """
+    match = _ADDRESS.fullmatch(address)
+    if match is None:
+        raise ValueError(f"{address!r} is no address; expected 'tag name/child@attribute[index]'")
+    children = tuple(match["children"].split("/")[1:])
+    for element in elements:
+        if element.tag != match["tag"] or (match["name"] or None) not in (None, element.get("name"), element.get("reference")):
+            continue
+        wanted = (*element.path, *children)
+        for inner in elements:
+            if inner.path != wanted or not element.start <= inner.start < element.end:
+                continue
+            for attribute in inner.attributes:
+                if attribute.name == match["attribute"] and len(attribute.numbers) > int(match["index"] or 0):
+                    return attribute.numbers[int(match["index"] or 0)]
+    raise ValueError(f"the model has no number at {address!r}")
+
+
+def library_of(case: HardCase) -> Library:
+    """The library that holds the case's systems and models."""
+    return replace(Library.at(Path(__file__).parent), name="hard_cases") if case.own else Library.built_in()
+
+
+@functools.cache
+def hard_cases() -> Mapping[str, HardCase]:
+    """Every case by name, in the order of the modules and of their text.
+
+    Raises:
+        ValueError: two cases have one name.
+    """
+    found: dict[str, HardCase] = {}
+    for module in sorted(entry.name for entry in pkgutil.iter_modules(__path__)):
+        for case in vars(importlib.import_module(f"{__name__}.{module}")).values():
+            if isinstance(case, HardCase) and found.setdefault(case.name, case) is not case:
+                raise ValueError(f"two hard cases are called {case.name!r}")
+    return found
+
+
+def decades(low: float, high: float, count: int = POINTS) -> tuple[float, ...]:
+    """``count`` values from 10^low to 10^high, evenly spaced in their logarithm."""
+    return tuple(10.0 ** (low + (high - low) * i / (count - 1)) for i in range(count))
+
+
+def anywhere(mechanism: Mechanism, value: float, seed: int) -> States:
+    """``STATES`` states spread over the mechanism's ranges, the same for every value of a knob that changes the model."""
+    return sample(mechanism, STATES, 0)
+
+
+def with_columns(part: Array, columns: Mapping[int, float | Array]) -> Array:
+    """A copy of q, v or tau, (n, nq or nv), with other values in some columns."""
+    changed = part.copy()
+    for column, values in columns.items():
+        changed[:, column] = values
+    return changed
+
+
+def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable[[Mechanism, float, int], States]:
+    """``anywhere``, but for some columns of q, which ``positions`` gives for the knob's value."""
+
+    def states(mechanism: Mechanism, value: float, seed: int) -> States:
+        spread = anywhere(mechanism, value, seed)
+        return States.at(with_columns(spread.q, positions(value)), spread.v, spread.tau)
+
+    return states
+
+
+def turned(axis: tuple[float, float, float], angle: float) -> tuple[float, float, float, float]:
+    """The quaternion (w, x, y, z) of a turn by ``angle`` [rad] about a unit ``axis``."""
+    w, s = math.cos(angle / 2), math.sin(angle / 2)
+    return w, s * axis[0], s * axis[1], s * axis[2]

@@ -1,0 +1,67 @@
+"""Accelerations that are small differences of large terms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.certify.sampling import sample
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.hard.cases import STATES, HardCase, decades
+
+_HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.7 (cancellation)"
+_DATA = _HIGHAM + ": a backward stable algorithm loses what the data lose, and no more"
+
+
+def _near_rest(mechanism: Mechanism, value: float, seed: int) -> States:
+    """At rest, every coordinate ``value`` times a number between -1 and 1 from zero, which is an equilibrium."""
+    directions = np.random.default_rng(0).uniform(-1, 1, (STATES, mechanism.nq))
+    return States.at(value * directions, np.zeros((STATES, mechanism.nv)), np.zeros((STATES, mechanism.nv)))
+
+
+NEAR_EQUILIBRIUM = HardCase(
+    name="near_equilibrium",
+    title="double pendulum upright on a cart, close to its equilibrium",
+    system="cart_double_pendulum",
+    knob=("distance from equilibrium", "m or rad"),
+    values=decades(-20, 0),
+    states=_near_rest,
+    source=_DATA,
+    remedy="judge by absolute error near an equilibrium; linearise where a controller needs relative digits",
+)
+
+
+def _fast(mechanism: Mechanism, value: float, seed: int) -> States:
+    states = sample(mechanism, STATES, 0)
+    rates = np.random.default_rng(0).uniform(-1, 1, states.v.shape)
+    return States.at(states.q, value * rates, states.tau)
+
+
+FAST_TURNS = HardCase(
+    name="fast_turns",
+    title="three-link arm whose velocity terms dwarf its weight",
+    system="arm_3r",
+    knob=("largest rate", "rad/s"),
+    values=decades(0, 8),
+    states=_fast,
+    source=_DATA + "; velocity terms reach 1e16 times the weight",
+    remedy="nothing helps a state that no machine reaches; look for a controller that has diverged",
+)
+
+
+def _balanced(mechanism: Mechanism, value: float, seed: int) -> States:
+    """Three springs of 10 N each pull the masses; the displacements undo a small part of the balance."""
+    directions = np.random.default_rng(0).uniform(-1, 1, (STATES, mechanism.nq))
+    return States.at(value * directions, np.zeros((STATES, 2)), np.zeros((STATES, 2)))
+
+
+BALANCED_SPRINGS = HardCase(
+    name="balanced_springs",
+    title="two masses between three stretched springs that almost balance",
+    system="coupled_oscillators",
+    knob=("displacement from balance", "m"),
+    values=decades(-18, -0.7),
+    states=_balanced,
+    source=_DATA,
+    remedy="measure displacements from the equilibrium and leave the preload out, as small oscillations do",
+)

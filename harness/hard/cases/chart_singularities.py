@@ -1,0 +1,81 @@
+"""Points at which coordinates break down though the mechanism does not, and quaternions that are no rotations."""
+
+from __future__ import annotations
+
+import math
+
+from harness.certify.sampling import sample
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.hard.cases import STATES, Changes, HardCase, Theory, decades, posed, turned
+
+_GIMBALS = ("I_o", "I_x", "I_y", "I_z")
+# Of both gimbals: a millionth of a millionth of what the rotor has.
+_LIGHT = 1e-14
+
+
+def _gimbal_numbers() -> dict[str, Changes]:
+    inner = {"xx": "I_x", "yy": "I_z", "zz": "I_y"}
+    mjcf = {f"body outer/inertial@diaginertia[{place}]": "I_o" for place in (1, 2)}
+    mjcf |= {f"body inner/inertial@diaginertia[{place}]": name for place, name in enumerate(inner.values())}
+    urdf = {f"link outer/inertial/inertia@i{axis}": "I_o" for axis in ("yy", "zz")}
+    urdf |= {f"link inner/inertial/inertia@i{axis}": name for axis, name in inner.items()}
+    return {"mjcf": mjcf, "urdf": urdf}
+
+
+GIMBAL_LOCK = HardCase(
+    name="gimbal_lock",
+    title="gyroscope in gimbals of hardly any inertia, near gimbal lock",
+    system="gyroscope_gimbals",
+    knob=("angle between the axle and the vertical", "rad"),
+    values=decades(-9, 0),
+    parameters=lambda angle: dict.fromkeys(_GIMBALS, _LIGHT),
+    changes=_gimbal_numbers(),
+    states=posed(lambda angle: {1: angle - math.pi / 2}),
+    source="Diebel, Representing attitude, 2006, section 5.6 (singularities); kappa_s grows as 1/angle^2",
+    remedy="use a ball joint with a quaternion where the gimbals' inertia does not matter, or give them the inertia they have",
+    # As sqrt(kappa_s); see harness.hard.cases.singular.
+    theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), Theory("unstable", growth=-1.0)),
+)
+
+
+SPHERICAL_POLE = HardCase(
+    name="spherical_pole",
+    title="spherical pendulum in azimuth and swing, near the vertical",
+    system="spherical_pendulum",
+    knob=("angle from the downward vertical", "rad"),
+    values=decades(-7, 0.4),
+    states=posed(lambda angle: {0: angle}),
+    source="Landau, Lifshitz, Mechanics, section 14, problem 1: M is diagonal with m L^2 sin^2(theta), kappa_s is 1",
+    remedy="hang the mass on a ball joint, or on two horizontal hinges whose chart is singular where it never swings",
+)
+
+
+FREE_BODY_AT_THE_POLE = HardCase(
+    name="free_body_at_the_pole",
+    title="free body, held as a quaternion, where its Euler angles zxz are singular",
+    system="free_body",
+    knob=("angle from the singular attitude", "rad"),
+    values=decades(-15, 0.4),
+    states=posed(lambda angle: dict(zip(range(3, 7), turned((1.0, 0.0, 0.0), angle), strict=True))),
+    source="Diebel, Representing attitude, 2006, section 6: a unit quaternion has no singular attitude",
+    remedy="nothing: a quaternion is the cure",
+)
+
+
+def _lengthened(mechanism: Mechanism, value: float, seed: int) -> States:
+    states = sample(mechanism, STATES, 0)
+    return States.at(states.q * (1 + value), states.v, states.tau)
+
+
+UNNORMALISED_QUATERNION = HardCase(
+    name="unnormalised_quaternion",
+    title="heavy top whose quaternion is longer than one",
+    system="heavy_top",
+    knob=("length of the quaternion beyond one", "1"),
+    values=decades(-16, 0),
+    states=_lengthened,
+    source="Diebel, Representing attitude, 2006, section 6.1: a quaternion of another length is the same rotation when divided by it",
+    remedy="normalise quaternions before every call; an integrator that does not project lets them drift",
+    theory={"pinocchio/urdf": Theory("disagrees", growth=1.0, digits_growth=1.0)},
+)

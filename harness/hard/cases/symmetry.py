@@ -1,0 +1,52 @@
+"""States in a symmetric set, or next to it, from which exact dynamics does not depart by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.certify.sampling import sample
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.hard.cases import STATES, HardCase, decades, turned, with_columns
+
+_INVARIANT = "Marsden, Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 8: the fixed points of a symmetry stay fixed points"
+
+
+def _almost_planar(mechanism: Mechanism, value: float, seed: int) -> States:
+    """Swinging in a vertical plane; ``value`` is the rate of the azimuth."""
+    states = sample(mechanism, STATES, 0)
+    shares = np.random.default_rng(0).uniform(-1, 1, STATES)
+    return States.at(states.q, with_columns(states.v, {1: value * shares}), with_columns(states.tau, {1: 0.0}))
+
+
+PLANAR_SWING = HardCase(
+    name="planar_swing",
+    title="spherical pendulum that almost swings in a plane",
+    system="spherical_pendulum",
+    knob=("rate of the azimuth", "rad/s"),
+    values=decades(-20, 0),
+    states=_almost_planar,
+    source=_INVARIANT,
+    remedy="nothing: what leaves the plane is within what the data decide",
+)
+
+
+def _almost_principal(mechanism: Mechanism, value: float, seed: int) -> States:
+    """Turning about the middle principal axis, which is unstable; ``value`` is the rate about the others."""
+    states = sample(mechanism, STATES, 0)
+    shares = np.random.default_rng(0).uniform(-1, 1, (2, STATES))
+    rates = {**dict.fromkeys(range(3), 0.0), 3: value * shares[0], 4: 5.0, 5: value * shares[1]}
+    rotation = dict(zip(range(3, 7), turned((0.6, 0.0, 0.8), 1.0), strict=True))
+    return States.at(with_columns(states.q, rotation), with_columns(states.v, rates), np.zeros_like(states.tau))
+
+
+MIDDLE_AXIS = HardCase(
+    name="middle_axis",
+    title="free body that almost turns about its middle principal axis",
+    system="free_body",
+    knob=("rate about the other axes", "rad/s"),
+    values=decades(-20, 0),
+    states=_almost_principal,
+    source=_INVARIANT + "; Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 5.6 (instability of the middle axis)",
+    remedy="nothing: an error that leaves the axis grows in motion as the theory says",
+)

@@ -1,0 +1,188 @@
+"""Hard states by an evolution strategy: CMA-ES on log10 of the backward error, whole populations at once.
+
+Backward error is a smooth hill under the noise of roundings that fall one way or the other; CMA-ES ranks
+its points only, so that noise costs it nothing but time.
+
+Source: Hansen, The CMA evolution strategy: a tutorial, arXiv 1604.00772; Auger, Hansen, A restart CMA
+evolution strategy with increasing population size, CEC 2005; the package ``cma``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import Comparison
+from harness.certify.sampling import HUGE_ANGLES
+from harness.check import tasks
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.verdict import GRAVITY, Verdict
+
+SMALLEST_POPULATION = 4
+# Spread of the first population, where 1 is half of a range.
+FIRST_SPREAD = 0.3
+# A range is searched on all scales down to its half over 10^DECADES: what cancels does so near zero. Measured:
+# on a plain scale the same budget finds a third of the backward error on a chain of ten links.
+DECADES = 8
+# How far a free angle goes on a plain scale [half turns].
+PLAIN_HALF_TURNS = 2.0
+# log10 of an error that is not finite, and of the smallest that is told from none.
+WORST, LEAST = 400.0, -20.0
+_FAILURES = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.ERROR.value)
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """What one search saw.
+
+    Attributes:
+        worst: the one state it did worst at.
+        backward_error: there [units of data roundoff]; NaN where the answer is not finite or nothing is certified.
+        states: how many it tried; undecided: how many of them have no certified truth.
+    """
+
+    worst: States
+    backward_error: float
+    states: int
+    undecided: int
+
+
+def evolve(
+    assignment: tasks.Assignment, states: int, population: int, seed: int, note: tasks.Note = lambda text: None, decades: int = DECADES
+) -> Hunt:
+    """Maximise the backward error over at most ``states`` states, from a random start; ``decades`` as in ``StateSpace``.
+
+    A strategy that has converged starts again elsewhere, with twice the population.
+    """
+    judge = tasks.judge_of(assignment)
+    space = StateSpace(assignment.mechanism, decades)
+    random = np.random.default_rng([seed, population])
+    population = max(SMALLEST_POPULATION, min(population, states))
+    tried: list[tuple[States, Comparison]] = []
+    left = max(states, population)
+    while left >= population:
+        strategy = _strategy(space, population, random)
+        while left >= population and not strategy.stop():
+            points = strategy.ask()
+            batch = space.decode(np.array(points))
+            note(as_note(batch))
+            comparison = judge(batch)
+            strategy.tell(points, (-objective(comparison)).tolist())
+            left -= population
+            worst = worst_index(comparison)
+            tried.append((batch[worst : worst + 1], comparison))
+        population *= 2
+    return _hunt(States.concatenate([state for state, _ in tried]), [comparison for _, comparison in tried])
+
+
+def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.Note) -> Hunt:
+    """The same by hypothesis, whose draws hold the special values; see ``harness.check.tasks.explore``."""
+    found = tasks.explore(assignment, states, seed, note)
+    return Hunt(
+        found.states[worst_index(found.comparison) :][:1],
+        float(found.comparison.backward_error[worst_index(found.comparison)]),
+        len(found.states),
+        _undecided(found.comparison),
+    )
+
+
+def as_note(states: States) -> str:
+    """States as JSON that ``States.at`` reads back, for what must survive a crash."""
+    return json.dumps({"q": states.q.tolist(), "v": states.v.tolist(), "tau": states.tau.tolist()})
+
+
+def worst_index(comparison: Comparison) -> int:
+    """Index of the answer that shows most: the gravest verdict that is the engine's, then the largest backward error."""
+    gravity = np.array([GRAVITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
+    return int(np.lexsort((objective(comparison), gravity))[-1])
+
+
+def objective(comparison: Comparison) -> Array:
+    """(n,) log10 of the backward error; ``WORST`` where the answer is not finite, ``LEAST`` where nothing is certified."""
+    with np.errstate(divide="ignore"):
+        logarithm = np.clip(np.log10(comparison.backward_error), LEAST, WORST)
+    missing = np.where(comparison.verdicts == Verdict.ERROR.value, WORST, LEAST)
+    return np.asarray(np.where(np.isnan(comparison.backward_error), missing, logarithm))
+
+
+def _undecided(comparison: Comparison) -> int:
+    return int((comparison.verdicts == Verdict.UNDECIDED.value).sum())
+
+
+def _hunt(worst: States, comparisons: list[Comparison]) -> Hunt:
+    of_batches = Comparison.concatenate([_only(comparison, worst_index(comparison)) for comparison in comparisons])
+    index = worst_index(of_batches)
+    tried, undecided = sum(len(one.verdicts) for one in comparisons), sum(map(_undecided, comparisons))
+    return Hunt(worst[index : index + 1], float(of_batches.backward_error[index]), tried, undecided)
+
+
+def _only(comparison: Comparison, index: int) -> Comparison:
+    part = slice(index, index + 1)
+    return Comparison(comparison.backward_error[part], comparison.relative_error[part], comparison.verdicts[part])
+
+
+def _strategy(space: StateSpace, population: int, random: np.random.Generator) -> Any:
+    with warnings.catch_warnings():
+        # It says that it cannot plot, and that it does not know the name of its own signals file.
+        warnings.simplefilter("ignore")
+        import cma
+
+        options = {
+            "popsize": population,
+            "bounds": [(-space.bound).tolist(), space.bound.tolist()],
+            # NaN leaves numpy's global generator alone; ``randn`` is what the strategy draws from.
+            "seed": math.nan,
+            "randn": lambda *shape: random.standard_normal(shape),
+            # Below -9 it reads no options from a file in the current folder.
+            "verbose": -10,
+            "verb_log": 0,
+        }
+        return cma.CMAEvolutionStrategy(random.uniform(-1.0, 1.0, len(space.bound)), FIRST_SPREAD, options)
+
+
+class StateSpace:
+    """Points of a box for the states of a mechanism, on a scale that is linear near zero and logarithmic away from it.
+
+    The logarithmic part is ``decades`` long; for 0 the scale is plain.
+
+    Attributes:
+        bound: (m,) the box is [-bound, bound]; m is nq + 2 nv. At 1 a range ends; a free angle has made a half turn
+            there and goes on, to the largest of ``HUGE_ANGLES`` where there are decades.
+
+    A range that does not hold zero has its own middle in place of it. A quaternion has four columns, of any length.
+    """
+
+    def __init__(self, mechanism: Mechanism, decades: int = DECADES) -> None:
+        positions = list(mechanism.position_ranges)
+        for place in reversed(mechanism.attitudes):
+            positions[place : place + 3] = [(-1.0, 1.0)] * 4
+        self._quaternions = [place + order for order, place in enumerate(mechanism.attitudes)]
+        ranges = [*positions, *mechanism.rate_ranges, *mechanism.force_ranges]
+        huge = max(HUGE_ANGLES)
+        self._low, self._high = np.array([bounds or (-huge, huge) for bounds in ranges]).T
+        reach = np.array([math.pi if bounds is None else max(abs(bounds[0]), abs(bounds[1])) for bounds in ranges])
+        holds_zero = (self._low <= 0) & (self._high >= 0)
+        self._centre = np.where(holds_zero, 0.0, (self._low + self._high) / 2)
+        self._reach = np.where(holds_zero, reach, (self._high - self._low) / 2)
+        self._steepness = math.log(2 * 10**decades) if decades else 0.0
+        free = np.array([bounds is None for bounds in ranges])
+        furthest = 1.0 + math.log(huge / math.pi) / self._steepness if decades else PLAIN_HALF_TURNS
+        self.bound = np.where(free, furthest, 1.0)
+        self._sizes = np.cumsum([mechanism.nq, mechanism.nv])
+
+    def decode(self, points: Array) -> States:
+        """The states at ``points``, (n, m)."""
+        scaled = np.sinh(self._steepness * points) / math.sinh(self._steepness) if self._steepness else points
+        values = np.clip(self._centre + self._reach * scaled, self._low, self._high)
+        for first in self._quaternions:
+            quaternion = values[:, first : first + 4]
+            length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+            values[:, first : first + 4] = np.where(length > 0, quaternion / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0, 0.0])
+        return States.at(*np.split(values, self._sizes, axis=1))

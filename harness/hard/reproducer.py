@@ -1,0 +1,49 @@
+"""A program of three lines in an engine's own Python API that prints what it answers beside the certified value.
+
+It holds the model, so that it can be pasted into the engine's issue tracker, and needs nothing but the engine.
+The engine's file writes it, by a method ``reproducer`` of its model; see ``Reproducible``.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from harness.arrays import Array
+from harness.check import tasks
+from harness.equations.states import States
+
+
+@runtime_checkable
+class Reproducible(Protocol):
+    """What an engine's model offers where its answers can be reproduced without the harness."""
+
+    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """Python text that prints two lines: the engine's accelerations, then ``certified``, as lists in the engine's order.
+
+        ``source`` is a Python expression: the text of the model, or its file name where ``is_file``. q of shape (nq,),
+        v, tau and certified (nv,) [SI] are in the order of the joints given to ``load``.
+        """
+
+
+def reproduce(assignment: tasks.Assignment, state: States, file: Path | str | None = None) -> str:
+    """The program for one state; "" where the subject's engine offers none.
+
+    The model stands in the program unless ``file`` names where it is.
+
+    Raises:
+        InvalidModel: as ``harness.check.tasks.load_audited``.
+    """
+    model = tasks.load_audited(assignment)
+    if not isinstance(model, Reproducible) or assignment.model is None:
+        return ""
+    certified = tasks.reference_kernel_of(assignment).evaluate(state).high[0]
+    source = repr(compact(assignment.model.text) if file is None else str(file))
+    return model.reproducer(source, file is not None, state.q[0], state.v[0], state.tau[0], certified)
+
+
+def compact(text: str) -> str:
+    """A model file on one line, without comments; every number stays as it is written."""
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r">\s+<", "><", text)).strip()

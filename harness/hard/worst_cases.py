@@ -1,0 +1,78 @@
+"""The catalogue's worst cases per subject, each explained and with a program that reproduces it: what a report ranks.
+
+A case is a cross-check's record, or a stored state of the very versions that the cross-check ran; of other versions
+the cross-check has compared the state anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from harness.check import tasks
+from harness.engines import EQUATIONS, Subject, select_subjects
+from harness.equations.derivation import load_mechanism
+from harness.equations.states import States
+from harness.hard.lost_digits import locate
+from harness.hard.reproducer import reproduce
+from harness.library import Library
+from harness.models.model_file import read_model
+from harness.results.hard_states import FoundState, RankedCase, load_found, worst_cases
+from harness.results.records import Record, Run
+from harness.verdict import Verdict
+from harness.workers import Task, Workers
+
+
+def ranked(
+    library: Library, run: Run, records: Sequence[Record], workers: Workers, most: int = 10, replay_options: Sequence[str] = ()
+) -> list[RankedCase]:
+    """The worst cases of each subject, worst first, at most ``most`` each, on workers whose context the caller has entered.
+
+    To what a record says is added which term loses the digits at the state shown; a case that cannot be explained, as
+    where the engine crashes, keeps its own words.
+
+    Raises:
+        InvalidInput: the stored states of a system cannot be used.
+    """
+    systems = sorted({record.system for record in records})
+    found = {name: [one for one in load_found(library, name) if _is_of(one, run)] for name in systems}
+    cases = [case for of_subject in worst_cases(records, found, None, most, replay_options).values() for case in of_subject]
+    subjects = {str(subject): subject for subject in select_subjects(library, [])}
+    work = [
+        Task((index, function), function, (library, case.system, subjects[case.subject], case.state))
+        for index, case in enumerate(cases)
+        for function in _functions(case, found[case.system])
+    ]
+    for outcome in workers.run(work):
+        index, function = outcome.task.key
+        case, text = cases[index], outcome.value or ""
+        if function is write_reproducer:
+            cases[index] = replace(case, reproducer=text)
+        else:
+            cases[index] = replace(case, statement=" ".join(filter(None, [case.statement, text])))
+    return cases
+
+
+def state_loss(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
+    """In a sentence, which term of the equations loses the digits there."""
+    return locate(_assignment(library, system, subject), States.at(**state)).statement
+
+
+def write_reproducer(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
+    """The program in the engine's own Python API; the engine is not asked at the state."""
+    return reproduce(_assignment(library, system, subject), States.at(**state))
+
+
+def _functions(case: RankedCase, found: Sequence[FoundState]) -> list[Callable[..., str]]:
+    # An engine that gave no number, or no answer at all, would do so again.
+    explained = case.verdict == Verdict.ERROR or case.statement in {one.statement for one in found}
+    return [write_reproducer] if explained else [write_reproducer, state_loss]
+
+
+def _assignment(library: Library, system: str, subject: Subject) -> tasks.Assignment:
+    model = None if subject.format == EQUATIONS else read_model(library.model_path(system, subject.format), subject.format)
+    return tasks.Assignment(library, subject, load_mechanism(library, system), model)
+
+
+def _is_of(found: FoundState, run: Run) -> bool:
+    return all(run.versions.get(name) == version for name, version in found.versions.items())

@@ -1,0 +1,206 @@
+"""Hold a model file against the tables of what is understood, and its inertias against physics.
+
+Decoration, which no acceleration feels, is accepted where a comment of the file says so by the names of
+the elements or attributes concerned::
+
+    <!-- decoration: geom asset rgba -->
+
+Sources: for inertia, Featherstone, Rigid Body Dynamics Algorithms, section 2.13, and Wensing, Kim,
+Slotine, IEEE RA-L 3(1), 2018.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.library import nearest
+from harness.models import refusals as model_refusals
+from harness.models.formats import (
+    ALSO,
+    AT_MOST_ONE,
+    DECORATION,
+    DECORATIVE_ATTRIBUTES,
+    REQUIRED,
+    SUPPORTED,
+    Attributes,
+    context_of,
+)
+from harness.models.values import Numbers, Rule
+from harness.models.xml import Document, describe, literal_tag, shorten
+
+# Relative to the largest moment; eigenvalues of an exact inertia are off by a few 1e-16.
+INERTIA_SLACK = 1e-12
+_DECLARATION = re.compile(r"\s*decoration:(.*)", re.DOTALL)
+
+
+def check_elements(document: Document, model_format: str) -> None:
+    """Hold ``document`` against the tables of ``harness.models.formats``.
+
+    Raises:
+        InvalidModel: at the line of the first element that does not fit.
+    """
+    root = document.root
+    refused = model_refusals.ELEMENTS[model_format]
+    for element in root.iter("*"):
+        tag = literal_tag(element)
+        if etree.QName(element).namespace and not element.prefix:
+            document.refuse(element, f"<{shorten(tag)}> is in a default namespace, which readers take differently; remove xmlns")
+        if tag in refused:
+            document.refuse(element, f"<{tag}> {refused[tag]}")
+    declared = _declared_decoration(document, model_format)
+    for element, path in _understood(document, model_format, declared):
+        _check_attributes(document, element, model_format, path, declared)
+    for place, children in AT_MOST_ONE[model_format].items():
+        for element in root.iterfind(place):
+            for tag in children:
+                for repeated in element.findall(tag)[1:]:
+                    document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
+    for place, children in REQUIRED[model_format].items():
+        for element in root.iterfind(place):
+            for tag in children:
+                if element.find(tag) is None:
+                    document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
+    for place, attributes in ALSO[model_format].items():
+        for element in root.iterfind(place):
+            for name, rule in attributes.items():
+                check_attribute(document, element, name, rule)
+    if "geom" in declared:
+        _check_that_nothing_touches(document)
+
+
+def _declared_decoration(document: Document, model_format: str) -> set[str]:
+    """Names of elements and attributes that the file's comments declare as decoration."""
+    known = {name for table in (DECORATION, DECORATIVE_ATTRIBUTES) for names in table[model_format].values() for name in names}
+    declared: set[str] = set()
+    for line, text in document.comments:
+        match = _DECLARATION.fullmatch(text)
+        for name in re.split(r"[\s,]+", match[1].strip()) if match else ():
+            if name not in known:
+                raise InvalidModel(document.path, line, f"declares {shorten(name)!r} as decoration; {nearest(name, sorted(known))}")
+            declared.add(name)
+    return declared
+
+
+def _understood(document: Document, model_format: str, declared: set[str]) -> Iterator[tuple[etree._Element, list[str]]]:
+    """Every element but decoration, with the tags from the root to it; what is not understood is refused."""
+    waiting = [(document.root, [literal_tag(document.root)])]
+    while waiting:
+        element, path = waiting.pop()
+        yield element, path
+        context = context_of(model_format, path)
+        known, decoration = SUPPORTED[model_format].get(context, {}), DECORATION[model_format].get(context, ())
+        inside: list[tuple[etree._Element, list[str]]] = []
+        for child in element.iterchildren("*"):
+            tag = literal_tag(child)
+            if tag in known:
+                inside.append((child, [*path, tag]))
+            elif tag in decoration:
+                if tag not in declared:
+                    document.refuse(child, f"<{tag}> is decoration; remove it, or declare it by the comment <!-- decoration: {tag} -->")
+            else:
+                reason = model_refusals.ELEMENTS[model_format].get(f"{context}/{tag}") or _why_not(model_format, tag, known, context)
+                document.refuse(child, f"<{shorten(tag)}> in {describe(element)} {reason}")
+        # In document order, so that the first thing wrong is named first.
+        waiting += reversed(inside)
+
+
+def _why_not(model_format: str, name: str, known: Iterable[str], context: str) -> str:
+    """Why an element or attribute that no table names is refused: a typing error first."""
+    if difflib.get_close_matches(name, known, n=1):
+        return f"is unknown; {nearest(shorten(name), known)}"
+    for prefix, reason in model_refusals.ELSEWHERE[model_format].items():
+        if name.startswith(prefix) or context == prefix:
+            return reason
+    holders = [holder for holder, children in SUPPORTED[model_format].items() if name in children and not context.endswith("@")]
+    if holders:
+        return "does not belong there; expected in " + " or ".join(f"<{holder}>" for holder in holders)
+    return f"is not understood; {nearest(shorten(name), known)}" if known else "is not understood; expected nothing inside, remove it"
+
+
+def _check_attributes(document: Document, element: etree._Element, model_format: str, path: list[str], declared: set[str]) -> None:
+    tag = path[-1]
+    rules: Attributes = SUPPORTED[model_format][context_of(model_format, path[:-1])].get(tag, {})
+    refused = model_refusals.ATTRIBUTES[model_format]
+    decorative = DECORATIVE_ATTRIBUTES[model_format].get(tag, ())
+    for name in element.attrib:
+        if name in rules:
+            continue
+        shown = f'{describe(element)} {shorten(name)}="{shorten(element.get(name))}"'
+        reason = refused.get(f"{tag}@{name}") or refused.get(f"@{name}")
+        if reason is None and name in decorative:
+            if name in declared:
+                continue
+            reason = f"is decoration; remove it, or declare it by the comment <!-- decoration: {name} -->"
+        if reason is None:
+            reason = _why_not(model_format, name, [known for known in rules if known], f"{tag}@")
+        document.refuse(element, f"{shown} {reason}")
+    for name, rule in rules.items():
+        check_attribute(document, element, name, rule)
+    texts = [element.text, *(child.tail for child in element)] if "" not in rules else [child.tail for child in element]
+    for text in texts:
+        if text and text.strip():
+            document.refuse(element, f"{describe(element)} holds the text {shorten(text)!r}, which no reader reads; remove it")
+
+
+def _check_that_nothing_touches(document: Document) -> None:
+    flags = {name: value for flag in document.root.iterfind("option/flag") for name, value in flag.attrib.items()}
+    if "disable" not in (flags.get("contact"), flags.get("constraint")):
+        geom = next(document.root.iter("geom"), None)
+        if geom is not None:
+            document.refuse(geom, f'{describe(geom)} can touch, which is no decoration; add <option><flag contact="disable"/></option>')
+
+
+def check_attribute(document: Document, element: etree._Element, name: str, rule: Rule) -> None:
+    """Refuse attribute ``name`` of ``element``, or its text for "", where it is missing but required, or not what ``rule`` expects.
+
+    Raises:
+        InvalidModel: at the line of ``element``.
+    """
+    text = element.get(name) if name else element.text or ""
+    if text is None:
+        if rule.required:
+            document.refuse(element, f"{describe(element)} has no attribute {name!r}; add it")
+        return
+    try:
+        rule.read(text)
+    except ValueError as complaint:
+        shown = (
+            f'{describe(element)} {name}="{shorten(text)}"' if name else f"<{literal_tag(element)}>{shorten(text)}</{literal_tag(element)}>"
+        )
+        document.refuse(element, f"{shown} {complaint}")
+
+
+def numbers(document: Document, element: etree._Element, name: str, rule: Numbers) -> tuple[float, ...]:
+    """The numbers of an attribute that must be there, or of the text for ""; raises InvalidModel where they are not."""
+    check_attribute(document, element, name, replace(rule, required=True))
+    return rule.read(element.get(name) if name else element.text or "")
+
+
+def check_inertia(document: Document, element: etree._Element, ixx: float, iyy: float, izz: float, *products: float) -> None:
+    """Refuse moments of inertia no mass distribution has: the principal ones must be A, B, C >= 0, A + B >= C.
+
+    ``products`` are the off-diagonal elements Ixy, Ixz, Iyz [kg m^2] of the inertia matrix, 0 if left out.
+
+    Raises:
+        InvalidModel: at the line of ``element``.
+    """
+    ixy, ixz, iyz = products or (0.0, 0.0, 0.0)
+    matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    largest = float(np.abs(matrix).max())
+    if largest == 0:
+        return
+    low, middle, high = (float(moment) for moment in np.linalg.eigvalsh(matrix / largest))
+    shown = ", ".join(f"{moment * largest:.6g}" for moment in (low, middle, high))
+    if low < -INERTIA_SLACK:
+        document.refuse(element, f"{describe(element)} has principal moments of inertia {shown}; expected none below zero")
+    if low + middle < high - INERTIA_SLACK:
+        document.refuse(
+            element, f"{describe(element)} has principal moments of inertia {shown}; expected the two smaller to sum to the largest or more"
+        )

@@ -1,0 +1,141 @@
+"""The joints of a model file as its author wrote them, for people who compare two files by eye.
+
+Texts are the file's own; what it leaves out and its reader then assumes stands in parentheses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from lxml import etree
+
+from harness.models.mjcf_defaults import resolved
+from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
+from harness.models.xml import Document, literal_tag, parse_document
+
+_MJCF_POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """One moving joint of one file; "" where the file has nothing to say.
+
+    ``origin`` is the joint's frame in its parent's at zero, ``mass`` that of the body it carries, ``armature``
+    a reflected inertia; ``line`` is that of the joint's element.
+    """
+
+    joint: str
+    kind: str
+    axis: str
+    origin: str
+    body: str
+    mass: str
+    damping: str
+    stiffness: str
+    armature: str
+    line: int
+
+
+COLUMNS = tuple(field.name for field in fields(JointRow))
+
+
+def joint_rows(model: ModelFile) -> list[JointRow]:
+    """A row per moving joint, in document order."""
+    document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
+    rows = {"mjcf": _mjcf_row, "urdf": _urdf_row}[model.format]
+    moving = set(model.joint_lines.items())
+    # A URDF has other elements called joint inside of its transmissions.
+    among = {"mjcf": document.root.iterfind("worldbody//*"), "urdf": document.root.iterchildren("*")}[model.format]
+    return [
+        rows(document, model, element, name)
+        for element in among
+        if "joint" in literal_tag(element) and (name := element.get("name"), document.lines[element]) in moving
+    ]
+
+
+def point_springs(model: ModelFile) -> list[str]:
+    """A line of text for each spring that does not stand in a joint."""
+    if model.format == "urdf":
+        return [
+            f"line {spring.line}: spring from {spring.body_a} at {_numbers(spring.point_a)} "
+            f"to {spring.body_b} at {_numbers(spring.point_b)}, "
+            + ", ".join(
+                f"{name.replace('_', ' ')} {_numbers((getattr(spring, name),))}" for name in ("stiffness", "damping", "free_length")
+            )
+            for spring in model.force_elements
+            if isinstance(spring, PointSpring)
+        ]
+    document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
+    return [f"line {document.lines[tendon]}: {_summary(tendon)}" for tendon in document.root.iterfind("tendon/*")]
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(repr(value).removesuffix(".0") for value in values)
+
+
+def _summary(element: etree._Element) -> str:
+    """The element's attributes and those of its children, without the markup."""
+    parts = [f"{child.tag} {' '.join(child.attrib.values())}" for child in element.iterchildren("*")]
+    attributes = [f"{name} {value}" for name, value in element.attrib.items()]
+    return f"{element.tag} tendon over {', '.join(parts)}: {', '.join(attributes)}"
+
+
+def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
+    kind = "free" if joint.tag == "freejoint" else _mjcf(joint, "type") or "(hinge)"
+    body = joint.getparent()
+    frames = []
+    while body.tag == "frame":
+        frames.append(f"in frame {_pose(body)}")
+        body = body.getparent()
+    shift = _mjcf(joint, "pos")
+    inertial = body.find("inertial")
+    return JointRow(
+        joint=name,
+        kind=kind,
+        axis=_mjcf(joint, "axis") or ("" if kind in ("free", "ball") else "(0 0 1)"),
+        origin=", ".join([_pose(body), *([f"joint at {shift}"] if shift else []), *frames]),
+        body=body.get("name", ""),
+        mass="" if inertial is None else inertial.get("mass", ""),
+        damping=_mjcf(joint, "damping"),
+        stiffness=_mjcf(joint, "stiffness"),
+        armature=_mjcf(joint, "armature"),
+        line=document.lines[joint],
+    )
+
+
+def _pose(element: etree._Element) -> str:
+    written = [element.get(name) if name == "pos" else f"{name} {element.get(name)}" for name in _MJCF_POSE if name in element.attrib]
+    return ", ".join(written) or "(0 0 0)"
+
+
+def _mjcf(joint: etree._Element, name: str) -> str:
+    """An attribute as MuJoCo resolves it; "" where nobody gives it."""
+    written = resolved(joint, name)
+    return "" if written is None else written.text
+
+
+def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
+    kind = joint.get("type", "")
+    child = joint.find("child").get("link", "")
+    springs = [element.find("springStiffness") for element in document.root.iterchildren("gazebo") if element.get("reference") == name]
+    links = [element for element in document.root.iterchildren("link") if element.get("name") == child]
+    armature = [element.reflected_inertia for element in model.armatures if element.joint == name]
+    origin = joint.find("origin")
+    turned = "" if origin is None else origin.get("rpy", "")
+    return JointRow(
+        joint=name,
+        kind=kind,
+        axis=_urdf(joint, "axis", "xyz") or ("(1 0 0)" if kind in ("revolute", "prismatic", "continuous", "planar") else ""),
+        origin=(_urdf(joint, "origin", "xyz") or "(0 0 0)") + (f", rpy {turned}" if turned else ""),
+        body=child,
+        mass="".join(_urdf(link, "inertial/mass", "value") for link in links),
+        damping=_urdf(joint, "dynamics", "damping"),
+        stiffness="".join((spring.text or "").strip() for spring in springs if spring is not None),
+        armature=_numbers(tuple(armature)),
+        line=document.lines[joint],
+    )
+
+
+def _urdf(element: etree._Element, path: str, attribute: str) -> str:
+    found = element.find(path)
+    return "" if found is None else str(found.get(attribute, ""))

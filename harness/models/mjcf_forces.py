@@ -1,0 +1,166 @@
+"""The gravity, springs and dampers that an MJCF states, for engines whose readers pass over them.
+
+MuJoCo applies them itself. What no ``ForceElement`` expresses is listed with its line, so that whoever depends on these
+elements can refuse the model instead of leaving a force out.
+
+Source: MuJoCo documentation, XML reference, ``option``, ``joint`` and ``tendon/spatial``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from lxml import etree
+
+from harness.models.mjcf_defaults import Written, resolved, writings
+from harness.models.urdf_forces import ForceElement, JointDamper, JointSpring, Point, PointSpring
+from harness.models.xml import Document, describe, shorten
+
+# What MuJoCo takes without an option.
+GRAVITY = (0.0, 0.0, -9.81)
+WORLD = "world"
+
+
+@dataclass(frozen=True)
+class Unexpressed:
+    """A force, or an inertia, that the file states and that no force element expresses."""
+
+    line: int
+    what: str
+
+
+@dataclass(frozen=True)
+class MjcfForces:
+    """What an MJCF states.
+
+    Attributes:
+        gravity: [m/s^2], (x, y, z); zero where it is switched off.
+        elements: springs and dampers that are not switched off, joints' before tendons', in document order.
+        unexpressed: what is missing among them.
+    """
+
+    gravity: tuple[float, float, float]
+    elements: tuple[ForceElement, ...]
+    unexpressed: tuple[Unexpressed, ...]
+
+
+def read_forces(document: Document) -> MjcfForces:
+    """What the valid MJCF ``document`` states."""
+    found = [*_of_joints(document), *_of_tendons(document)]
+    return MjcfForces(
+        gravity=_gravity(document.root),
+        elements=tuple(item for item in found if not isinstance(item, Unexpressed)),
+        unexpressed=tuple(item for item in found if isinstance(item, Unexpressed)),
+    )
+
+
+def in_degrees(root: etree._Element) -> bool:
+    """Whether the file's angles are in degrees, as they are where it does not say."""
+    return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
+
+
+def is_on(root: etree._Element, stage: str) -> bool:
+    """Whether a stage of MuJoCo's pipeline, like "spring", is not switched off."""
+    return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
+
+
+def _gravity(root: etree._Element) -> tuple[float, float, float]:
+    if not is_on(root, "gravity"):
+        return 0.0, 0.0, 0.0
+    written = [option.get("gravity") for option in root.iterfind("option[@gravity]")]
+    x, y, z = map(float, written[-1].split()) if written else GRAVITY
+    return x, y, z
+
+
+def _numbers(written: Written | None) -> tuple[float, ...]:
+    return () if written is None else tuple(float(word) for word in written.text.split())
+
+
+def _coefficient(document: Document, element: etree._Element, name: str, stage: str) -> float | Unexpressed:
+    """A stiffness or damping, 0 where there is none; Unexpressed where it depends on the displacement or rate."""
+    coefficients: list[float] = []
+    if not is_on(document.root, stage):
+        return 0.0
+    for written in writings(element, name):
+        further = _numbers(written)[len(coefficients) :]
+        if any(further if coefficients else further[1:]):
+            return _unexpressed(document, element, name, written, "is not linear")
+        coefficients += further
+    return coefficients[0] if coefficients else 0.0
+
+
+def _unexpressed(document: Document, element: etree._Element, name: str, written: Written | None, why: str) -> Unexpressed:
+    shown = describe(element) if written is None else f'{describe(element)} {name}="{shorten(written.text)}"'
+    return Unexpressed(document.lines[element if written is None else written.owner], f"{shown} {why}")
+
+
+def _of_joints(document: Document) -> Iterator[ForceElement | Unexpressed]:
+    for joint in (joint for world in document.root.iterfind("worldbody") for joint in world.iter("joint")):
+        name, kind = str(joint.get("name")), resolved(joint, "type")
+        kind_name = "hinge" if kind is None else kind.text
+        stiffness, damping = (_coefficient(document, joint, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
+        if isinstance(stiffness, Unexpressed):
+            yield stiffness
+        elif stiffness and kind_name not in ("hinge", "slide"):
+            yield _unexpressed(document, joint, "stiffness", resolved(joint, "stiffness"), f"is a spring in a {kind_name} joint")
+        elif stiffness:
+            (reference,) = _numbers(resolved(joint, "springref")) or (0.0,)
+            if kind_name == "hinge" and in_degrees(document.root):
+                reference = math.radians(reference)
+            yield JointSpring(name, stiffness, reference, _line(document, joint, "stiffness"))
+        if isinstance(damping, Unexpressed):
+            yield damping
+        elif damping:
+            yield JointDamper(name, damping, _line(document, joint, "damping"))
+
+
+def _line(document: Document, element: etree._Element, name: str) -> int:
+    written = resolved(element, name)
+    return document.lines[element if written is None else written.owner]
+
+
+def _of_tendons(document: Document) -> Iterator[ForceElement | Unexpressed]:
+    sites = {site.get("name"): site for world in document.root.iterfind("worldbody") for site in world.iter("site")}
+    for tendon in document.root.iterfind("tendon/*"):
+        armature = resolved(tendon, "armature")
+        if any(_numbers(armature)):
+            yield _unexpressed(document, tendon, "armature", armature, "is an inertia in a tendon")
+            continue
+        stiffness, damping = (_coefficient(document, tendon, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
+        if isinstance(stiffness, Unexpressed):
+            yield stiffness
+        elif isinstance(damping, Unexpressed):
+            yield damping
+        elif stiffness or damping:
+            yield _point_spring(document, tendon, stiffness, damping, sites)
+
+
+def _point_spring(
+    document: Document, tendon: etree._Element, stiffness: float, damping: float, sites: dict[str | None, etree._Element]
+) -> PointSpring | Unexpressed:
+    path = list(tendon.iterchildren("*"))
+    if tendon.tag != "spatial" or [part.tag for part in path] != ["site", "site"]:
+        return _unexpressed(document, tendon, "", None, "does not run straight from one site to another")
+    written = resolved(tendon, "springlength")
+    lengths = _numbers(written) or (-1.0,)
+    if stiffness and min(lengths) < 0:
+        return _unexpressed(document, tendon, "springlength", written, "leaves its springlength to the reader; write it")
+    if stiffness and lengths[0] != lengths[-1]:
+        return _unexpressed(document, tendon, "springlength", written, "is slack between two lengths")
+    ends = [_end(sites.get(part.get("site"))) for part in path]
+    if ends[0] is None or ends[1] is None:
+        part = path[0] if ends[0] is None else path[1]
+        return Unexpressed(document.lines[part], f'<site site="{part.get("site")}"> is not the name of a site right inside a named body')
+    (body_a, point_a), (body_b, point_b) = ends[0], ends[1]
+    return PointSpring(body_a, point_a, body_b, point_b, max(lengths[0], 0.0), stiffness, damping, document.lines[tendon])
+
+
+def _end(site: etree._Element | None) -> tuple[str, Point] | None:
+    """The body of a site, and its place in it; None where a frame around the site shifts that."""
+    if site is None or site.getparent().tag not in ("body", "worldbody"):
+        return None
+    body = WORLD if site.getparent().tag == "worldbody" else site.getparent().get("name")
+    x, y, z = _numbers(resolved(site, "pos")) or (0.0, 0.0, 0.0)
+    return (body, (x, y, z)) if body else None

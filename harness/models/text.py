@@ -1,0 +1,233 @@
+"""Numbers, attributes and elements of a model file with their places in the text, and what changing them does.
+
+The text is changed in place, so that everything else in the file stays as its author wrote it. Whoever
+watches a model brings the function that answers it; no engine is imported here. Decoration is left out.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.errors import InvalidModel
+from harness.models.formats import rules_at
+from harness.models.model_file import ModelFile, parse_model
+from harness.models.values import Numbers
+
+_TAG = re.compile(
+    r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>"
+    r"|<(?P<close>/)?(?P<tag>[^\s/>]+)(?P<attributes>(?:[^>\"']|\"[^\"]*\"|'[^']*')*?)(?P<empty>/)?>",
+    re.DOTALL,
+)
+_ATTRIBUTE = re.compile(r"\s+(?P<name>[^\s=]+)\s*=\s*(?P<quote>[\"'])(?P<value>.*?)(?P=quote)", re.DOTALL)
+_WORD = re.compile(r"\S+")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a change stands in a model file.
+
+    Attributes:
+        line: 1-based line of the attribute, or of the element where the attribute is absent.
+        element: tag; attribute: name, "" for the text between the tags.
+        index: place of the number within the attribute; None for the attribute as a whole.
+        found: the text that stands there; "" where the attribute is absent.
+    """
+
+    line: int
+    element: str
+    attribute: str
+    index: int | None
+    found: str
+
+    @property
+    def key(self) -> tuple[int, str, str]:
+        """Line, element and attribute: what a diagnosis must name."""
+        return self.line, self.element, self.attribute
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a model file.
+
+    Attributes:
+        start, end: where it stands in the text.
+        line: 1-based line of the number itself, which need not be that of its tag.
+        element: tag of its element; attribute: "" for a number between the tags; index: its place in the attribute.
+    """
+
+    start: int
+    end: int
+    value: float
+    line: int
+    element: str
+    attribute: str
+    index: int
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One attribute; ``start`` includes the blanks before it, so that the text without it is well-formed."""
+
+    name: str
+    start: int
+    end: int
+    line: int
+    value: str
+    numbers: tuple[Number, ...]
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element; its text is ``[start, end)``, its content ``[opened, closed)``, which is empty for ``<tag/>``."""
+
+    path: tuple[str, ...]
+    start: int
+    opened: int
+    closed: int
+    end: int
+    line: int
+    attributes: tuple[Attribute, ...]
+
+    @property
+    def tag(self) -> str:
+        return self.path[-1]
+
+    def get(self, name: str) -> str | None:
+        """The text of attribute ``name``."""
+        return next((attribute.value for attribute in self.attributes if attribute.name == name), None)
+
+    def holds(self, number: Number) -> bool:
+        """Whether ``number`` is one of the element, or of what is inside."""
+        return self.start <= number.start < self.end
+
+
+def find_elements(text: str, model_format: str) -> list[Element]:
+    """Every element of a valid model but its decoration, in document order."""
+    found: list[Element] = []
+    # Places in ``found`` of the elements that are still open.
+    waiting: list[int] = []
+    for token in _TAG.finditer(text):
+        if token["tag"] is None:
+            continue
+        if token["close"]:
+            place = waiting.pop()
+            closed = replace(found[place], closed=token.start(), end=token.end())
+            found[place] = _with_text(closed, text, model_format)
+            continue
+        path = (*(found[waiting[-1]].path if waiting else ()), token["tag"])
+        line = text.count("\n", 0, token.start()) + 1
+        attributes = tuple(_attributes(token, text, path, model_format))
+        if not token["empty"]:
+            waiting.append(len(found))
+        found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line, attributes))
+    return [element for element in found if rules_at(model_format, element.path) is not None]
+
+
+def _attributes(token: re.Match[str], text: str, path: tuple[str, ...], model_format: str) -> Iterator[Attribute]:
+    for match in _ATTRIBUTE.finditer(text, token.start("attributes"), token.end("attributes")):
+        start, name = match.start("value"), match["name"]
+        line = text.count("\n", 0, match.start("name")) + 1
+        yield Attribute(
+            name, match.start(), match.end(), line, match["value"], _numbers(text, start, match["value"], path, name, model_format)
+        )
+
+
+def _with_text(element: Element, text: str, model_format: str) -> Element:
+    """``element`` with the numbers between its tags as the attribute ""."""
+    content = text[element.opened : element.closed]
+    numbers = _numbers(text, element.opened, content, element.path, "", model_format)
+    if not numbers:
+        return element
+    inside = Attribute("", element.opened, element.closed, numbers[0].line, content, numbers)
+    return replace(element, attributes=(*element.attributes, inside))
+
+
+def _numbers(text: str, start: int, value: str, path: tuple[str, ...], name: str, model_format: str) -> tuple[Number, ...]:
+    rule = (rules_at(model_format, path) or {}).get(name)
+    if not isinstance(rule, Numbers):
+        return ()
+    words = list(_WORD.finditer(value))
+    line = text.count("\n", 0, start) + 1
+    try:
+        return tuple(
+            Number(
+                start + word.start(), start + word.end(), float(word[0]), line + value.count("\n", 0, word.start()), path[-1], name, index
+            )
+            for index, word in enumerate(words)
+        )
+    except ValueError:
+        # Written with character references, which no model needs.
+        return ()
+
+
+def find_numbers(text: str, model_format: str) -> list[Number]:
+    """Every number of a valid model but its decoration's, in document order."""
+    return [number for element in find_elements(text, model_format) for attribute in element.attributes for number in attribute.numbers]
+
+
+def with_values(text: str, values: Mapping[Number, float]) -> str:
+    """The text with other values for some of its numbers, each written exactly."""
+    for number in sorted(values, key=lambda number: number.start, reverse=True):
+        text = text[: number.start] + repr(values[number]) + text[number.end :]
+    return text
+
+
+def scaled(text: str, numbers: Iterable[Number], factor: float) -> str:
+    """The text with some of its numbers multiplied by ``factor``."""
+    return with_values(text, {number: number.value * factor for number in numbers})
+
+
+def without(text: str, *spans: tuple[int, int]) -> str:
+    """The text without some of its parts, which do not overlap."""
+    for start, end in sorted(spans, reverse=True):
+        text = text[:start] + text[end:]
+    return text
+
+
+@dataclass
+class Watch:
+    """The accelerations of a model, to be compared with those of changed copies of its text.
+
+    Attributes:
+        model: the model as it is.
+        answer: its accelerations (n, nv) at states of the caller's choice; InvalidModel or ValueError where
+            a reader refuses the model.
+    """
+
+    model: ModelFile
+    answer: Callable[[ModelFile], Array]
+    healthy: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.healthy = self.answer(self.model)
+
+    def accelerations(self, text: str) -> Array | None:
+        """What the model answers with another text; None where a reader refuses that."""
+        try:
+            return self.answer(parse_model(self.model.path, text, self.model.format))
+        except (InvalidModel, ValueError):
+            return None
+
+    def movement(self, text: str) -> float | None:
+        """Largest change of any joint's acceleration, relative to that joint's largest; None where the text is refused.
+
+        Joints are measured each by itself, or the wrist of an arm would hide its shoulder.
+        """
+        moved = self.accelerations(text)
+        return None if moved is None else largest_change(self.healthy, moved)
+
+
+def largest_change(healthy: Array, moved: Array) -> float:
+    """The largest change of any joint's accelerations, both (n, nv), relative to that joint's largest; inf where they are not finite."""
+    scale = np.abs(healthy).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.abs(moved - healthy) / scale
+    change[moved == healthy] = 0.0
+    largest = float(change.max())
+    return math.inf if math.isnan(largest) else largest

@@ -1,0 +1,192 @@
+"""One model file as an XML tree with the line of every element, read without trusting its author.
+
+DOCTYPE is refused (so there are no entities to expand and nothing to fetch), as are files beyond the
+size and depth the engines can bear. Expat gives the line where a tag starts; lxml, the tree and the
+better messages, only knows where it ends.
+"""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.library import CannotRun, member_of, nearest, raised_in, run_file
+
+MAXIMUM_BYTES = 10_000_000
+# libxml2 stops at 256, and links a few thousand deep overflow Pinocchio's stack.
+MAXIMUM_DEPTH = 200
+_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Document:
+    """A parsed model file.
+
+    Attributes:
+        text: the file's content, character by character.
+        root: the root element; comments and processing instructions are left out.
+        lines: element to the line (1-based) its tag starts on.
+        comments: (line, text) of every comment.
+    """
+
+    path: Path
+    text: str
+    root: etree._Element
+    lines: Mapping[etree._Element, int]
+    comments: tuple[tuple[int, str], ...] = ()
+
+    def refuse(self, element: etree._Element, problem: str) -> NoReturn:
+        """Raises InvalidModel at the line of ``element``."""
+        raise InvalidModel(self.path, self.lines[element], problem)
+
+
+def read_document(path: Path, root_tag: str) -> Document:
+    """Read and parse ``path``, whose root element must be ``root_tag``.
+
+    Raises:
+        InvalidModel: not a readable file of well-formed XML in UTF-8 with that root, or beyond the
+            limits above.
+    """
+    return parse_document(path, _read_text(path), root_tag)
+
+
+def parse_document(path: Path, text: str, root_tag: str) -> Document:
+    """``read_document`` of a file at ``path`` that would hold ``text``; raises the same."""
+    if not text.strip("\ufeff \t\r\n"):
+        raise InvalidModel(path, None, f"is empty; expected a <{root_tag}> model")
+    lines, comments, complaint = _scan(path, text)
+    parser = etree.XMLParser(
+        encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+    )
+    try:
+        root = etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:
+        problem = " ".join(error.msg.split())
+        raise InvalidModel(path, error.lineno or None, f"is not well-formed XML: {problem}; correct it, or restore the file") from None
+    if complaint is not None:
+        raise complaint
+    document = Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
+    if root.tag != root_tag:
+        document.refuse(root, f"the root element is <{shorten(root.tag)}>; expected <{root_tag}>, without a default namespace")
+    return document
+
+
+def _written_by_family(path: Path, writer: Path, size: int) -> str:
+    """The model that a family's writer gives for ``size``."""
+    try:
+        module = run_file(writer, f"_harness_{writer.parent.name}_{writer.stem}")
+        model = getattr(module, "model", None)
+        if model is None:
+            raise InvalidModel(writer, None, "defines no model(n); expected a function that returns the text of the model of size n")
+        try:
+            text = model(size)
+        except Exception as error:
+            raise raised_in(writer, error) from error
+    except CannotRun as error:
+        raise InvalidModel(error.path, error.line, error.problem) from error
+    if not isinstance(text, str):
+        raise InvalidModel(writer, None, f"model({size}) returned a {type(text).__name__}; expected the text of {path.name}")
+    return text
+
+
+def _read_text(path: Path) -> str:
+    member = member_of(path)
+    if member is not None:
+        return _written_by_family(path, *member)
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InvalidModel(path, None, "is a directory; expected a model file")
+        if not stat.S_ISREG(mode):
+            raise InvalidModel(path, None, "is not a regular file; expected a model file")
+        with path.open("rb") as file:
+            content = file.read(MAXIMUM_BYTES + 1)
+    except FileNotFoundError:
+        raise InvalidModel(path, None, "there is no such file; write the model, or correct the path") from None
+    except (OSError, ValueError) as error:
+        raise InvalidModel(path, None, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > MAXIMUM_BYTES:
+        raise InvalidModel(path, None, f"is larger than {MAXIMUM_BYTES} bytes; a model needs joints and inertias, not meshes")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InvalidModel(path, line, f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8") from None
+
+
+def _scan(path: Path, text: str) -> tuple[list[int], list[tuple[int, str]], InvalidModel | None]:
+    """The line of every start tag in document order, and every comment; expat's complaint where it cannot go on."""
+    lines: list[int] = []
+    comments: list[tuple[int, str]] = []
+    depth = 0
+    parser = expat.ParserCreate("utf-8")
+
+    def start(name: str, _attributes: object) -> None:
+        nonlocal depth
+        depth += 1
+        lines.append(parser.CurrentLineNumber)
+        if depth > MAXIMUM_DEPTH:
+            raise InvalidModel(path, lines[-1], f"<{shorten(name)}> is nested more than {MAXIMUM_DEPTH} deep; no model needs that")
+
+    def end(_name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def doctype(*_declaration: object) -> None:
+        raise InvalidModel(path, parser.CurrentLineNumber, "declares a DOCTYPE, which could define entities; remove it")
+
+    parser.CommentHandler = lambda comment: comments.append((parser.CurrentLineNumber, comment))
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        return lines, comments, InvalidModel(path, error.lineno, f"is not well-formed XML: {expat.ErrorString(error.code)}; correct it")
+    return lines, comments, None
+
+
+def literal_tag(element: etree._Element) -> str:
+    """The tag as written, prefix included: readers without namespaces, such as Drake's, go by that."""
+    local = etree.QName(element).localname
+    return f"{element.prefix}:{local}" if element.prefix else str(local)
+
+
+def describe(element: etree._Element) -> str:
+    """The element as a reader recognises it: tag, and name where it has one."""
+    name = element.get("name")
+    return f"<{literal_tag(element)}>" if name is None else f'<{literal_tag(element)} name="{shorten(name)}">'
+
+
+def shorten(text: str) -> str:
+    """``text`` on one line, cut where a message would become unreadable."""
+    line = " ".join(text.split())
+    return line if len(line) <= _SHOWN else line[:_SHOWN] + "..."
+
+
+def add_named(document: Document, element: etree._Element, known: dict[str, etree._Element]) -> None:
+    """Enter ``element`` into ``known`` under its name; raises InvalidModel where it has none, or another's."""
+    name = element.get("name")
+    if not name:
+        document.refuse(element, f"<{element.tag}> has no name; add one, for it is matched by name")
+    if name in known:
+        document.refuse(element, f"{describe(element)} repeats the name of line {document.lines[known[name]]}; give each its own")
+    known[name] = element
+
+
+def resolve(document: Document, element: etree._Element, attribute: str, known: Mapping[str, etree._Element]) -> str:
+    """The name in ``attribute``; raises InvalidModel where ``known`` does not hold it."""
+    name = element.get(attribute)
+    if name is None:
+        document.refuse(element, f"{describe(element)} has no attribute {attribute!r}; add it")
+    if name not in known:
+        written = f'<{literal_tag(element)} {attribute}="{shorten(name)}">'
+        document.refuse(element, f"{written} names nothing in this file; {nearest(shorten(name), known)}")
+    return str(name)

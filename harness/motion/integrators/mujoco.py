@@ -1,0 +1,92 @@
+"""MuJoCo's own integrators on the MJCF model, in its C code: ``mj_step`` with as many steps as lie between kept states.
+
+Euler is semi-implicit: the velocity goes first, the position with the new velocity. Unless ``eulerdamp`` is
+disabled it, and ``implicit`` and ``implicitfast`` always, solve (M - h dF/dv) (v1 - v0) = h F, F with the dampers and
+for ``implicit`` also with the velocity terms. ``discrete`` solves with M + h D + h^2 K, D of the dampers and K of the
+springs in joints and tendons: the linearly implicit Euler method. All of them are of first order. Automatic reset is
+off, or a motion that breaks down would start anew in silence.
+
+Source: MuJoCo documentation, Computation, Numerical integration; MuJoCo 3.13.0 release notes, ``discrete``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.check.scene import Scene
+from harness.engines import load_engine
+from harness.motion.integrators import Advance, Integrator
+from harness.motion.integrators._kept import keep
+from harness.motion.trajectories import Path, Start
+
+RUNGE_KUTTA_STAGES = 4
+# Differences of two motions below it, relative to the motion, are rounding.
+ROUNDING = 1e-11
+COMPARED_STEPS = 200
+
+
+def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -> Callable[[Scene], Advance]:
+    """How to prepare ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
+
+    def for_scene(scene: Scene) -> Advance:
+        import mujoco
+
+        loaded: Any = load_engine(scene.library, "mujoco").load(scene.models["mjcf"], scene.mechanism.joints, scene.mechanism.gravity)
+        model = loaded.model
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+        if disable:
+            model.opt.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{disable}")
+        data = mujoco.MjData(model)
+        positions, velocities = loaded.addresses
+
+        def advance(start: Start, step: float, steps: int, every: int) -> Path:
+            mujoco.mj_resetData(model, data)
+            model.opt.timestep = step
+            data.qpos[positions], data.qvel[velocities] = start.q, start.v
+
+            def go(count: int) -> tuple[Array, Array]:
+                mujoco.mj_step(model, data, nstep=count)
+                return np.asarray(data.qpos[positions]), np.asarray(data.qvel[velocities])
+
+            return keep(start, step, steps, every, evaluations_per_step, go)
+
+        return advance
+
+    return for_scene
+
+
+def explain_euler(scene: Scene, start: Start, step: float) -> str:
+    """Whether Euler is the method of that name, by its motion beside that of the derived equations under Euler-Cromer."""
+    from harness.motion.integrators.equations import EULER_CROMER
+    from harness.motion.trajectories import Metric
+
+    expected = EULER_CROMER.prepare(scene)(start, step, COMPARED_STEPS, 1)
+    metric = Metric(scene.mechanism)
+
+    def difference(disable: str = "") -> float:
+        found = prepare("EULER", disable=disable)(scene)(start, step, COMPARED_STEPS, 1)
+        return float(metric.errors(expected, found.q, found.v).max())
+
+    damped, undamped = difference(), difference("EULERDAMP")
+    if damped <= ROUNDING:
+        return ""
+    if undamped <= ROUNDING:
+        return (
+            f"MuJoCo's Euler takes joint damping implicitly (eulerdamp): over {COMPARED_STEPS} steps of {step:g} s it differs from "
+            f"Euler-Cromer by {damped:.1e}, and by {undamped:.1e} with eulerdamp disabled"
+        )
+    return (
+        f"over {COMPARED_STEPS} steps of {step:g} s MuJoCo's Euler differs from Euler-Cromer by {damped:.1e}, and by {undamped:.1e} "
+        "with eulerdamp disabled: joint damping is not the reason"
+    )
+
+
+EULER = Integrator(name="mujoco Euler", format="mjcf", order=1, prepare=prepare("EULER"), explain=explain_euler)
+RUNGE_KUTTA = Integrator(name="mujoco RK4", format="mjcf", order=4, prepare=prepare("RK4", RUNGE_KUTTA_STAGES), long_run="secular")
+IMPLICIT = Integrator(name="mujoco implicit", format="mjcf", order=1, prepare=prepare("IMPLICIT"))
+IMPLICIT_FAST = Integrator(name="mujoco implicitfast", format="mjcf", order=1, prepare=prepare("IMPLICITFAST"))
+DISCRETE = Integrator(name="mujoco discrete", format="mjcf", order=1, prepare=prepare("DISCRETE"))

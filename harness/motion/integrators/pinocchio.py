@@ -1,0 +1,91 @@
+"""Pinocchio's ABA on the URDF model, stepped on the configuration manifold by ``pinocchio.integrate``.
+
+The fourth-order method is that of Runge, Kutta and Munthe-Kaas: stages live in the tangent space at the start of the
+step, u with q = q0 + u, where the velocity at q becomes u' = J v by the derivative J of the manifold's difference. For
+joints without quaternions J is the identity and the method the classical one. Springs and dampers of the file are
+applied by ``harness.engines._pinocchio_forces``.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.8; Pinocchio 4 documentation,
+``integrate``, ``difference`` and ``dDifference``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.check.scene import Scene
+from harness.engines import load_engine
+from harness.motion.first_order import linear_velocities_turned
+from harness.motion.integrators import Advance, Integrator
+from harness.motion.integrators._kept import keep
+from harness.motion.trajectories import Path, Start
+
+# (rates, model, q, v, step) to (q, v).
+Scheme = Callable[..., tuple[Array, Array]]
+
+
+def _semi_implicit_euler(accelerations: Any, model: Any, q: Array, v: Array, step: float) -> tuple[Array, Array]:
+    import pinocchio
+
+    v = v + step * accelerations(q, v)
+    return pinocchio.integrate(model, q, step * v), v
+
+
+def _munthe_kaas(accelerations: Any, model: Any, q: Array, v: Array, step: float) -> tuple[Array, Array]:
+    import pinocchio
+
+    curved = model.nq > model.nv
+
+    def stage(u: Array, velocity: Array) -> tuple[Array, Array]:
+        at = pinocchio.integrate(model, q, u)
+        rate = pinocchio.dDifference(model, q, at)[1] @ velocity if curved else velocity
+        return rate, accelerations(at, velocity)
+
+    half = step / 2
+    u1, v1 = v, accelerations(q, v)
+    u2, v2 = stage(half * u1, v + half * v1)
+    u3, v3 = stage(half * u2, v + half * v2)
+    u4, v4 = stage(step * u3, v + step * v3)
+    return pinocchio.integrate(model, q, step * ((u1 + u4) + 2 * (u2 + u3)) / 6), v + step * ((v1 + v4) + 2 * (v2 + v3)) / 6
+
+
+def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Advance]:
+    """How to prepare ``scheme`` for a scene."""
+
+    def for_scene(scene: Scene) -> Advance:
+        import pinocchio
+
+        mechanism = scene.mechanism
+        loaded: Any = load_engine(scene.library, "pinocchio").load(scene.models["urdf"], mechanism.joints, mechanism.gravity)
+        model, force_elements = loaded.model, loaded.force_elements
+        data = model.createData()
+        positions, velocities = loaded.addresses
+
+        def accelerations(q: Array, v: Array) -> Array:
+            return np.asarray(pinocchio.aba(model, data, q, v, force_elements.at(q, v)))
+
+        def advance(start: Start, step: float, steps: int, every: int) -> Path:
+            q, v = np.zeros(model.nq), np.zeros(model.nv)
+            q[positions] = start.q
+            v[velocities] = linear_velocities_turned(mechanism, start.q[None], start.v[None], into_body=True)[0]
+
+            def go(count: int) -> tuple[Array, Array]:
+                nonlocal q, v
+                for _ in range(count):
+                    q, v = scheme(accelerations, model, q, v, step)
+                found = q[positions]
+                return found, linear_velocities_turned(mechanism, found[None], v[velocities][None], into_body=False)[0]
+
+            return keep(start, step, steps, every, evaluations_per_step, go)
+
+        return advance
+
+    return for_scene
+
+
+SEMI_IMPLICIT_EULER = Integrator(name="pinocchio semi-implicit Euler", format="urdf", order=1, prepare=prepare(_semi_implicit_euler, 1))
+RUNGE_KUTTA = Integrator(name="pinocchio RK4", format="urdf", order=4, prepare=prepare(_munthe_kaas, 4), long_run="secular")

@@ -1,0 +1,127 @@
+"""Taylor's method of high order on the equations of motion, to the precision of the floating-point type.
+
+Where Euler angles come near their singularity the motion goes on in another chart; its state, in joint
+positions and velocities, is the same in both.
+
+Source: Biscani, Izzo, Revisiting high-order Taylor methods for astrodynamics and celestial mechanics, MNRAS 504
+(2021); heyoka.py documentation, ``taylor_adaptive``.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.equations.mechanism import Mechanism
+from harness.motion.first_order import FirstOrderSystem
+
+# Below it the chart is left, if another one is more regular.
+LEAST_REGULARITY = 0.3
+
+
+@dataclass(frozen=True)
+class Solution:
+    """States at the times asked for, in the floating-point type of the method.
+
+    Attributes:
+        q, v: (n, nq) and (n, nv); work: (n,) of the non-conservative forces [J]; not a number from where the
+            method broke down.
+        steps: taken; evaluations: of the equations, an expansion of order p counted as p.
+        seconds: wall time without compilation.
+    """
+
+    q: Array
+    v: Array
+    work: Array
+    steps: int
+    evaluations: int
+    seconds: float
+
+
+class Taylor:
+    """Taylor's method for one mechanism; compiled where it is first needed.
+
+    ``floating_point`` is ``numpy.float64``, ``numpy.longdouble`` or ``heyoka.real128``; ``tolerance`` the relative
+    error of a step, 0 for that of the type.
+    """
+
+    def __init__(self, mechanism: Mechanism, floating_point: Any = np.float64, tolerance: float = 0.0) -> None:
+        self.mechanism = mechanism
+        self._type = floating_point
+        self._tolerance = tolerance
+        self._parameters: Array = np.array(mechanism.parameter_values, dtype=floating_point)
+        self._systems = [FirstOrderSystem(mechanism, chart) for chart in range(len(mechanism.energy_programs))]
+        self._compiled: dict[int, Any] = {}
+        self._regularities: Any = None
+
+    def solve(self, q: Array, v: Array, times: Array) -> Solution:
+        """The motion from q (nq,) and v (nv,) at ``times`` (n,) [s], increasing; the first is that of the start."""
+        nq, nv = self.mechanism.nq, self.mechanism.nv
+        out: Array = np.full((len(times), nq + nv + 1), np.nan, dtype=self._type)
+        out[0] = [*q, *v, 0.0]
+        state, now, done = out[0], self._type(times[0]), 1
+        chart = self._most_regular(state)
+        steps, evaluations, seconds = 0, 0, 0.0
+        while done < len(times):
+            integrator = self._integrator(chart)
+            integrator.time = now
+            integrator.state[:] = state
+            grid = np.concatenate([[now], times[done:].astype(self._type)])
+            started = time.perf_counter()
+            outcome, _, _, taken, _, rows = integrator.propagate_grid(grid, callback=self._leaves(chart))
+            seconds += time.perf_counter() - started
+            steps += taken
+            evaluations += taken * integrator.order
+            out[done : done + len(rows) - 1] = rows[1:]
+            done += len(rows) - 1
+            now, state = integrator.time, integrator.state.copy()
+            if "cb_stop" not in str(outcome):
+                break
+            chart = self._most_regular(state)
+        return Solution(out[:, :nq], out[:, nq : nq + nv], out[:, -1], steps, evaluations, seconds)
+
+    def _leaves(self, chart: int) -> Any:
+        """The callback that stops an integration where its chart is worse than another one."""
+        if len(self._systems) == 1:
+            return None
+
+        def goes_on(integrator: Any) -> bool:
+            return self._regularity(integrator.state)[chart] >= LEAST_REGULARITY or self._most_regular(integrator.state) == chart
+
+        return goes_on
+
+    def _most_regular(self, state: Array) -> int:
+        return int(np.argmax(self._regularity(state))) if len(self._systems) > 1 else 0
+
+    def _regularity(self, state: Array) -> Array:
+        import heyoka
+
+        if self._regularities is None:
+            q, v = self._systems[0].variables()
+            outputs = [system.energies(q, v, heyoka.time)["regularity"] for system in self._systems]
+            self._regularities = heyoka.cfunc(outputs, vars=q)
+        positions = np.ascontiguousarray(state[: self.mechanism.nq], dtype=np.float64)
+        return np.asarray(np.abs(self._regularities(positions)))
+
+    def _integrator(self, chart: int) -> Any:
+        import heyoka
+
+        if chart not in self._compiled:
+            system = self._systems[chart]
+            q, v = system.variables()
+            work = heyoka.expression("work")
+            rates = [*system.position_rates(q, v), *system.accelerations(q, v, heyoka.time), system.energies(q, v, heyoka.time)["power"]]
+            self._compiled[chart] = heyoka.taylor_adaptive(
+                list(zip([*q, *v, work], rates, strict=True)),
+                np.zeros(len(rates), dtype=self._type),
+                pars=self._parameters,
+                fp_type=self._type,
+                high_accuracy=True,
+                compact_mode=system.is_long,
+                **({"tol": self._type(self._tolerance)} if self._tolerance else {}),
+            )
+        return self._compiled[chart]

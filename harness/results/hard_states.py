@@ -1,0 +1,229 @@
+"""Hard states that a search found, stored with the system and compared again in every later run.
+
+``hard_states/<system>.json`` of a library is a list of objects with the fields of ``FoundState``. Of a subject,
+a verdict and a term, the worst state stays. A state at which everything agrees is not stored.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from harness.errors import InvalidInput
+from harness.library import Library
+from harness.results.records import Record, dumps
+from harness.storage import write_atomically
+from harness.verdict import GRAVITY, Verdict
+
+FOLDER = "hard_states"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundState:
+    """One state at which a subject did badly.
+
+    Attributes:
+        state: {"q": (nq,), "v": (nv,), "tau": (nv,)} in SI.
+        subject: as "mujoco/mjcf".
+        backward_error: [units of data roundoff]; None for a crash or an answer that is not finite.
+        digits_lost: decimal digits beyond those the data leave open.
+        verdict: value of ``Verdict``.
+        term: the term of the equations that loses them; see ``harness.hard.lost_digits``.
+        statement: that in a sentence.
+        versions: distribution to version, of the harness and the engine.
+        date: ISO 8601, of the search.
+
+    Raises:
+        ValueError: a field is not of that kind.
+    """
+
+    state: dict[str, list[float]]
+    subject: str
+    backward_error: float | None
+    digits_lost: float
+    verdict: str
+    term: str
+    statement: str
+    versions: dict[str, str]
+    date: str
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.state, dict) or list(self.state) != ["q", "v", "tau"] or not all(map(_are_finite, self.state.values())):
+            raise ValueError('"state" is not {"q": [...], "v": [...], "tau": [...]} with finite numbers')
+        if self.verdict not in GRAVITY:
+            raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(GRAVITY)}')
+        if not (self.backward_error is None or _is_number(self.backward_error)) or not _is_number(self.digits_lost):
+            raise ValueError('"backward_error" or "digits_lost" is no number')
+        if not all(isinstance(text, str) for text in (self.subject, self.term, self.statement)):
+            raise ValueError('"subject", "term" or "statement" is no text')
+        if not isinstance(self.versions, dict) or not all(isinstance(text, str) for text in self.versions.values()):
+            raise ValueError('"versions" is not {name: text}')
+        if not isinstance(self.date, str):
+            raise ValueError('"date" is no text')
+        date.fromisoformat(self.date)
+
+    @property
+    def severity(self) -> tuple[int, float]:
+        """Sorts the worse state behind."""
+        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+
+
+def path_of(library: Library, system: str) -> Path:
+    """Where the hard states of a system are stored."""
+    return library.hard_states / f"{system}.json"
+
+
+def load_found(library: Library, system: str) -> list[FoundState]:
+    """The stored states of a system, in the file's order; none where there is no file.
+
+    Raises:
+        InvalidInput: the file cannot be read, or holds something else.
+    """
+    path = path_of(library, system)
+    if not path.exists():
+        return []
+    expected = f"expected a list of objects with {', '.join(field.name for field in fields(FoundState))}"
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise InvalidInput(path, error.lineno, f"is not JSON: {error.msg}; {expected}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(path, None, f"cannot be read: {error}; {expected}") from error
+    if not isinstance(entries, list):
+        raise InvalidInput(path, None, f"holds no list; {expected}")
+    found = []
+    for number, entry in enumerate(entries, start=1):
+        if not isinstance(entry, dict) or set(entry) != {field.name for field in fields(FoundState)}:
+            held = ", ".join(map(str, entry)) if isinstance(entry, dict) else repr(entry)
+            raise InvalidInput(path, None, f"entry {number} holds {held}; {expected}")
+        try:
+            # JSON has no infinity; it is written as text.
+            found.append(FoundState(**entry | {"backward_error": _number(entry["backward_error"])}))
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(path, None, f"entry {number}: {error}") from error
+    return found
+
+
+def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
+    """What to store: of each subject, verdict and term the worst; in a fixed order, and without states that agree."""
+    worst: dict[tuple[str, str, str], FoundState] = {}
+    for found in [*stored, *new]:
+        key = found.subject, found.verdict, found.term
+        if found.verdict != Verdict.AGREES and (key not in worst or found.severity > worst[key].severity):
+            worst[key] = found
+    return [worst[key] for key in sorted(worst)]
+
+
+def keep(library: Library, system: str, new: Sequence[FoundState]) -> Path | None:
+    """Store what is new and worse; the file written, None where nothing had to be.
+
+    Raises:
+        InvalidInput: the file is broken, or cannot be written.
+    """
+    stored, path = load_found(library, system), path_of(library, system)
+    together = merged(stored, new)
+    if together == stored:
+        return None
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(path, None, f"cannot be written ({error.strerror}); make the folder {FOLDER} writable") from error
+    write_atomically(path, as_text(together))
+    return path
+
+
+def as_text(found: Sequence[FoundState]) -> str:
+    """The text of a file that holds ``found``."""
+    return dumps([asdict(one) for one in found], indent=1) + "\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedCase:
+    """One line of a subject's worst cases; attributes as in ``FoundState``, and what to run to see it.
+
+    Attributes:
+        replay: shell command; reproducer: program in the engine's own Python API, "" where there is none.
+    """
+
+    system: str
+    subject: str
+    verdict: str
+    backward_error: float | None
+    state: dict[str, list[float]]
+    statement: str
+    replay: str
+    reproducer: str = ""
+
+    @property
+    def severity(self) -> tuple[int, float]:
+        """Sorts the worse case behind."""
+        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+
+
+def worst_cases(
+    records: Iterable[Record],
+    found: Mapping[str, Iterable[FoundState]],
+    reproducers: Mapping[tuple[str, str], str] | None = None,
+    most: int = 10,
+    replay_options: Collection[str] = (),
+) -> dict[str, list[RankedCase]]:
+    """Per subject the worst case of each system, the worst system first, at most ``most``.
+
+    ``found`` maps a system to its found states, ``reproducers`` (system, subject) to a program. A record without a
+    state, and a verdict that is no answer of the engine, is no case.
+    """
+    cases = [
+        RankedCase(
+            system=record.system,
+            subject=record.subject,
+            verdict=record.verdict,
+            backward_error=record.backward_error,
+            state=record.worst_state,
+            statement=record.message,
+            replay=record.replay,
+        )
+        for record in records
+        if record.worst_state is not None
+    ]
+    for system, states in found.items():
+        for one in states:
+            replay = replay_command(system, one.subject, one.state, replay_options)
+            cases.append(RankedCase(system=system, replay=replay, **{key: getattr(one, key) for key in _SHARED}))
+    worst: dict[tuple[str, str], RankedCase] = {}
+    for case in cases:
+        key = case.subject, case.system
+        if case.verdict not in (Verdict.UNDECIDED, Verdict.UNSUPPORTED) and (key not in worst or case.severity > worst[key].severity):
+            worst[key] = case
+    ranking: dict[str, list[RankedCase]] = {}
+    for (subject, system), case in sorted(worst.items(), key=lambda item: (item[0][0], [-part for part in item[1].severity], item[0][1])):
+        of_subject = ranking.setdefault(subject, [])
+        if len(of_subject) < most:
+            program = (reproducers or {}).get((system, subject), "")
+            of_subject.append(RankedCase(**asdict(case) | {"reproducer": program}))
+    return ranking
+
+
+_SHARED = ("subject", "verdict", "backward_error", "state", "statement")
+
+
+def replay_command(system: str, subject: str, state: Mapping[str, Sequence[float]], options: Collection[str] = ()) -> str:
+    """Shell command that compares one subject at one state again; ``options`` say where library and models are."""
+    return shlex.join(["harness", "check", system, "--subject", subject, *options, "--state", json.dumps(dict(state))])
+
+
+def _number(value: Any) -> Any:
+    return float(value) if value in ("inf", "-inf", "nan") else value
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and not math.isnan(value)
+
+
+def _are_finite(values: Any) -> bool:
+    return isinstance(values, list) and all(_is_number(value) and math.isfinite(value) for value in values)

@@ -1,0 +1,70 @@
+"""What is worth choosing: the Pareto front of cost against error, and the cheapest way to a given error.
+
+Source: a way is on the front where no other is both cheaper and more exact (V. Pareto, 1906).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, MotionCost
+
+ERRORS = (1e-3, 1e-6, 1e-9)
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the (cost, error) points on the Pareto front, cheapest first; a point that is NaN is on none."""
+    ordered = sorted(range(len(points)), key=lambda index: points[index])
+    chosen: list[int] = []
+    best = math.inf
+    for index in ordered:
+        cost, error = points[index]
+        if not math.isnan(cost) and error < best:
+            chosen.append(index)
+            best = error
+    return chosen
+
+
+def way_of(measured: AccelerationCost | MotionCost) -> str:
+    """How to repeat a measurement, as "pinocchio abaInParallel, 2 threads" or "mujoco RK4, step 0.001 s"."""
+    if isinstance(measured, AccelerationCost):
+        return measured.method if measured.threads == 1 else f"{measured.method}, {measured.threads} threads"
+    if measured.step is not None:
+        return f"{measured.integrator}, step {measured.step:g} s"
+    return measured.integrator if measured.tolerance is None else f"{measured.integrator}, tolerance {measured.tolerance:.0e}"
+
+
+def cost_of(measured: AccelerationCost | MotionCost) -> float | None:
+    """Seconds per state, or per second of motion; None where nothing was timed."""
+    if isinstance(measured, AccelerationCost):
+        return measured.seconds_per_state
+    return measured.seconds / measured.duration if measured.duration else None
+
+
+def error_of(measured: AccelerationCost | MotionCost) -> float | None:
+    """The relative error: the worst of the states, or that of the end state; None where there is none."""
+    return measured.relative_error if isinstance(measured, AccelerationCost) else measured.state_error
+
+
+def cheapest(benchmark: Benchmark) -> list[Cheapest]:
+    """For each system, kind and error of ``ERRORS``, the cheapest way that stays within the error.
+
+    A system without any measurement of a kind has no entry of that kind.
+    """
+    found: list[Cheapest] = []
+    kinds: dict[str, Sequence[AccelerationCost | MotionCost]] = {"accelerations": benchmark.accelerations, "motion": benchmark.motion}
+    for kind, measurements in kinds.items():
+        for system in sorted({measured.system for measured in measurements}):
+            known = [(cost_of(m), error_of(m), way_of(m)) for m in measurements if m.system == system]
+            for asked in ERRORS:
+                reaching = [(cost, way) for cost, error, way in known if cost is not None and error is not None and error <= asked]
+                cost, way = min(reaching, default=(None, None))
+                found.append(Cheapest(system=system, kind=kind, error=asked, way=way, cost=cost))
+    return found
+
+
+def with_cheapest(benchmark: Benchmark) -> Benchmark:
+    """The same measurements with what follows from them."""
+    return replace(benchmark, cheapest=cheapest(benchmark))

@@ -1,0 +1,212 @@
+"""Records of what was compared: plain data, and JSON.
+
+One ``Record`` is one (system, subject) pair of one ``Run``; a ``SystemCard`` is what a report says about
+a system. JSON has no infinities: wherever a number is not finite, the JSON holds the string "inf",
+"-inf" or "nan" instead.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import numbers
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.storage import write_atomically
+from harness.verdict import Verdict
+
+if TYPE_CHECKING:
+    from harness.results.benchmark import Benchmark
+    from harness.results.superfluous import SuperfluousPart
+
+_VERDICTS = [verdict.value for verdict in Verdict]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """The outcome of one subject on one system.
+
+    Attributes:
+        system, subject: names, as "arm_2r" and "mujoco/mjcf".
+        states: number of states compared.
+        verdict, expected: values of ``Verdict``; ``expected`` is "agrees" unless a file lists another.
+        backward_error: worst over the states [units of data roundoff]; may be inf; None where nothing
+            was compared.
+        relative_error: worst over the states; for the reader only.
+        worst_state: {"q": (nq,), "v": (nv,), "tau": (nv,)} of the state with the worst backward error.
+        seconds_per_state: cost of the subject.
+        message: plain sentences, as what an engine raised; "" where there is nothing to say.
+        median_backward_error: over the states [units of data roundoff].
+        distribution: ``half_decade`` of a backward error to number of states.
+        verdict_counts: verdict to number of states.
+        expected_backward_error: the largest backward error that goes with the expected verdict.
+        expected_reason, expected_link: why another verdict than "agrees" is expected.
+        replay: shell command that computes the worst state again.
+
+    Raises:
+        ValueError: ``verdict`` or ``expected`` is no verdict.
+    """
+
+    system: str
+    subject: str
+    states: int
+    verdict: str
+    expected: str
+    backward_error: float | None
+    relative_error: float | None
+    worst_state: dict[str, list[float]] | None
+    seconds_per_state: float | None
+    message: str
+    median_backward_error: float | None = None
+    distribution: dict[str, int] = field(default_factory=dict)
+    verdict_counts: dict[str, int] = field(default_factory=dict)
+    expected_backward_error: float = math.inf
+    expected_reason: str = ""
+    expected_link: str = ""
+    replay: str = ""
+
+    def __post_init__(self) -> None:
+        for verdict in (self.verdict, self.expected):
+            if verdict not in _VERDICTS:
+                raise ValueError(f"{verdict!r} is no verdict; expected one of {', '.join(_VERDICTS)}")
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether the verdict is the expected one, with no larger an error than the expectation explains."""
+        return self.verdict == self.expected and (self.backward_error or 0.0) <= self.expected_backward_error
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemCard:
+    """What a report shows of a system.
+
+    Attributes:
+        description: first line of the system file's docstring; source: its reference.
+        coordinates: {"name", "joint"} each; parameters: {"name", "value", "unit"} each.
+        equations_mathml: one or more presentation ``<math>`` elements; equations_text: the same in words
+            of SymPy.
+        operations: number of operations of one evaluation.
+        derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
+        compilation_seconds: of the certified kernel, where a process compiles it for the first time.
+    """
+
+    name: str
+    description: str
+    source: str
+    coordinates: list[dict[str, str]]
+    parameters: list[dict[str, Any]]
+    equations_mathml: str
+    equations_text: str
+    operations: int
+    derivation_seconds: float | None = None
+    reference_seconds_per_state: float | None = None
+    compilation_seconds: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One call of the harness.
+
+    Attributes:
+        started: ISO 8601, UTC.
+        versions, machine: name to text.
+        states: number of states per system where a record says nothing else.
+        library: name of the library, never its path, because reports are published.
+        command: how to repeat the run.
+
+    Raises:
+        ValueError: ``started`` is not ISO 8601 in UTC, or ``library`` is a path.
+    """
+
+    started: str
+    versions: dict[str, str]
+    machine: dict[str, str]
+    seed: int
+    profile: str
+    states: int
+    library: str
+    command: str
+
+    def __post_init__(self) -> None:
+        moment = datetime.fromisoformat(self.started)
+        if moment.utcoffset() is None or moment.utcoffset():
+            raise ValueError(f"started is {self.started!r}; expected UTC, as 2026-01-31T02:00:00+00:00")
+        if "/" in self.library or "\\" in self.library:
+            raise ValueError(f"library is {self.library!r}; expected its name without a path")
+
+
+def half_decade(backward_error: float) -> str:
+    """Key of ``Record.distribution``: floor(2 log10(error)), "exact" for 0, "inf" for no finite number."""
+    if not math.isfinite(backward_error):
+        return "inf"
+    return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
+
+
+def to_json(
+    run: Run,
+    records: Iterable[Record],
+    cards: Iterable[SystemCard] = (),
+    superfluous: Iterable[SuperfluousPart] | None = None,
+    benchmark: tuple[Run, Benchmark] | None = None,
+    further: Mapping[str, Any] | None = None,
+) -> str:
+    """{"harness": versions, "run", "records", "systems"} as strictly valid JSON, ASCII only.
+
+    Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the
+    strings "inf", "-inf" and "nan". "superfluous" lists the findings of that kind where they were looked for,
+    "benchmark" holds "run" and the fields of ``Benchmark`` where there is one. ``further`` is plain data to add.
+    """
+    about = asdict(run)
+    document = {
+        "harness": about.pop("versions"),
+        "run": about,
+        "records": [asdict(record) | {"as_expected": record.as_expected} for record in records],
+        "systems": [asdict(card) for card in cards],
+    }
+    if superfluous is not None:
+        document["superfluous"] = [asdict(finding) for finding in superfluous]
+    if benchmark is not None:
+        document["benchmark"] = {"run": asdict(benchmark[0])} | asdict(benchmark[1])
+    document |= further or {}
+    return dumps(document, indent=2) + "\n"
+
+
+def write_json(
+    path: Path | str,
+    run: Run,
+    records: Iterable[Record],
+    cards: Iterable[SystemCard] = (),
+    superfluous: Iterable[SuperfluousPart] | None = None,
+    benchmark: tuple[Run, Benchmark] | None = None,
+    further: Mapping[str, Any] | None = None,
+) -> None:
+    """Write ``to_json`` to ``path``, whole or not at all.
+
+    Raises:
+        InvalidInput: the file cannot be written.
+    """
+    write_atomically(path, to_json(run, records, cards, superfluous, benchmark, further))
+
+
+def dumps(value: Any, indent: int | None = None) -> str:
+    """Strict JSON of plain data; numbers that are not finite become "inf", "-inf" or "nan"."""
+    return json.dumps(_plain(value), indent=indent, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, bool | str) or value is None:
+        return value
+    if isinstance(value, numbers.Integral):
+        return int(value)
+    if isinstance(value, numbers.Real):
+        number = float(value)
+        return number if math.isfinite(number) else str(number)
+    raise TypeError(f"{value!r} is of type {type(value).__name__}, which has no place in a record")

@@ -1,0 +1,6 @@
+"""One mechanism for the eye: equations, parameters, joints, what the engines hold, and a picture.
+
+May use ``report`` and what is below it.
+
+Start with ``exhibit``, which gathers what ``page`` and the terminal show.
+"""

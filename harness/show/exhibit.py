@@ -1,0 +1,261 @@
+"""What there is to see of one mechanism: equations, parameters, the joints of both models, and what engines hold.
+
+Engines load on a worker process, so that a model which kills one costs its own line only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from harness.check.expected import load_expectations, why_no_model
+from harness.check.tasks import Assignment
+from harness.diagnose.held import SOUND, differences, held_by, soundness
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
+from harness.engines._audit import audit
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.errors import InvalidInput, InvalidModel
+from harness.library import MODEL_SUFFIXES, Library, member_of
+from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
+from harness.models.model_file import ModelFile, read_model
+from harness.show.geometry import Placement, place
+from harness.verdict import Verdict
+from harness.workers import Outcome, Task, Workers
+
+TOO_LONG = "too long to read"
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What one subject holds after loading; where that is nothing, or not the mechanism, ``remark`` says why."""
+
+    subject: Subject
+    loaded: LoadedModel | None = None
+    held: HeldModel | None = None
+    remark: str = ""
+
+
+@dataclass
+class Exhibit:
+    """Everything to show of a mechanism.
+
+    Attributes:
+        models: format to its file; a missing or invalid one is absent.
+        joints: for each joint the rows of the formats that have it, as (format, row).
+        springs: (format, text) of the springs that do not stand in a joint.
+        reasons: subject to the reason why it has no model, as the library's expected verdicts say.
+        holdings: one per subject that reads a model.
+        placements: the mechanism at its zero configuration and moved a little, if a picture was asked for.
+        problems: what the author must mend. crashed: whether an engine died.
+    """
+
+    mechanism: Mechanism
+    models: dict[str, ModelFile] = field(default_factory=dict)
+    joints: dict[str, list[tuple[str, JointRow]]] = field(default_factory=dict)
+    springs: list[tuple[str, str]] = field(default_factory=list)
+    reasons: dict[Subject, str] = field(default_factory=dict)
+    holdings: list[Holding] = field(default_factory=list)
+    placements: tuple[Placement, Placement] | None = None
+    problems: list[InvalidInput] = field(default_factory=list)
+    crashed: bool = False
+
+
+def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -> Exhibit:
+    """Read and load what there is; what cannot be is left out and told in ``problems``.
+
+    Raises:
+        InvalidInput: the system file itself is of no use.
+    """
+    exhibit = Exhibit(load_mechanism(library, name))
+    _take_reasons(library, exhibit)
+    excused = {subject.format for subject in exhibit.reasons}
+    excused -= {subject.format for subject in subjects(library) if subject not in exhibit.reasons}
+    for model_format in MODEL_SUFFIXES:
+        try:
+            model = read_model(library.model_path(name, model_format), model_format)
+        except InvalidInput as problem:
+            if model_format not in excused:
+                exhibit.problems.append(problem)
+            continue
+        exhibit.models[model_format] = model
+        for row in joint_rows(model):
+            exhibit.joints.setdefault(row.joint, []).append((model_format, row))
+        exhibit.springs += [(model_format, text) for text in point_springs(model)]
+    work = list(_loadings(library, exhibit))
+    if with_picture:
+        work += [Task(model_format, place, (model, exhibit.mechanism)) for model_format, model in exhibit.models.items()]
+    if work:
+        with workers:
+            outcomes = {outcome.task.key: outcome for outcome in workers.run(work)}
+        exhibit.crashed = any(outcome.crash is not None for outcome in outcomes.values())
+        exhibit.holdings = [_told(holding, outcomes.get(holding.subject), exhibit) for holding in exhibit.holdings]
+        # Any engine's picture will do; the first format that gave one is shown.
+        drawn = [outcomes[model_format].value for model_format in exhibit.models if model_format in outcomes]
+        exhibit.placements = next((placements for placements in drawn if placements is not None), None)
+    return exhibit
+
+
+def _take_reasons(library: Library, exhibit: Exhibit) -> None:
+    every = subjects(library)
+    try:
+        expectations = load_expectations(library, [str(subject) for subject in every])
+    except InvalidInput as problem:
+        exhibit.problems.append(problem)
+        return
+    for subject in every:
+        if reason := why_no_model(library, exhibit.mechanism.name, str(subject), subject.format, expectations):
+            exhibit.reasons[subject] = reason
+
+
+def hold(assignment: Assignment, note: Callable[[str], None]) -> tuple[LoadedModel | None, HeldModel | None]:
+    """What the subject's engine holds after loading, as a whole and joint by joint, without a judgement of it."""
+    model, mechanism = assignment.model, assignment.mechanism
+    assert model is not None
+    try:
+        loaded = load_engine(assignment.library, assignment.subject.engine).load(model, mechanism.joints, mechanism.gravity)
+        return loaded.loaded(), held_by(loaded)
+    except ValueError as error:
+        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+
+
+def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
+    """A task for each subject that can load its model; for the others the reason why not stands in its holding."""
+    for subject in subjects(library):
+        model = exhibit.models.get(subject.format)
+        if subject.format == EQUATIONS:
+            continue
+        if subject in exhibit.reasons:
+            exhibit.holdings.append(Holding(subject, remark=f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}"))
+        elif installed_version(load_engine(library, subject.engine)) is None:
+            exhibit.holdings.append(Holding(subject, remark="not installed"))
+        elif model is None:
+            exhibit.holdings.append(Holding(subject, remark=f"no valid {subject.format} model"))
+        else:
+            exhibit.holdings.append(Holding(subject))
+            yield Task(subject, hold, (Assignment(library, subject, exhibit.mechanism, model),))
+
+
+def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holding:
+    """The holding after its task, if it had one; adds to the exhibit's problems what the author must mend."""
+    if outcome is None:
+        return holding
+    if outcome.crash is not None:
+        return replace(holding, remark=str(outcome.crash))
+    if isinstance(outcome.exception, InvalidInput):
+        exhibit.problems.append(outcome.exception)
+        return replace(holding, remark=outcome.exception.problem)
+    if outcome.exception is not None:
+        return replace(holding, remark=f"{type(outcome.exception).__name__}: {outcome.exception}")
+    loaded, held = outcome.value
+    if loaded is None:
+        return replace(holding, remark="does not say what it holds")
+    holding = replace(holding, held=held)
+    try:
+        audit(loaded, exhibit.models[holding.subject.format], exhibit.mechanism)
+    except InvalidInput as problem:
+        exhibit.problems.append(problem)
+        return replace(holding, loaded=loaded, remark=problem.problem)
+    return replace(holding, loaded=loaded, remark="as the system says")
+
+
+def whereabouts(path: Path) -> str:
+    """The model's file; for a member of a family the file that writes it."""
+    member = member_of(path)
+    return str(path) if member is None else f"{member[0]} for size {member[1]}"
+
+
+def number(value: float) -> str:
+    """The shortest decimal that reads back as the same float64."""
+    return repr(float(value)).removesuffix(".0")
+
+
+def audit_rows(exhibit: Exhibit) -> list[list[str]]:
+    """Headings, what the system says, and a row per subject."""
+    mechanism = exhibit.mechanism
+    joints = ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in mechanism.joint_sizes.items())
+    rows = [
+        ["", "joints with nq/nv", "gravity", "moving mass", ""],
+        ["the system", joints, f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0", _sum(mechanism.total_mass), ""],
+    ]
+    for holding in exhibit.holdings:
+        held = ["", "", ""]
+        if holding.loaded is not None:
+            held = [
+                ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in holding.loaded.joints.items()),
+                # An engine that feels none may say so by a negative zero.
+                " ".join(number(component + 0.0) for component in holding.loaded.gravity),
+                _sum(holding.loaded.total_mass),
+            ]
+        rows.append([str(holding.subject), *held, holding.remark])
+    return rows
+
+
+def _sum(mass: float) -> str:
+    """Without the last two digits, in which sums differ by the order of their terms."""
+    return f"{mass:.15g}"
+
+
+def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
+    """Lines on what the subjects hold, each joint and body in the world's frame; none where fewer than two say it."""
+    held = {str(holding.subject): holding.held for holding in exhibit.holdings if holding.held is not None}
+    if len(held) < 2:
+        return []
+    rows, rounded = (differences(exhibit.mechanism.name, held, exhibit.models, above) for above in (SOUND, 0.0))
+    return soundness(rows, rounded)
+
+
+def joint_table(exhibit: Exhibit) -> list[list[str]]:
+    """Headings, and for each joint a row per format; columns that are empty throughout are left out."""
+    rows = [
+        [model_format, *(str(getattr(row, name)) for name in COLUMNS)] for pair in exhibit.joints.values() for model_format, row in pair
+    ]
+    headings = ["model", *COLUMNS]
+    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
+    # The joint comes first, once.
+    order = [1, 0, *(place for place in kept if place > 1)]
+    table = [[headings[place] for place in order], *([row[place] for place in order] for row in rows)]
+    for previous, row in zip(rows, table[2:], strict=False):
+        if row[0] == previous[1]:
+            row[0] = ""
+    return table
+
+
+def as_text(exhibit: Exhibit) -> Iterator[str]:
+    """The exhibit as lines of plain text."""
+    mechanism = exhibit.mechanism
+    yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
+    yield "\nEquations of motion (' is d/dt, tau the applied force):"
+    yield from (f"  {line}" for line in (mechanism.equations_text or TOO_LONG).splitlines())
+    yield "\nParameters:"
+    yield from _columns([[symbol, number(value), unit] for symbol, value, unit in mechanism.parameters])
+    yield "\nCoordinates:"
+    yield from _columns(coordinates(mechanism))
+    yield "\nModels:"
+    yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
+    if not exhibit.models:
+        yield "  none" if exhibit.reasons else "  none that can be read"
+    if exhibit.joints:
+        yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
+        yield from _columns(joint_table(exhibit))
+    yield from (f"  {model_format}, {text}" for model_format, text in exhibit.springs)
+    yield "\nAfter loading:"
+    yield from _columns(audit_rows(exhibit))
+    if compared := comparison_of_holdings(exhibit):
+        yield "\nHeld of each joint and body, in the world's frame with every joint at zero:"
+        yield from (f"  {line}" for line in compared)
+
+
+def coordinates(mechanism: Mechanism) -> list[list[str]]:
+    """Coordinate, joint and sampled range of each coordinate."""
+    return [
+        [coordinate, f"joint {joint}", "any angle" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"]
+        for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
+    ]
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield ("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True))).rstrip()

@@ -1,0 +1,39 @@
+"""``harness show --html``: a mechanism as one offline page."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from harness.report.html import equations
+from harness.show.exhibit import Exhibit, audit_rows, comparison_of_holdings, coordinates, joint_table, number, whereabouts
+from harness.show.picture import draw
+from harness.show.views import choose_view
+
+
+def render(exhibit: Exhibit, library: str) -> str:
+    """The whole page."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"number": number, "equations": equations, "whereabouts": whereabouts}
+    package = files("harness")
+    pictures: list[Markup] = []
+    view = None
+    if exhibit.placements is not None:
+        resting, moved = exhibit.placements
+        gravity = exhibit.mechanism.gravity
+        view = choose_view(exhibit.placements)
+        pictures = [Markup(draw(resting, [moved], view, gravity)), Markup(draw(moved, [resting], view, gravity, ghost=resting))]
+    return environment.from_string(package.joinpath("show", "show.html").read_text("utf-8")).render(
+        mechanism=exhibit.mechanism,
+        library=library,
+        exhibit=exhibit,
+        style=Markup("\n".join(package.joinpath(*path).read_text("utf-8") for path in (("report", "style.css"), ("show", "show.css")))),
+        pictures=pictures,
+        view=view,
+        joints=joint_table(exhibit) if exhibit.joints else [],
+        audit=audit_rows(exhibit),
+        held=comparison_of_holdings(exhibit),
+        coordinates=coordinates(exhibit.mechanism),
+    )

@@ -1,0 +1,88 @@
+"""What the harness keeps between runs, and how it writes files.
+
+An entry of the cache is text under a name that hashes what it was made from; it carries its own digest, so that a
+damaged entry counts as missing. What is made by code is named after the sources of the whole rooms that make it.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+from harness.errors import InvalidInput
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def cache_directory() -> Path:
+    """``$HARNESS_CACHE``, else ``harness`` below ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+    override = os.environ.get("HARNESS_CACHE")
+    if override:
+        return Path(override)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "harness"
+
+
+@functools.cache
+def sources_digest(*rooms: str) -> bytes:
+    """A hash of every Python file of ``rooms``, and of the modules that every room may use."""
+    files = [*_PACKAGE.glob("*.py"), *(file for room in rooms for file in (_PACKAGE / room).rglob("*.py"))]
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(f"{file.relative_to(_PACKAGE)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return digest.digest()
+
+
+def read_entry(entry: Path) -> str | None:
+    """The text of an entry of the cache; None where it is missing, damaged or cannot be read."""
+    try:
+        head, _, text = entry.read_text(encoding="utf-8").partition("\n")
+    except (OSError, ValueError):
+        return None
+    return text if head == _digest(text) else None
+
+
+def write_entry(entry: Path, text: str) -> None:
+    """Keep ``text``; a cache that cannot be written costs time, not the run."""
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, temporary = tempfile.mkstemp(dir=entry.parent, suffix=".tmp")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+            stream.write(_digest(text) + "\n" + text)
+        Path(temporary).replace(entry)
+    except OSError:
+        return
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_atomically(path: Path | str, text: str) -> None:
+    """Write UTF-8 ``text`` so that a reader meets either the old file or the new one, never a part.
+
+    Raises:
+        InvalidInput: the file cannot be written.
+    """
+    try:
+        target = Path(path).resolve()
+        content = text.encode("utf-8", "backslashreplace")
+        # Replacing /dev/stdout or a pipe would destroy it.
+        if target.exists() and not target.is_file():
+            target.write_bytes(content)
+            return
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            with temporary.open("wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror}); name a file in a folder that exists and is writable"
+        raise InvalidInput(path, None, problem) from error

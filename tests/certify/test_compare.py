@@ -1,0 +1,241 @@
+"""Backward errors and verdicts: known errors give known numbers, planted engines get the verdict they deserve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness.certify.compare import Comparison, compare
+from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel, energy_norm
+from harness.certify.sampling import sample
+from harness.equations.derivation import load_mechanism
+from harness.equations.kernels import Float64Kernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.equations.system import TIME, System
+from harness.library import Library
+from harness.verdict import AGREEMENT, GRAVITY, Verdict, gravest
+
+
+def made_up(high: Any, sensitivity: float = 1.0, instability: float = 1e6, certified: bool = True, low: Any = None) -> Reference:
+    """References in which nothing rounds: the energy norm is the plain one and the sensitivity a power of two."""
+    high = np.atleast_2d(np.asarray(high, dtype=float))
+    n, nv = high.shape
+    return Reference(
+        high=high,
+        low=np.zeros((n, nv)) if low is None else np.atleast_2d(np.asarray(low, dtype=float)),
+        radius=np.zeros(n),
+        norm_factor=np.broadcast_to(np.eye(nv), (n, nv, nv)).copy(),
+        sensitivity=np.full(n, sensitivity),
+        instability=np.full(n, instability),
+        certified=np.full(n, certified),
+        bits=np.full(n, 128),
+    )
+
+
+def judge(reference: Reference, answer: Any) -> tuple[str, float]:
+    comparison = compare(reference, np.atleast_2d(np.asarray(answer, dtype=float)))
+    return str(comparison.verdicts[0]), float(comparison.backward_error[0])
+
+
+def up(value: float) -> float:
+    return math.nextafter(value, math.inf)
+
+
+@pytest.mark.parametrize("sensitivity", [1.0, 2.0**-20, 2.0**40])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_boundary_of_agreement(sensitivity: float, sign: int) -> None:
+    reference = made_up([0.0], sensitivity, instability=1e6 * sensitivity)
+    edge = AGREEMENT * UNIT_ROUNDOFF * sensitivity
+    assert judge(reference, [sign * edge]) == ("agrees", AGREEMENT)
+    assert judge(reference, [sign * up(edge)]) == ("unstable", up(AGREEMENT))
+
+
+def test_boundary_of_instability() -> None:
+    reference = made_up([0.0], sensitivity=1.0, instability=1000.0)
+    assert judge(reference, [1000.0 * UNIT_ROUNDOFF]) == ("unstable", 1000.0)
+    assert judge(reference, [up(1000.0 * UNIT_ROUNDOFF)]) == ("disagrees", up(1000.0))
+
+
+def test_what_agrees_is_not_asked_for_stability() -> None:
+    assert judge(made_up([0.0], instability=1.0), [AGREEMENT * UNIT_ROUNDOFF])[0] == "agrees"
+    assert judge(made_up([0.0], instability=1.0), [up(AGREEMENT * UNIT_ROUNDOFF)])[0] == "disagrees"
+
+
+def test_errors_below_one_ulp_are_seen() -> None:
+    """The low part counts: the float64 next to 1 + 2^-54 is 1, a quarter ulp away."""
+    reference = made_up([1.0], low=[2.0**-54])
+    assert judge(reference, [1.0]) == ("agrees", 0.5)
+    assert judge(reference, [1.0 + 2.0**-52]) == ("agrees", 1.5)
+
+
+def test_error_is_measured_in_the_energy_norm() -> None:
+    reference = made_up([[0.0, 0.0]])
+    assert judge(reference, [3 * UNIT_ROUNDOFF, 4 * UNIT_ROUNDOFF])[1] == 5.0
+    reference.norm_factor[0] = [[2.0, 1.0], [0.0, 4.0]]
+    assert judge(reference, [UNIT_ROUNDOFF, UNIT_ROUNDOFF])[1] == 5.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("certified", [True, False])
+def test_what_is_not_finite_is_an_error(bad: float, certified: bool) -> None:
+    verdict, error = judge(made_up([[0.0, 1.0]], certified=certified), [[0.0, bad]])
+    assert verdict == "error"
+    assert math.isnan(error)
+
+
+def test_nothing_is_said_against_an_uncertified_reference() -> None:
+    for answer in ([0.0], [1e6]):
+        verdict, error = judge(made_up([0.0], certified=False), answer)
+        assert verdict == "undecided"
+        assert math.isnan(error)
+
+
+def test_an_uncertified_reference_of_nan_is_undecided() -> None:
+    reference = made_up([math.nan], sensitivity=math.nan, instability=math.nan, certified=False)
+    assert judge(reference, [1.0])[0] == "undecided"
+
+
+def test_relative_error_is_for_the_reader() -> None:
+    comparison = compare(made_up([[4.0], [0.0], [5e-324]]), np.array([[5.0], [1.0], [1.0]]))
+    assert comparison.relative_error[0] == 0.25
+    assert np.isnan(comparison.relative_error[1:]).all()
+
+
+def test_answers_of_another_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"\(1, 3\).*\(1, 2\)"):
+        compare(made_up([[0.0, 1.0]]), np.zeros((1, 3)))
+
+
+def comparison_of(rows: list[tuple[str, float]]) -> Comparison:
+    errors = np.array([error for _, error in rows])
+    return Comparison(errors, errors, np.array([verdict for verdict, _ in rows]))
+
+
+def test_worst_is_the_gravest_then_the_largest() -> None:
+    nan = math.nan
+    assert comparison_of([("agrees", 3.0), ("agrees", 60.0), ("agrees", 5.0)]).worst == 1
+    assert comparison_of([("agrees", 60.0), ("undecided", nan), ("agrees", 1.0)]).worst == 1
+    assert comparison_of([("disagrees", 1e3), ("unstable", 1e9), ("disagrees", 1e4), ("disagrees", 1e2)]).worst == 2
+    assert comparison_of([("disagrees", 1e9), ("error", nan), ("unstable", math.inf)]).worst == 1
+    assert comparison_of([("disagrees", 1e9), ("disagrees", math.inf)]).worst == 1
+
+
+def test_verdicts_ascend_as_documented() -> None:
+    order = ["agrees", "undecided", "unsupported", "unstable", "disagrees", "error"]
+    assert sorted(GRAVITY, key=GRAVITY.__getitem__) == order == [verdict.value for verdict in Verdict]
+    assert gravest(["agrees", "unstable", "undecided"]) == "unstable"
+    assert gravest([]) == "agrees"
+
+
+def test_judgements_are_joined_in_order() -> None:
+    parts = [comparison_of([("agrees", 1.0)]), comparison_of([("error", math.nan), ("unstable", 70.0)])]
+    joined = Comparison.concatenate(parts)
+    assert joined.verdicts.tolist() == ["agrees", "error", "unstable"]
+    assert joined.backward_error[[0, 2]].tolist() == [1.0, 70.0]
+
+
+def scaled_condition(mass: Any) -> Any:
+    scale = np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
+    return np.linalg.cond(mass / scale[:, :, None] / scale[:, None, :])
+
+
+def test_the_correctly_rounded_answer_is_within_half_a_roundoff_or_so(built_in_mechanism: Mechanism) -> None:
+    """Rounding moves qdd_i by u |qdd_i| at most, hence |qdd|_M by sqrt(kappa_s) u |qdd|_M, and the terms of qdd are
+    proportional to inputs (tau, g, stiffness, damping, rates), hence |qdd|_M is at most the sensitivity."""
+    states = sample(built_in_mechanism, 64, 5)
+    reference = ReferenceKernel(built_in_mechanism).evaluate(states)
+    comparison = compare(reference, reference.high)
+    mass = np.einsum("nki,nkj->nij", reference.norm_factor, reference.norm_factor)
+    assert (energy_norm(reference.norm_factor, reference.high) <= reference.sensitivity).all()
+    assert (comparison.backward_error <= np.sqrt(scaled_condition(mass))).all()
+    assert np.median(comparison.backward_error) <= 0.5
+    assert set(comparison.verdicts.tolist()) == {"agrees"}
+
+
+@pytest.mark.parametrize("multiple", [30.0, 1000.0])
+def test_a_known_multiple_of_the_data_roundoff_is_found_again(built_in_mechanism: Mechanism, multiple: float) -> None:
+    states = sample(built_in_mechanism, 32, 7)
+    reference = ReferenceKernel(built_in_mechanism).evaluate(states)
+    direction = np.ones_like(reference.high)
+    direction *= (multiple * reference.data_roundoff / energy_norm(reference.norm_factor, direction))[:, None]
+    answer = reference.high + (direction + reference.low)
+    mass = np.einsum("nki,nkj->nij", reference.norm_factor, reference.norm_factor)
+    # Two roundings on the way to the answer, each as the rounding of the correctly rounded answer.
+    slack = 2 * np.sqrt(scaled_condition(mass)) + multiple * 1e-9
+    assert (np.abs(compare(reference, answer).backward_error - multiple) <= slack).all()
+
+
+def straight_pendulum() -> System:
+    """A light mass on a rod that carries a heavy one: straightened, its mass matrix is nearly singular."""
+    theta, phi = dynamicsymbols("theta phi")
+    m1, m2, l1, l2, g = sp.symbols("m1 m2 l1 l2 g", positive=True)
+    one = l1 * sp.Matrix([sp.sin(theta), -sp.cos(theta)])
+    two = one + l2 * sp.Matrix([sp.sin(theta + phi), -sp.cos(theta + phi)])
+    first_velocity, second_velocity = one.diff(TIME), two.diff(TIME)
+    return System(
+        coordinates={theta: "a", phi: "b"},
+        kinetic=m1 * first_velocity.dot(first_velocity) / 2 + m2 * second_velocity.dot(second_velocity) / 2,
+        potential=m1 * g * one[1] + m2 * g * two[1],
+        parameters={m1: (0.013, "kg"), m2: (77.7, "kg"), l1: (0.71, "m"), l2: (0.53, "m"), g: (9.81, "m/s^2")},
+        total_mass=m1 + m2,
+        gravity=g,
+    )
+
+
+@pytest.fixture(scope="module")
+def ill_conditioned(mechanism_of: Callable[[System], Mechanism]) -> tuple[Any, Any, Reference]:
+    """M, its right-hand side and the reference near the straight configuration."""
+    mechanism = mechanism_of(straight_pendulum())
+    source = np.random.default_rng(3)
+    n = 50
+    q = np.stack([source.uniform(-3, 3, n), source.uniform(-1e-3, 1e-3, n)], axis=1)
+    states = States.at(q, source.uniform(-3, 3, (n, 2)), source.uniform(-3, 3, (n, 2)))
+    terms = Float64Kernel(mechanism.program).terms(mechanism.inputs(states))
+    force = states.tau + terms["passive"] - terms["velocity"] - terms["gravity"]
+    return terms["mass"], force, ReferenceKernel(mechanism).evaluate(states)
+
+
+def test_the_planted_case_is_ill_conditioned(ill_conditioned: tuple[Any, Any, Reference]) -> None:
+    mass, _, reference = ill_conditioned
+    assert scaled_condition(mass).min() > 1e4
+    assert reference.certified.all()
+
+
+def test_an_explicit_inverse_is_unstable(ill_conditioned: tuple[Any, Any, Reference]) -> None:
+    mass, force, reference = ill_conditioned
+    comparison = compare(reference, np.einsum("nij,nj->ni", np.linalg.inv(mass), force))
+    assert comparison.verdicts[comparison.worst] == "unstable"
+    assert set(comparison.verdicts.tolist()) <= {"agrees", "unstable"}
+
+
+def test_a_mass_matrix_in_single_precision_disagrees(ill_conditioned: tuple[Any, Any, Reference]) -> None:
+    mass, force, reference = ill_conditioned
+    single = mass.astype(np.float32).astype(np.float64)
+    comparison = compare(reference, np.linalg.solve(single, force[..., None])[..., 0])
+    assert comparison.verdicts[comparison.worst] == "disagrees"
+    assert (comparison.verdicts == "disagrees").mean() > 0.9
+
+
+@pytest.mark.parametrize("term", ["gravity", "velocity", "damper"])
+def test_an_engine_that_forgets_a_term_disagrees(term: str) -> None:
+    mechanism = load_mechanism(Library.built_in(), "cart_pendulum")
+    states = sample(mechanism, 20, 1)
+    parameters = {name: value for name, value, _ in mechanism.parameters}
+    terms = Float64Kernel(mechanism.program).terms(mechanism.inputs(states))
+    force = states.tau + terms["passive"] - terms["velocity"] - terms["gravity"]
+    reference = ReferenceKernel(mechanism).evaluate(states)
+
+    def verdicts(total: Any) -> list[str]:
+        return compare(reference, np.linalg.solve(terms["mass"], total[..., None])[..., 0]).verdicts.tolist()
+
+    assert set(verdicts(force)) == {"agrees"}
+    damper = np.stack([np.zeros(20), parameters["c"] * states.v[:, 1]], axis=1)
+    forgotten = {"gravity": terms["gravity"], "velocity": terms["velocity"], "damper": damper}[term]
+    assert set(verdicts(force + forgotten)) == {"disagrees"}

@@ -1,0 +1,194 @@
+"""Samples and strategies of states: reproducible, within their ranges, and full of the values that matter."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, find, given, settings
+from hypothesis import strategies as st
+from hypothesis.errors import NoSuchExample
+
+from harness.certify.sampling import HUGE_ANGLES, TINY, sample, strategy
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.library import Library
+
+FIELDS = ("q", "v", "tau", "time")
+
+
+@pytest.fixture(scope="module")
+def arm() -> Mechanism:
+    return load_mechanism(Library.built_in(), "arm_2r")
+
+
+@pytest.fixture(scope="module")
+def cart() -> Mechanism:
+    return load_mechanism(Library.built_in(), "cart_pendulum")
+
+
+def within(values: Any, bounds: tuple[float, float]) -> bool:
+    return bool(np.all((bounds[0] <= values) & (values <= bounds[1])))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 64, 100, 1000])
+def test_samples_have_the_count_asked_for(cart: Mechanism, count: int) -> None:
+    states = sample(cart, count, 1)
+    assert len(states) == count
+    assert [getattr(states, name).shape for name in FIELDS] == [(count, 2), (count, 2), (count, 2), (count,)]
+    assert all(getattr(states, name).dtype == np.float64 for name in FIELDS)
+
+
+def test_a_seed_gives_the_same_states_and_another_seed_others(cart: Mechanism) -> None:
+    first, again, other = sample(cart, 33, 7), sample(cart, 33, 7), sample(cart, 33, 8)
+    for name in ("q", "v", "tau"):
+        assert np.array_equal(getattr(first, name), getattr(again, name))
+        assert not np.isin(getattr(first, name), getattr(other, name)).any()
+
+
+def test_a_larger_sample_begins_with_the_smaller_one(cart: Mechanism) -> None:
+    assert np.array_equal(sample(cart, 100, 3).q[:10], sample(cart, 10, 3).q)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 70))
+@settings(max_examples=30)
+def test_samples_stay_in_their_ranges(seed: int, count: int) -> None:
+    mechanism = load_mechanism(Library.built_in(), "cart_pendulum")
+    check_ranges(sample(mechanism, count, seed), mechanism)
+
+
+def check_ranges(states: States, mechanism: Mechanism) -> None:
+    ranges, positions = without_rotations(states, mechanism)
+    for column, bounds in enumerate(ranges):
+        assert within(positions[:, column], bounds or (-math.pi, math.pi))
+    for column, bounds in enumerate(mechanism.rate_ranges):
+        assert within(states.v[:, column], bounds)
+    for column, bounds in enumerate(mechanism.force_ranges):
+        assert within(states.tau[:, column], bounds)
+
+
+def without_rotations(states: States, mechanism: Mechanism) -> tuple[list[tuple[float, float] | None], Any]:
+    """Ranges and columns of the positions that are not quaternions, whose length is checked to be 1."""
+    ranges, positions = list(mechanism.position_ranges), states.q
+    for place in reversed(mechanism.attitudes):
+        del ranges[place : place + 3]
+    for order, place in reversed(list(enumerate(mechanism.attitudes))):
+        columns = slice(place + order, place + order + 4)
+        np.testing.assert_allclose(np.linalg.norm(positions[:, columns], axis=1), 1.0, rtol=1e-15)
+        positions = np.delete(positions, columns, axis=1)
+    return ranges, positions
+
+
+def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism) -> None:
+    """256 points of a Sobol sequence put one into each of 256 equal slices of every single axis (Owen 1998)."""
+    states = sample(built_in_mechanism, 256, 11)
+    check_ranges(states, built_in_mechanism)
+    ranges, positions = without_rotations(states, built_in_mechanism)
+    bounds = [bounds or (-math.pi, math.pi) for bounds in ranges]
+    bounds += [*built_in_mechanism.rate_ranges, *built_in_mechanism.force_ranges]
+    for values, (low, high) in zip(np.hstack([positions, states.v, states.tau]).T, bounds, strict=True):
+        slices = np.histogram(values, bins=16, range=(low, high))[0]
+        assert slices.min() >= 15
+        assert slices.max() <= 17
+
+
+@given(st.data())
+@settings(max_examples=25)
+def test_draws_stay_in_their_ranges(built_in_mechanism: Mechanism, data: st.DataObject) -> None:
+    mechanism = built_in_mechanism
+    states = data.draw(strategy(mechanism))
+    assert len(states) == 1
+    ranges, positions = without_rotations(states, mechanism)
+    for value, bounds in zip(positions[0], ranges, strict=True):
+        assert within(value, bounds or (-max(HUGE_ANGLES), max(HUGE_ANGLES)))
+    for value, bounds in zip(states.v[0], mechanism.rate_ranges, strict=True):
+        assert within(value, bounds)
+    for force, bounds in zip(states.tau[0], mechanism.force_ranges, strict=True):
+        assert within(force, bounds)
+    assert states.time.tolist() == [0.0]
+
+
+SEARCH = settings(max_examples=3000, database=None, derandomize=True, phases=[Phase.generate, Phase.shrink])
+
+SPECIAL = {
+    "rest at zero": lambda s: not s.q.any() and not s.v.any() and not s.tau.any(),
+    "quarter turn": lambda s: s.q[0, 0] == math.pi / 2,
+    "half turn back": lambda s: s.q[0, 1] == -math.pi,
+    "two turns": lambda s: s.q[0, 0] == 4 * math.pi,
+    "huge angle": lambda s: abs(s.q[0, 0]) == 1e15,
+    "subnormal angle": lambda s: abs(s.q[0, 1]) == 5e-324,
+    "ordinary angle": lambda s: 0.1 < abs(s.q[0, 0] % (math.pi / 2) - math.pi / 4) < 0.7 and abs(s.q[0, 0]) < 4,
+    "subnormal rate": lambda s: abs(s.v[0, 0]) == 5e-324,
+    "highest rate": lambda s: s.v[0, 1] == 10.0,
+    "lowest rate": lambda s: s.v[0, 1] == -10.0,
+    "tiny force": lambda s: abs(s.tau[0, 1]) == 1e-160,
+}
+
+
+@pytest.mark.parametrize("name", SPECIAL)
+def test_special_values_are_drawn(arm: Mechanism, name: str) -> None:
+    find(strategy(arm), SPECIAL[name], settings=SEARCH)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_both_ends_of_a_range_are_drawn(cart: Mechanism, end: int) -> None:
+    bound = cart.position_ranges[0][end]
+    assert find(strategy(cart), lambda s: s.q[0, 0] == bound, settings=SEARCH).q[0, 0] == bound
+
+
+def test_no_huge_value_is_drawn_for_a_bounded_coordinate(cart: Mechanism) -> None:
+    with pytest.raises(NoSuchExample):
+        find(strategy(cart), lambda s: abs(s.q[0, 0]) > 0.1 or np.abs(s.v).max() > 10, settings=SEARCH)
+
+
+def test_draws_shrink_to_zero(arm: Mechanism, cart: Mechanism) -> None:
+    for mechanism in (arm, cart):
+        simplest = find(strategy(mechanism), lambda s: True, settings=SEARCH)
+        assert not (simplest.q.any() or simplest.v.any() or simplest.tau.any())
+
+
+def test_what_does_not_matter_shrinks_away(arm: Mechanism) -> None:
+    """Only the second rate is to blame: it becomes a round number and everything else becomes zero."""
+    found = find(strategy(arm), lambda s: s.v[0, 1] > 2.5, settings=SEARCH)
+    assert not (found.q.any() or found.tau.any() or found.v[0, 0])
+    assert found.v[0, 1] in (3.0, 10.0)
+
+
+@pytest.mark.parametrize("bounds", [(0.5, 1.5), (-3.0, -2.0), (0.0, 1.0), (-1e-9, 1e-9)])
+def test_ranges_that_hold_no_special_value_waste_no_draws(bounds: tuple[float, float]) -> None:
+    """Hypothesis stops a test that discards most draws; many lengths that never come near zero must not bring it there."""
+    valid = load_mechanism(Library.built_in(), "arm_2r")
+    many = 9
+    mechanism = dataclasses.replace(
+        valid, coordinates=("q",) * many, joints=("j",) * many, position_ranges=(bounds,) * many, rate_ranges=(bounds,) * many
+    )
+
+    @settings(max_examples=60, database=None, suppress_health_check=[HealthCheck.too_slow])
+    @given(strategy(mechanism))
+    def draw(states: States) -> None:
+        assert within(states.q, bounds)
+        assert within(states.v, bounds)
+
+    draw()
+
+
+def test_one_state_may_be_given_flat() -> None:
+    states = States.at([0.1, 0.2], [0, 1], [2, 3])
+    assert [getattr(states, name).tolist() for name in FIELDS] == [[[0.1, 0.2]], [[0.0, 1.0]], [[2.0, 3.0]], [0.0]]
+    assert States.at([0.1], [0], [2], 1.5).time.tolist() == [1.5]
+
+
+def test_parts_are_selected_joined_and_printed_exactly() -> None:
+    states = States.at(np.arange(6.0).reshape(3, 2), np.ones((3, 2)) / 3, np.zeros((3, 2)), [1.0, 2.0, 3.0])
+    again = States.concatenate([states[:1], states[1:]])
+    assert all(np.array_equal(getattr(again, name), getattr(states, name)) for name in FIELDS)
+    assert states[np.array([2, 0])].time.tolist() == [3.0, 1.0]
+    assert states.as_json(1) == {"q": [2.0, 3.0], "v": [1 / 3, 1 / 3], "tau": [0.0, 0.0]}
+
+
+def test_tiny_values_reach_the_smallest_number() -> None:
+    assert min(TINY) == math.nextafter(0.0, 1.0)

@@ -1,0 +1,294 @@
+"""``harness bench``: what it runs and how, what it keeps, what it prints, and its exit statuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from harness.bench import parts as benchmark_parts
+from harness.bench import study as bench
+from harness.bench.parts import PARTS, Settings
+from harness.bench.study import Bench
+from harness.cli import main
+from harness.errors import InvalidModel
+from harness.library import Library
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
+from harness.results.history import History
+from harness.results.records import Record, Run
+from harness.workers import Crash, Outcome, Task
+
+RUN = Run(
+    started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0"}, machine={}, seed=0, profile="quick", states=1000,
+    library="built-in", command="harness report",
+)  # fmt: skip
+RECORD = Record(
+    system="collar", subject="lagrange", states=1000, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=1e-16,
+    worst_state=None, seconds_per_state=1e-8, message="",
+)  # fmt: skip
+
+
+# Of a path, only the file may reach a published page.
+UPSIDE_DOWN = Path("somebody", "mjcf", "bar_pendulum.xml")
+
+
+def cost(system: str, seconds: float = 1e-6) -> Benchmark:
+    entry = AccelerationCost(
+        system=system, method="pinocchio aba", threads=1, states=10, seconds_per_state=seconds, backward_error=1.0, relative_error=1e-15
+    )
+    return Benchmark(accelerations=[entry])
+
+
+@pytest.fixture
+def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(main, ["bench", *arguments])
+
+
+@dataclass
+class Stage:
+    """Stands in for ``Workers``: remembers what was to be run by how many processes, and answers from ``answers``."""
+
+    answers: Callable[[Task], Outcome]
+    stages: list[tuple[int | None, list[Task]]] = field(default_factory=list)
+
+    def __call__(self, count: int | None = None, time_limit: float = 0.0) -> Stage:
+        assert time_limit > 60
+        self.stages.append((count, []))
+        return self
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        for task in tasks:
+            self.stages[-1][1].append(task)
+            yield self.answers(task)
+
+
+def answer(task: Task) -> Outcome:
+    """A scene for what loads, and a measurement for what measures."""
+    name, part = task.key
+    if task.function is benchmark_parts.load:
+        return Outcome(task, value=object.__new__(benchmark_parts.Scene))
+    return Outcome(task, value=cost(f"{name} {part}"))
+
+
+def test_one_task_per_system_and_part_and_what_is_timed_runs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(answer)
+    monkeypatch.setattr(bench, "Workers", stage)
+    names = ("collar", "cart_pendulum", "chain_3")
+    measured = list(Bench(Settings(library=Library.built_in(), names=names, motion=True)).parts(4))
+    (loading, timed, shared) = [(count, [task.key for task in tasks]) for count, tasks in stage.stages]
+    assert loading == (4, [(name, "equations and models") for name in names])
+    alone = [(name, "accelerations") for name in names] + [("chain", "growth")] + [(name, "motion") for name in names]
+    assert timed == (1, alone)
+    assert shared[0] == 4
+    assert set(shared[1]) == {
+        *((name, part) for name in names for part in ("long runs", "stationary action")),
+        ("cart_pendulum", "figures of the text"),
+    }
+    assert len(measured) == Bench(Settings(library=Library.built_in(), names=names, motion=True)).expected_parts
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({"names": ["collar"]}, {"accelerations"}),
+        ({"names": ["cart_pendulum"], "methods": ["pinocchio aba"], "motion": True}, {"accelerations"}),
+        ({"names": ["collar"], "methods": ["mujoco RK4"], "motion": True}, {"motion", "long runs", "stationary action"}),
+        ({}, {"accelerations", "growth"}),
+    ],
+)
+def test_only_what_was_asked_for_is_measured(settings: dict[str, Any], expected: set[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(answer)
+    monkeypatch.setattr(bench, "Workers", stage)
+    list(Bench(Settings(library=Library.built_in(), **settings)).parts())
+    assert {task.key[1] for _, tasks in stage.stages[1:] for task in tasks} == expected
+    for _, tasks in stage.stages[1:]:
+        for task in tasks:
+            [request] = task.arguments
+            if "methods" in settings:
+                assert [*request.methods, *request.integrators] == settings["methods"]
+
+
+def test_a_failing_part_costs_nothing_but_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(task: Task) -> Outcome:
+        if task.key == ("collar", "accelerations"):
+            return Outcome(task, crash=Crash("crashed by signal 11 (SIGSEGV)", "pinocchio aba", ""))
+        if task.key == ("bar_pendulum", "equations and models"):
+            return Outcome(task, exception=InvalidModel(UPSIDE_DOWN, 3, "is upside down"))
+        if task.key == ("arm_2r", "accelerations"):
+            return Outcome(task, exception=ZeroDivisionError("division by zero"))
+        return answer(task)
+
+    monkeypatch.setattr(bench, "Workers", Stage(failing))
+    run = Bench(Settings(library=Library.built_in(), names=("collar", "bar_pendulum", "arm_2r", "cart_pendulum")))
+    measured = Benchmark()
+    for _, found in run.parts():
+        measured.extend(found)
+    assert [entry.system for entry in measured.accelerations] == ["cart_pendulum accelerations"]
+    assert measured.problems == [
+        "bar_pendulum, equations and models: bar_pendulum.xml: is upside down",
+        "collar, accelerations (pinocchio aba): crashed by signal 11 (SIGSEGV)",
+        "arm_2r, accelerations: ZeroDivisionError: division by zero",
+    ]
+    assert run.crashed and [str(problem) for problem in run.problems] == [f"{UPSIDE_DOWN}:3: is upside down"]
+
+
+def measuring(
+    *parts: Benchmark, problems: Iterable[InvalidModel] = (), crashed: bool = False
+) -> Callable[..., Iterator[tuple[str, Benchmark]]]:
+    def parts_of(self: Bench, workers: int | None = None) -> Iterator[tuple[str, Benchmark]]:
+        self.problems, self.crashed = list(problems), crashed
+        for number, part in enumerate(parts):
+            yield f"part {number}", part
+
+    return parts_of
+
+
+DIFFERS = Benchmark(orders=[Order(system="collar", integrator="mujoco Euler", measured=0.5, expected=1.0, verdict="differs")])
+EXPLAINED = Benchmark(
+    orders=[Order(system="collar", integrator="mujoco Euler", measured=0.5, expected=1.0, verdict="differs", explanation="It is damped.")]
+)
+FIGURE = Figure(system="cart_pendulum", what="x", unit="cm", printed=0.01, computed=0.0048, truth=0.0048, reproduced=False)
+
+
+@pytest.mark.parametrize(
+    ("parts", "options", "status", "words"),
+    [
+        ([cost("collar")], {}, 0, "pinocchio aba"),
+        ([EXPLAINED], {}, 0, "It is damped."),
+        ([cost("collar"), DIFFERS], {}, 1, "order of convergence 0.50, expected 1.00"),
+        ([Benchmark(figures=[FIGURE])], {}, 1, "printed 0.01 cm, computed 0.0048 cm"),
+        ([cost("collar"), Benchmark(problems=["arm_2r, motion: ValueError: no"])], {}, 1, "not measured: arm_2r, motion: ValueError: no"),
+        ([cost("collar"), DIFFERS], {"problems": [InvalidModel("a.xml", 3, "is empty")]}, 2, "a.xml:3: is empty"),
+        ([DIFFERS, Benchmark(problems=["died"])], {"crashed": True}, 3, "not measured: died"),
+        ([Benchmark(problems=["died"])], {"problems": [InvalidModel("a.xml", 3, "is empty")], "crashed": True}, 2, "died"),
+    ],
+)
+def test_exit_statuses(
+    parts: list[Benchmark],
+    options: dict[str, Any],
+    status: int,
+    words: str,
+    invoke: Callable[..., Result],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Bench, "parts", measuring(*parts, **options))
+    done = invoke("collar")
+    assert done.exit_code == status, done.output
+    assert words in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragments"),
+    [
+        (["colar"], ["no system is called 'colar'", "did you mean 'collar'"]),
+        (["--methods", "pinocchio abba"], ["no method or integrator is called 'pinocchio abba'", "did you mean 'pinocchio aba'"]),
+        (["--methods", "mujoco RK4"], ["'mujoco RK4' computes motion; ask for it with --motion"]),
+        (["--profile", "thorough"], ["--profile", "quick"]),
+        (["--library", "nowhere"], ["nowhere", "no such directory"]),
+        (["collar", "--out", "/dev/null/reports"], ["/dev/null/reports", "cannot be made"]),
+        (["collar", "--workers", "0"], ["--workers"]),
+    ],
+)
+def test_bad_usage_is_exit_status_2(arguments: list[str], fragments: list[str], invoke: Callable[..., Result]) -> None:
+    done = invoke(*arguments)
+    assert done.exit_code == 2, done.output
+    for fragment in fragments:
+        assert fragment in done.output
+
+
+def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def interrupted(self: Bench, workers: int | None = None) -> Iterator[tuple[str, Benchmark]]:
+        yield "first", cost("collar")
+        written = json.loads((tmp_path / "out.json").read_text())["benchmark"]
+        assert [entry["system"] for entry in written["accelerations"]] == ["collar"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Bench, "parts", interrupted)
+    assert invoke("collar", "--json", "out.json").exit_code != 0
+    with History(tmp_path / "reports" / "history.sqlite") as history:
+        found = history.latest_benchmark("built-in")
+    assert found is not None and found[1] == cost("collar")
+
+
+def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
+    invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(Bench, "parts", measuring(cost("collar", 1e-6)))
+    page = tmp_path / "reports" / "index.html"
+    invoke("collar")
+    assert "Nothing was cross-checked yet" in page.read_text()
+    with History(tmp_path / "reports" / "history.sqlite") as history:
+        history.append(history.begin(RUN), RECORD)
+    monkeypatch.setattr(Bench, "parts", measuring(cost("collar", 2e-6)))
+    assert invoke("collar").exit_code == 0
+    text = page.read_text()
+    assert "Nothing was cross-checked yet" not in text
+    assert 'id="verdicts"' in text and 'id="cost-collar"' in text
+    document = json.loads((tmp_path / "reports" / "report.json").read_text())
+    assert [entry["seconds_per_state"] for entry in document["benchmark"]["accelerations"]] == [2e-6]
+    assert [record["system"] for record in document["records"]] == ["collar"]
+    cheapest = [Cheapest(**entry) for entry in document["benchmark"]["cheapest"]]
+    assert [entry.way for entry in cheapest] == ["pinocchio aba"] * 3
+
+
+def test_motion_is_told_in_tables(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = [
+        MotionCost(
+            system="collar", integrator="mujoco RK4", step=step, tolerance=None, steps=round(2 / step), evaluations=round(8 / step),
+            seconds=1e-4 / step, state_error=step**4, energy_error=step**4, duration=2.0,
+        )
+        for step in (0.1, 0.01)
+    ]  # fmt: skip
+    order = Order(system="collar", integrator="mujoco RK4", measured=4.0, expected=4.0, verdict="as expected", steps=[0.1, 0.01])
+    monkeypatch.setattr(Bench, "parts", measuring(Benchmark(motion=motion, orders=[order])))
+    done = invoke("collar", "--motion")
+    assert done.exit_code == 0
+    assert re.search(r"collar +mujoco RK4 +4\.00 +4\.00 +as expected +1\.00e-08 +5\.00 ms", done.output), done.output
+    assert "mujoco RK4, step 0.1 s" in done.output and "mujoco RK4, step 0.01 s" in done.output
+
+
+def test_parts_have_names_of_their_own() -> None:
+    assert len({part.name for part in PARTS}) == len(PARTS)
+
+
+def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
+    built_in, root = Library.built_in(), tmp_path / "mine"
+    for folder in ("systems", "mjcf", "urdf"):
+        (root / folder).mkdir(parents=True)
+    shutil.copy(built_in.system_path("spring_damper"), root / "systems")
+    for model_format in ("mjcf", "urdf"):
+        shutil.copy(built_in.model_path("spring_damper", model_format), root / model_format)
+    command = [sys.executable, "-m", "harness", "bench", "--library", "mine", "--workers", "1", "--json", "out.json"]
+    command += ["--methods", "pinocchio aba", "--methods", "heyoka float64"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, env=os.environ, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""
+    document = json.loads((tmp_path / "out.json").read_text(), parse_constant=pytest.fail)
+    assert {"harness", "pin", "mujoco"} <= set(document["harness"])
+    measured = {entry["method"]: entry for entry in document["benchmark"]["accelerations"]}
+    assert set(measured) == {"pinocchio aba", "heyoka float64"}
+    for entry in measured.values():
+        assert entry["system"] == "spring_damper" and 0 < entry["backward_error"] < 64
+        assert 0 < entry["fastest"] <= entry["seconds_per_state"] <= entry["slowest"]
+        assert re.search(rf"^spring_damper +{re.escape(entry['method'])} ", done.stdout, re.MULTILINE)
+    # A compiled batch against a call per state from Python: two orders of magnitude, of which one is asked for.
+    assert measured["pinocchio aba"]["seconds_per_state"] > 10 * measured["heyoka float64"]["seconds_per_state"]
+    assert [entry["way"] for entry in document["benchmark"]["cheapest"]] == ["heyoka float64"] * 3
+    assert "spring_damper: speed against error" in (tmp_path / "reports" / "index.html").read_text()

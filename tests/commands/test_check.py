@@ -1,0 +1,320 @@
+"""The command line as its users meet it: tables, exit statuses, JSON, replays, and bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support import make_library
+
+from harness.library import Library
+from harness.results.hard_states import load_found
+
+SYSTEMS = Library.built_in().system_names()
+CONTRACT = {
+    "system",
+    "subject",
+    "states",
+    "verdict",
+    "expected",
+    "backward_error",
+    "relative_error",
+    "worst_state",
+    "seconds_per_state",
+    "message",
+}
+
+
+def harness(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    """A library with the bar pendulum and the spring-damper."""
+    return make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"])
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> None:
+    done = harness("check", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""
+    data = json.loads((tmp_path / "out.json").read_text())
+    assert {"harness", "python", "mujoco", "pin", "sympy"} <= set(data["harness"])
+    assert len(data["records"]) == 5 * len(SYSTEMS)
+    for record in data["records"]:
+        assert set(record) >= CONTRACT
+        assert record["verdict"] == record["expected"]
+        if record["verdict"] == "agrees":
+            assert record["states"] == 1000 + len(load_found(Library.built_in(), record["system"]))
+            assert 0 < record["backward_error"] <= 64
+        row = rf"^{record['system']} +{re.escape(record['subject'])} +{record['states']:,} +{record['verdict']}"
+        assert re.search(row, done.stdout, re.MULTILINE)
+
+
+@pytest.mark.nightly
+def test_a_hundred_thousand_states_agree_everywhere(tmp_path: Path) -> None:
+    done = harness("check", "--states", "100000", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    records = json.loads((tmp_path / "out.json").read_text())["records"]
+    assert {record["states"] for record in records if record["expected"] == "agrees"} == {100_000}
+
+
+def test_the_same_seed_gives_the_same_states(tmp_path: Path) -> None:
+    errors = []
+    for seed in ("1", "1", "2"):
+        # A fresh folder, because failing examples of a folder are tried first.
+        folder = tmp_path / str(len(errors))
+        folder.mkdir()
+        harness("check", "cart_pendulum", "--seed", seed, "--json", "out.json", cwd=folder)
+        records = json.loads((folder / "out.json").read_text())["records"]
+        errors.append([(record["backward_error"], record["worst_state"]) for record in records])
+    assert errors[0] == errors[1] != errors[2]
+
+
+def test_a_wrong_model_is_exit_status_1_with_a_replay_that_shows_it(tmp_path: Path) -> None:
+    model = tmp_path / "stiffer.xml"
+    shutil.copy(Library.built_in().model_path("cart_pendulum", "mjcf"), model)
+    edit(model, 'stiffness="270"', 'stiffness="270.001"')
+    done = harness("check", "cart_pendulum", "--mjcf", str(model), cwd=tmp_path)
+    assert done.returncode == 1
+    assert "cart_pendulum mujoco/mjcf: disagrees, expected agrees" in done.stdout
+    assert re.search(r"cart_pendulum +pinocchio/urdf +1,000 +agrees", done.stdout)
+    command = shlex.split(next(line for line in done.stdout.splitlines() if "replay:" in line).partition("replay:")[2])
+    assert command[0] == "harness"
+    again = harness(*command[1:], cwd=tmp_path)
+    assert again.returncode == 1
+    assert re.search(r"cart_pendulum +mujoco/mjcf +1 +disagrees", again.stdout)
+
+
+def test_failing_examples_are_kept_and_tried_first(library: Path, tmp_path: Path) -> None:
+    edit(library / "mjcf" / "bar_pendulum.xml", "9.81", "9.8100001")
+    options = ("check", "bar_pendulum", "--library", str(library), "--subject", "mujoco/mjcf", "--json", "out.json")
+    harness(*options, "--seed", "3", cwd=tmp_path)
+    assert any((tmp_path / ".hypothesis" / "harness").rglob("*"))
+    harness(*options, "--seed", "4", "--states", "8", cwd=tmp_path)
+    record = json.loads((tmp_path / "out.json").read_text())["records"][0]
+    assert record["verdict"] == "disagrees"
+    assert "simplest that fails" in record["message"]
+
+
+def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: Path) -> None:
+    entry = (
+        '[[expected]]\nsystem = "bar_pendulum"\nsubject = "mujoco/mjcf"\nverdict = "disagrees"\n'
+        'backward_error = 1e9\nreason = "moon gravity"\nlink = "none"\n'
+    )
+    (library / "expected_verdicts.toml").write_text(entry)
+    model = library / "mjcf" / "bar_pendulum.xml"
+    edit(model, "9.81", "9.8100001")
+    arguments = ("check", "bar_pendulum", "--library", str(library), "--subject", "mujoco/mjcf")
+    assert harness(*arguments, cwd=library).returncode == 0
+    (library / "expected_verdicts.toml").write_text(entry.replace("1e9", "1e3"))
+    assert harness(*arguments, cwd=library).returncode == 1
+    (library / "expected_verdicts.toml").write_text(entry)
+    edit(model, "9.8100001", "9.81")
+    done = harness(*arguments, cwd=library)
+    assert done.returncode == 1
+    assert "expected disagrees" in done.stdout and "moon gravity" in done.stdout
+    (library / "expected_verdicts.toml").write_text(entry.replace("bar_pendulum", "bar_pendlum"))
+    done = harness(*arguments, cwd=library)
+    assert done.returncode == 2
+    assert "bar_pendlum" in done.stderr and "did you mean 'bar_pendulum'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragments"),
+    [
+        (["check", "cart_pendlum"], ["no system is called 'cart_pendlum'", "did you mean 'cart_pendulum'"]),
+        (["check", "--subject", "mujoco/mjfc"], ["no subject is called 'mujoco/mjfc'", "did you mean 'mujoco/mjcf'"]),
+        (["check", "--library", "nowhere"], ["nowhere", "no such directory"]),
+        (["check", "--mjcf", "x.xml"], ["name exactly one system"]),
+        (["check", "collar", "--mjcf", "x.xml"], ["x.xml", "no such file"]),
+        (["check", "collar", "--state", "{"], ["--state"]),
+        (["check", "collar", "--state", '{"q": [1], "v": [1], "tau": [1, 2]}'], ["same length"]),
+        (["check", "arm_2r", "--state", '{"q": [1], "v": [1], "tau": [1]}'], ["1 numbers for q", "arm_2r has 2 and 2 degrees of freedom"]),
+        (["check", "collar", "--state", '{"q": [NaN], "v": [1], "tau": [1]}'], ["finite"]),
+        (["check", "--states", "0"], ["--states"]),
+        (["check", "--scheduler", "tcp://127.0.0.1:9", "collar"], ["tcp://127.0.0.1:9"]),
+        (["check", "--json", "no/such/folder/out.json", "collar"], ["no/such/folder/out.json", "cannot be written"]),
+        (["show", "colar"], ["did you mean 'collar'"]),
+        (["report", "--profile", "slow"], ["nightly"]),
+    ],
+)
+def test_bad_usage_is_exit_status_2_with_one_message(tmp_path: Path, arguments: list[str], fragments: list[str]) -> None:
+    done = harness(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    for fragment in fragments:
+        assert fragment.lower() in done.stderr.lower()
+
+
+BROKEN_SYSTEMS = {
+    "raises": ("x = 1 / 0\n", 1, "ZeroDivisionError"),
+    "no_system": ('"""A.\n\nSource: none."""\n', None, "no SYSTEM"),
+    "wrong_type": ("import math\nSYSTEM = 3\n", 2, "expected a harness.equations.system.System"),
+    "syntax": ("a = (\n", 1, "not Python"),
+    "leaves": ("import sys\n\nsys.exit(0)\n", 3, "SystemExit"),
+    "aborts": ("import os\nos.abort()\n", None, "SIGABRT"),
+    "hangs": ("while True:\n    pass\n", None, "time limit"),
+}
+
+
+def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
+    for name, (source, _, _) in BROKEN_SYSTEMS.items():
+        (library / "systems" / f"{name}.py").write_text(source)
+    done = harness("check", "--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5", cwd=library)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    verdicts: dict[str, set[str]] = {}
+    for record in json.loads((library / "out.json").read_text())["records"]:
+        verdicts.setdefault(record["system"], set()).add(record["verdict"])
+    assert verdicts.pop("bar_pendulum") == verdicts.pop("spring_damper") == {"agrees"}
+    assert verdicts == {name: {"error"} for name in BROKEN_SYSTEMS}
+    for name, (_, line, fragment) in BROKEN_SYSTEMS.items():
+        place = f"{library / 'systems' / name}.py" + (f":{line}:" if line else ":")
+        messages = [text for text in done.stderr.splitlines() if place in text]
+        assert len(messages) == 1, (name, done.stderr)
+        assert fragment in messages[0]
+
+
+BROKEN_MODELS = {
+    "a missing file": (None, None, "no such file"),
+    "an empty file": ("", None, "empty"),
+    "another joint": ('name="pin"', 'name="pim"', "'pin'"),
+    "another mass": ('mass="2"', 'mass="3"', "3 kg in all, expected 2 kg"),
+    "another gravity": ("-9.81", "-1.62", "gravity is 0 0 -1.62 m/s^2, expected 0 0 -9.81"),
+    "NaN": ('mass="2"', 'mass="NaN"', "NaN"),
+    "one joint too many": ("<inertial", '<joint name="extra" type="slide" axis="1 0 0"/><inertial', "'extra'"),
+    "a ball": ('type="hinge" axis="0 -1 0"', 'type="ball"', "nq = 4 and nv = 3, expected 1 and 1"),
+    "an unknown attribute": ('type="hinge"', 'type="hinge" dampng="0.3"', "did you mean 'damping'"),
+    "an inertia only MuJoCo refuses": ("0.5 0.5 1e-15", "0.5 0.5 1.0000000000000002", "mujoco refuses it"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_MODELS)
+def test_a_broken_model_is_exit_status_2_and_costs_its_subject_only(library: Path, case: str) -> None:
+    old, new, fragment = BROKEN_MODELS[case]
+    model = library / "mjcf" / "bar_pendulum.xml"
+    if old is None:
+        model.unlink()
+    elif old == "":
+        model.write_text("")
+    else:
+        assert new is not None
+        edit(model, old, new)
+    done = harness("check", "--library", str(library), "--states", "50", "--json", "out.json", cwd=library)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert str(model) in done.stderr and fragment in done.stderr
+    records = {(record["system"], record["subject"]): record for record in json.loads((library / "out.json").read_text())["records"]}
+    for reader in ["mujoco/mjcf"] if "only MuJoCo" in case else ["mujoco/mjcf", "pinocchio/mjcf"]:
+        broken = records.pop(("bar_pendulum", reader))
+        assert broken["verdict"] == "error" and fragment in broken["message"]
+    assert {record["verdict"] for record in records.values()} == {"agrees"}
+
+
+def test_a_model_without_a_system_is_named(library: Path) -> None:
+    shutil.copy(library / "mjcf" / "bar_pendulum.xml", library / "mjcf" / "orphan.xml")
+    done = harness("check", "--library", str(library), "--states", "50", cwd=library)
+    assert done.returncode == 2
+    assert "orphan.xml" in done.stderr and "systems/orphan.py" in done.stderr
+
+
+def test_list_and_show(tmp_path: Path) -> None:
+    listed = harness("list", "--json", "list.json", cwd=tmp_path)
+    assert listed.returncode == 0
+    data = json.loads((tmp_path / "list.json").read_text())
+    assert [system["name"] for system in data["systems"]] == SYSTEMS
+    assert {engine["name"] for engine in data["engines"]} >= {"lagrange", "mujoco", "pinocchio"}
+    assert re.search(r"^cart_pendulum +2 dof", listed.stdout, re.MULTILINE)
+    shown = harness("show", "spring_damper", cwd=tmp_path)
+    assert shown.returncode == 0
+    assert "x''*m + x'*c + x*k = tau_x" in shown.stdout
+    assert re.search(r"k +80 +N/m", shown.stdout)
+    assert re.search(r"^  slide +mjcf +slide +1 0 0 ", shown.stdout, re.MULTILINE)
+
+
+def test_listing_imports_nothing_heavy() -> None:
+    harness("list")
+    code = "import sys; from harness.cli import main; main(['list'], standalone_mode=False); print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = done.stdout.splitlines()[-1]
+    for heavy in ("sympy", "heyoka", "mujoco", "pinocchio", "flint", "bokeh", "distributed", "hypothesis", "scipy"):
+        assert f"'{heavy}'" not in modules
+
+
+def test_report_writes_everything_and_keeps_history(library: Path) -> None:
+    for _ in range(2):
+        done = harness("report", "--library", str(library), "--out", "out", cwd=library)
+        assert done.returncode == 0, done.stdout + done.stderr
+    out = library / "out"
+    assert sorted(path.name for path in out.iterdir()) == ["history.sqlite", "index.html", "report.json", "report.md"]
+    assert len(json.loads((out / "report.json").read_text())["records"]) == 10
+    with sqlite3.connect(out / "history.sqlite") as connection:
+        assert connection.execute("SELECT count(*) FROM records").fetchone() == (20,)
+
+
+SLEEPING_ENGINE = """
+import time
+
+class Model:
+    def loaded(self):
+        return None
+
+    def forward_dynamics(self, q, v, tau):
+        time.sleep(1000)
+
+class Engine:
+    requires = ("numpy", "numpy")
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        return Model()
+
+ENGINE = Engine()
+"""
+
+
+def test_records_survive_a_kill(library: Path) -> None:
+    """Kill the whole process group while one engine sleeps: what was recorded before stays."""
+    (library / "engines").mkdir()
+    (library / "engines" / "sleeping.py").write_text(SLEEPING_ENGINE)
+    out = library / "out"
+    command = [sys.executable, "-m", "harness", "report", "--library", str(library), "--out", str(out), "--json", str(library / "out.json")]
+    # The engine sleeps on both systems; somebody must be left to do the rest.
+    command += ["--workers", "4"]
+    with subprocess.Popen(command, cwd=library, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and _recorded(out / "history.sqlite") < 6:
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGKILL)
+    assert _recorded(out / "history.sqlite") == 6
+    records = json.loads((library / "out.json").read_text())["records"]
+    assert len(records) >= 5
+    assert {record["verdict"] for record in records} == {"agrees"}
+
+
+def _recorded(path: Path) -> int:
+    if not path.is_file():
+        return 0
+    try:
+        with sqlite3.connect(path) as connection:
+            return int(connection.execute("SELECT count(*) FROM records").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0

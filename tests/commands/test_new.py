@@ -1,0 +1,97 @@
+"""``harness new`` writes a mechanism that agrees from the start, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.commands._scaffold import write_example
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import Library
+
+SIZES = (1, 2, 3, 6)
+
+
+def harness(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=300, cwd=cwd, check=False)
+
+
+def written(directory: Path, sizes: range | tuple[int, ...]) -> Path:
+    for size in sizes:
+        done = harness("new", f"mechanism_of_{size}", "--dof", str(size), "--library", ".", cwd=directory)
+        assert done.returncode == 0, done.stderr
+    return directory
+
+
+@pytest.mark.parametrize("sizes", [SIZES, pytest.param(range(1, 13), marks=pytest.mark.nightly)], ids=["few", "all"])
+def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, sizes: range | tuple[int, ...]) -> None:
+    directory = written(tmp_path, sizes)
+    done = harness("check", "--library", ".", "--json", "out.json", cwd=directory)
+    assert done.returncode == 0, done.stdout + done.stderr
+    records = json.loads((directory / "out.json").read_text())["records"]
+    assert len(records) == 5 * len(sizes)
+    assert {record["verdict"] for record in records} == {"agrees"}
+    for path in (directory / "systems").glob("*.py"):
+        assert "EDIT:" in path.read_text()
+
+
+def test_nothing_is_overwritten_and_no_bad_name_is_taken(tmp_path: Path) -> None:
+    directory = written(tmp_path, (1,))
+    system = directory / "systems" / "mechanism_of_1.py"
+    system.write_text("mine\n")
+    for name, fragment in (("mechanism_of_1", "exists already"), ("2nd", "identifier"), ("_hidden", "_hidden"), ("../x", "../x")):
+        done = harness("new", name, "--library", ".", cwd=directory)
+        assert done.returncode == 2
+        assert fragment in done.stderr
+        assert "Traceback" not in done.stderr
+    assert system.read_text() == "mine\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "fragment"),
+    [
+        ("class", "identifier"),
+        ("café", "identifier"),
+        ("sympy", "Python module"),
+        ("json", "Python module"),
+        ("twin_7", "has a system called"),
+        ("twin_9", "has a system called"),
+    ],
+)
+def test_names_that_would_collide_are_refused(tmp_path: Path, name: str, fragment: str) -> None:
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "systems" / "twin.py").write_text("SIZES = (7,)\n")
+    with pytest.raises(InvalidRequest, match=fragment):
+        write_example(name, 1, tmp_path)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["systems", "twin.py"]
+
+
+def test_the_harness_itself_is_left_alone() -> None:
+    built_in = Library.built_in()
+    for directory in (built_in.models, built_in.systems, built_in.systems.parent):
+        with pytest.raises(InvalidInput, match="library of your own"):
+            write_example("never_written", 1, directory)
+
+
+def test_all_three_files_are_written_or_none(tmp_path: Path) -> None:
+    (tmp_path / "urdf").write_text("a file where a folder should be")
+    with pytest.raises(InvalidInput, match="nothing was made"):
+        write_example("partial", 1, tmp_path)
+    assert list(tmp_path.rglob("partial.*")) == []
+
+
+@pytest.mark.parametrize("size", [*SIZES, 12])
+def test_the_example_is_python_of_our_own_style(tmp_path: Path, size: int) -> None:
+    system, *models = write_example("example", size, tmp_path)
+    settings = Path(__file__).resolve().parents[1] / "pyproject.toml"
+    for command in (["check", "--config", 'lint.isort.known-first-party=["harness"]'], ["format", "--check"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "ruff", *command, "--config", str(settings), str(system)], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stdout
+    for model in models:
+        assert "EDIT:" in model.read_text()

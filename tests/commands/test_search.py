@@ -1,0 +1,156 @@
+"""``harness search``, and how what it finds reaches the report."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from harness.cli import main
+from harness.errors import InvalidRequest
+from harness.hard import search
+from harness.hard.search import DEFAULT_BUDGET, SearchSettings
+from harness.library import MODEL_SUFFIXES, Library
+from harness.results.hard_states import FoundState, keep, path_of
+from harness.results.history import History
+from harness.results.search import Case, SearchResult
+
+FOUND = FoundState(
+    state={"q": [1.0], "v": [0.0], "tau": [0.0]}, subject="mujoco/mjcf", backward_error=1e4, digits_lost=4.0, verdict="unstable",
+    term="mass matrix", statement="M is ill-conditioned", versions={}, date="2026-01-31",
+)  # fmt: skip
+
+
+@pytest.fixture
+def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(main, ["search", *arguments])
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSettings]:
+    """Replace the search by its outcome; the settings it was called with."""
+    asked: list[SearchSettings] = []
+
+    def run(settings: SearchSettings, workers: Any, progress: Callable[[str], None]) -> SearchResult:
+        asked.append(settings)
+        progress("equations")
+        return SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
+
+    monkeypatch.setattr(search, "run_search", run)
+    monkeypatch.setattr("harness.workers.Workers.__enter__", lambda self: self)
+    monkeypatch.setattr("harness.workers.Workers.__exit__", lambda self, *exception: None)
+    return asked
+
+
+def case(as_expected: bool) -> Case:
+    return Case(found=FOUND, expected="agrees", as_expected=as_expected, replay="harness check simple_pendulum", reproducer="import mujoco")
+
+
+def test_options_reach_the_search(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = stand_in(monkeypatch)
+    assert invoke("simple_pendulum").exit_code == 0
+    assert invoke("arm_2r", "--subject", "lagrange", "--budget", "50", "--seed", "3", "--no-keep").exit_code == 0
+    plain, chosen = asked
+    assert (plain.name, plain.subjects, plain.budget, plain.seed, plain.keep) == ("simple_pendulum", (), DEFAULT_BUDGET, 0, True)
+    assert (chosen.name, chosen.subjects, chosen.budget, chosen.seed, chosen.keep) == ("arm_2r", ("lagrange",), 50, 3, False)
+    assert f"default: ({DEFAULT_BUDGET})" in invoke("--help").output
+
+
+@pytest.mark.parametrize(
+    ("outcome", "status"),
+    [
+        ({}, 0),
+        ({"cases": [case(True)]}, 0),
+        ({"cases": [case(True), case(False)]}, 1),
+        ({"failures": {"lagrange": "ValueError: no"}}, 1),
+        ({"cases": [case(False)], "crashed": True}, 3),
+    ],
+)
+def test_exit_statuses(outcome: dict[str, Any], status: int, invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(monkeypatch, **outcome)
+    result = invoke("simple_pendulum", "--json", "found.json")
+    assert result.exit_code == status
+    document = json.loads(Path("found.json").read_text(), parse_constant=pytest.fail)
+    assert len(document["search"]["found"]) == len(outcome.get("cases", []))
+    assert "mujoco" in document["harness"] and document["run"]["command"].startswith("harness")
+    if "cases" in outcome:
+        assert "4.0 digits lost (mass matrix)" in result.output and "replay: harness check simple_pendulum" in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["simple_pendulm"], "did you mean 'simple_pendulum'?"),
+        (["simple_pendulum", "--subject", "mujoco/urdv"], "no subject is called 'mujoco/urdv'"),
+        (["simple_pendulum", "--budget", "0"], "--budget"),
+        ([], "Missing argument"),
+    ],
+)
+def test_bad_usage(arguments: list[str], words: str, invoke: Callable[..., Result]) -> None:
+    result = invoke(*arguments)
+    assert result.exit_code == 2 and words in result.output
+
+
+def test_what_cannot_be_searched_is_bad_usage(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(monkeypatch)
+
+    def refuse(*arguments: Any) -> SearchResult:
+        raise InvalidRequest("pinocchio/urdf cannot be searched")
+
+    monkeypatch.setattr(search, "run_search", refuse)
+    result = invoke("simple_pendulum")
+    assert result.exit_code == 2 and "harness: pinocchio/urdf cannot be searched" in result.output
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    """A library of one pendulum."""
+    built_in, root = Library.built_in(), tmp_path / "library"
+    (root / "systems").mkdir(parents=True)
+    shutil.copy(built_in.system_path("simple_pendulum"), root / "systems")
+    for form in MODEL_SUFFIXES:
+        (root / form).mkdir()
+        shutil.copy(built_in.model_path("simple_pendulum", form), root / form)
+    return root
+
+
+def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None:
+    result = invoke("simple_pendulum", "--subject", "lagrange", "--budget", "60", "--library", str(library), "--workers", "1")
+    assert result.exit_code == 0, result.output
+    assert re.search(r"lagrange: \d+ states tried", result.output)
+    # A pendulum has no state at which its own equations do badly, and what agrees is not kept.
+    assert "not stored: every state agrees" in result.output and not path_of(Library.at(library), "simple_pendulum").exists()
+
+
+def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Path, tmp_path: Path) -> None:
+    """A stored state of another version is compared anew, so its old error is not shown."""
+    stale = FoundState(**{**vars(FOUND), "backward_error": 1e9, "versions": {"mujoco": "0.0"}})
+    keep(Library.at(library), "simple_pendulum", [stale])
+    reports = tmp_path / "reports"
+    result = CliRunner().invoke(main, ["report", "--library", str(library), "--out", str(reports), "--workers", "1"])
+    assert result.exit_code == 0, result.output
+    with History(reports / "history.sqlite") as history:
+        [(number, _)] = history.runs()
+        cases = {case.subject: case for case in history.worst_cases(number)}
+        records = {record.subject: record for record in history.records(number)}
+    assert set(cases) == set(records)
+    for subject, found in cases.items():
+        assert found.backward_error == records[subject].backward_error
+        assert "data roundoffs" in found.statement and found.replay.startswith("harness check simple_pendulum")
+        assert str(library) in found.replay
+    assert cases["lagrange"].reproducer == ""
+    for subject in sorted(set(cases) - {"lagrange"}):
+        program = cases[subject].reproducer
+        answer, certified = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.splitlines()
+        assert json.loads(answer) == pytest.approx(json.loads(certified), rel=1e-9)
+    page = (reports / "index.html").read_text()
+    assert "Worst cases" in page and "Worst backward error of each engine" not in page
+    assert len(json.loads((reports / "report.json").read_text())["worst_cases"]) == 5

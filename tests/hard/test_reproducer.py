@@ -1,0 +1,107 @@
+"""Reproducers run with nothing but the engine, and print what the engine answers in the harness beside the certified value."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.certify.sampling import sample
+from harness.check import tasks
+from harness.engines import select_subjects
+from harness.equations.derivation import load_mechanism
+from harness.hard.reproducer import compact, reproduce
+from harness.library import Library
+from harness.models.model_file import parse_model, read_model
+
+# One of each kind of model: hinges, a written family, a ball joint, a free joint, springs between points, springs in joints.
+PAIRS = [
+    ("arm_2r", "mujoco/mjcf"),
+    ("chain_3", "mujoco/mjcf"),
+    ("heavy_top", "mujoco/mjcf"),
+    ("collar", "mujoco/mjcf"),
+    ("chain_3", "pinocchio/urdf"),
+    ("heavy_top", "pinocchio/urdf"),
+    ("free_body", "pinocchio/urdf"),
+    ("collar", "pinocchio/urdf"),
+    ("heavy_top", "mujoco/urdf"),
+    ("collar", "mujoco/urdf"),
+    ("tora", "mujoco/urdf"),
+    ("stanford_arm", "pinocchio/mjcf"),
+    ("spring_pendulum", "pinocchio/mjcf"),
+    ("free_body", "pinocchio/mjcf"),
+]
+
+
+def assignment_of(name: str, subject: str) -> tasks.Assignment:
+    library = Library.built_in()
+    (chosen,) = select_subjects(library, [subject])
+    model = None if chosen.format == "equations" else read_model(library.model_path(name, chosen.format), chosen.format)
+    return tasks.Assignment(library, chosen, load_mechanism(library, name), model)
+
+
+def run(program: str, folder: Path) -> tuple[list[float], list[float], list[str]]:
+    """The two lists a program prints, and the modules it has loaded."""
+    text = program + "import sys; print(sorted(name for name in sys.modules if '.' not in name))\n"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True, cwd=folder)
+    engine, certified, modules = map(ast.literal_eval, done.stdout.splitlines())
+    return engine, certified, modules
+
+
+def in_engines_order(assignment: tasks.Assignment, values: Any) -> list[float]:
+    model: Any = tasks.load_audited(assignment)
+    ordered = np.zeros(len(values))
+    ordered[model.addresses[1]] = values
+    return [float(value) for value in ordered]
+
+
+@pytest.mark.parametrize(("name", "subject"), PAIRS)
+def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subject: str, tmp_path: Path) -> None:
+    assignment = assignment_of(name, subject)
+    state = sample(assignment.mechanism, 3, 5)[2:]
+    program = reproduce(assignment, state)
+    assert len(program.splitlines()) == 3
+    engine, certified, modules = run(program, tmp_path)
+    answer = tasks.load_audited(assignment).forward_dynamics(state.q, state.v, state.tau)[0]
+    assert engine == in_engines_order(assignment, answer)
+    assert certified == in_engines_order(assignment, tasks.reference_kernel_of(assignment).evaluate(state).high[0])
+    others = {"harness", "sympy", "heyoka", "flint", *({"mujoco", "pinocchio"} - {assignment.subject.engine})}
+    assert not others & set(modules)
+
+
+def test_a_model_may_be_named_instead(tmp_path: Path) -> None:
+    for subject in ("mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"):
+        assignment = assignment_of("arm_2r", subject)
+        assert assignment.model is not None
+        (tmp_path / "model.xml").write_text(assignment.model.text)
+        state = sample(assignment.mechanism, 1, 6)
+        program = reproduce(assignment, state, file="model.xml")
+        assert len(program) < 800
+        assert run(program, tmp_path)[:2] == run(reproduce(assignment, state), tmp_path)[:2]
+
+
+def test_a_wrong_model_is_reproduced_as_wrong(tmp_path: Path) -> None:
+    """The program holds the model that was compared, not the library's."""
+    right = assignment_of("arm_2r", "mujoco/mjcf")
+    assert right.model is not None
+    text = right.model.text.replace('"0.22 0 0"', '"0.221 0 0"')
+    assert text != right.model.text
+    wrong = replace(right, model=parse_model(right.model.path, text, "mjcf"))
+    engine, certified, _ = run(reproduce(wrong, sample(right.mechanism, 1, 6)), tmp_path)
+    assert np.abs(np.array(engine) / certified - 1).max() > 1e-5
+
+
+def test_equations_have_no_reproducer() -> None:
+    assignment = assignment_of("arm_2r", "lagrange")
+    assert reproduce(assignment, sample(assignment.mechanism, 1, 0)) == ""
+
+
+def test_a_compact_model_keeps_every_number() -> None:
+    text = '<!-- a\n > b -->\n<mujoco>\n  <body pos="0 0\n  0.1"/> <!-- c --> <x/>\n</mujoco>\n'
+    assert compact(text) == '<mujoco><body pos="0 0 0.1"/><x/></mujoco>'

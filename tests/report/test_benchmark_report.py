@@ -1,0 +1,290 @@
+"""Benchmarks in reports: complete, offline, escaped, never failing; the Pareto front and the cheapest ways in it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import fields, replace
+from typing import Any, get_args, get_type_hints
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support import Page
+
+from harness.report import build, build_measured
+from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
+from harness.report.markdown import VOLATILE
+from harness.results.benchmark import AccelerationCost, Benchmark, Drift, Figure, Growth, MotionCost, Order, Stationarity, Truth
+from harness.results.pareto import cheapest, front
+from harness.results.records import Record, Run
+
+RUN = Run(
+    started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0", "mujoco": "4.0"}, machine={"cpus": "4"}, seed=7,
+    profile="quick", states=1000, library="built-in", command="harness bench --motion",
+)  # fmt: skip
+SYSTEMS = ("arm_2r", "collar")
+# Method: threads, seconds per state, worst backward error, worst relative error.
+METHODS = {
+    "heyoka float32": (1, 2e-9, 3e8, 4e-5),
+    "heyoka float64": (1, 4e-9, 0.9, 2e-14),
+    "pinocchio aba": (1, 9e-7, 1.4, 3e-14),
+    "pinocchio abaInParallel": (2, 2e-7, 1.4, 3e-14),
+    "mujoco batch": (1, 4e-7, 5.0, 8e-14),
+    "certified balls": (1, 4e-5, 0.0, 1e-38),
+}
+ORDERS = {"euler-cromer": 1.0, "pinocchio RK4": 4.0, "mujoco Euler": 1.0}
+STEPS = (1e-1, 1e-2, 1e-3)
+DURATION = 2.0
+
+
+def acceleration(system: str, method: str) -> AccelerationCost:
+    threads, seconds, backward, relative = METHODS[method]
+    return AccelerationCost(
+        system=system, method=method, threads=threads, states=1000, seconds_per_state=seconds, fastest=0.9 * seconds, slowest=1.3 * seconds,
+        repetitions=12, backward_error=backward, median_backward_error=backward / 5, relative_error=relative,
+    )  # fmt: skip
+
+
+def motion(system: str, integrator: str, step: float) -> MotionCost:
+    order, steps = ORDERS[integrator], round(DURATION / step)
+    error = step**order
+    return MotionCost(
+        system=system, integrator=integrator, step=step, tolerance=None, steps=steps, evaluations=round(order) * steps,
+        seconds=steps * order * 1e-6, state_error=error, energy_error=error / 2, duration=DURATION,
+    )  # fmt: skip
+
+
+def sample() -> Benchmark:
+    """Two systems with everything; some of it is not as expected, some could not be measured."""
+    explained = "MuJoCo treats joint damping implicitly; without that its error is that of euler-cromer."
+    return Benchmark(
+        accelerations=[
+            *(acceleration(system, method) for system in SYSTEMS for method in METHODS),
+            AccelerationCost(system="collar", method="lambdify", threads=1, states=0, seconds_per_state=None, note="no time was left"),
+        ],
+        growth=[
+            Growth(
+                family="chain", method="pinocchio aba", sizes=[1, 2, 4], seconds_per_state=[1e-6, 1.5e-6, 2.6e-6],
+                backward_errors=[0.5, 1.0, None], exponent=0.8, expected="1",
+            )
+        ],
+        truths=[
+            Truth(
+                system="collar", start={"q": [0.1], "v": [0.0]}, horizon=20.0, trusted=20.0, error=3e-15, precision="float64, long double",
+                seconds=0.02,
+            )
+        ],
+        motion=[
+            *(motion(system, integrator, step) for system in SYSTEMS for integrator in ORDERS for step in STEPS),
+            MotionCost(
+                system="collar", integrator="heyoka Taylor", step=None, tolerance=1e-15, steps=20, evaluations=400, seconds=1e-4,
+                state_error=0.0, energy_error=1e-16, duration=DURATION,
+            ),
+            MotionCost(
+                system="arm_2r", integrator="mujoco Euler", step=1.0, tolerance=None, steps=2, evaluations=2, seconds=1e-5,
+                state_error=math.inf, energy_error=math.nan, duration=DURATION, note="broke down",
+            ),
+        ],
+        orders=[
+            *(Order(system=system, integrator=name, measured=order + 0.01, expected=order, verdict="as expected")
+              for system in SYSTEMS for name, order in ORDERS.items() if name != "mujoco Euler"),
+            Order(system="arm_2r", integrator="mujoco Euler", measured=1.4, expected=1.0, verdict="differs", explanation=explained),
+            Order(system="collar", integrator="mujoco Euler", measured=0.3, expected=1.0, verdict="differs"),
+        ],
+        drifts=[
+            Drift(system="collar", integrator="euler-cromer", step=1e-3, steps=10**6, seconds=0.5, largest=1e-3, growth=0.02,
+                  verdict="bounded", expected="bounded"),
+            Drift(system="collar", integrator="pinocchio RK4", step=1e-3, steps=10**6, seconds=1.5, largest=1e-9, growth=None,
+                  verdict="bounded", expected="secular"),
+            Drift(system="arm_2r", integrator="euler-cromer", step=1e-3, steps=10**6, seconds=0.5, largest=0.1, growth=1.01,
+                  verdict="secular", expected="bounded"),
+        ],
+        stationarity=[Stationarity(system="collar", path="mujoco RK4", step=1e-3, residual=1e-9, slope=2.0, first_variation=1e-10)],
+        figures=[
+            Figure(system="cart_pendulum", what="largest |x| after 18 s, c = 0.2", unit="cm", printed=0.01, computed=0.0048, truth=0.0048,
+                   reproduced=False, remark="The program of the text gives 0.0048 cm as well."),
+            Figure(system="cart_pendulum", what="largest |x| after 18 s, c = 0", unit="cm", printed=2.98, computed=2.979, truth=2.979,
+                   reproduced=True),
+        ],
+        problems=["bar_pendulum, motion: exceeded its time limit of 600 s"],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, str]:
+    return build_measured((RUN, sample()))
+
+
+@pytest.fixture(scope="module")
+def page(files: dict[str, str]) -> Page:
+    return Page(files["index.html"])
+
+
+def test_every_measurement_has_its_place(page: Page, files: dict[str, str]) -> None:
+    for method in METHODS:
+        assert method in page.words
+    for words in (
+        "The program of the text gives 0.0048 cm as well.",
+        "no time was left", "broke down", "exceeded its time limit of 600 s", "MuJoCo treats joint damping implicitly",
+        "tolerance 1e-15", "float64, long double", "mujoco Euler on collar: order of convergence 0.30, expected 1.00",
+        "euler-cromer on arm_2r: energy over a long run is secular, expected bounded",
+    ):  # fmt: skip
+        assert words in page.words, words
+    document = json.loads(files["report.json"], parse_constant=pytest.fail)["benchmark"]
+    assert document["run"]["command"] == RUN.command
+    for part, expected in vars(sample()).items():
+        assert len(document[part]) == len(expected) or part == "cheapest", part
+    assert len(document["cheapest"]) == 2 * 2 * 3
+
+
+def test_the_page_fetches_nothing_and_leads_where_its_links_say(page: Page, files: dict[str, str]) -> None:
+    assert not page.fetched
+    assert "default-src 'none'" in files["index.html"] and "link" not in page.tags
+    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
+    assert len(set(page.identifiers)) == len(page.identifiers)
+
+
+def test_two_charts_per_system_and_their_fronts_are_named(files: dict[str, str]) -> None:
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", files["index.html"], re.DOTALL)
+    assert len([caption for caption in captions if caption.startswith("Accelerations:")]) == len(SYSTEMS)
+    assert len([caption for caption in captions if caption.startswith("Motion:")]) == 2 * len(SYSTEMS)
+    named = [re.findall(r"<strong>(.*?)</strong>", caption) for caption in captions if caption.startswith("Accelerations:")]
+    assert named == [["heyoka float32", "heyoka float64", "certified balls"]] * 2
+    by_time = next(caption for caption in captions if caption.startswith("Motion: wall time"))
+    assert "pinocchio RK4, step 0.001 s" in by_time and "mujoco Euler, step" not in by_time
+    for told in ("@method", "@seconds", "@worst", "@way", "@state", "@energy"):
+        assert told in files["index.html"]
+
+
+def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
+    record = Record(
+        system="collar", subject="lagrange", states=1, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=0.0,
+        worst_state=None, seconds_per_state=1e-6, message="",
+    )  # fmt: skip
+    built = build(RUN, [], [record], benchmark=(RUN, sample()))
+    page = Page(built["index.html"])
+    assert "The pair of system" not in page.words and "1 pair of system and subject" in page.words
+    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
+    assert "#cost-collar" in page.links and "The cheapest way to an error" in page.words
+    assert "benchmark" in json.loads(built["report.json"])
+    without = build(RUN, [], [record])
+    assert "Speed against error" not in Page(without["index.html"]).words and "benchmark" not in json.loads(without["report.json"])
+
+
+def test_markdown_stays_the_same_while_verdicts_do() -> None:
+    slower = sample()
+    slower.accelerations = [replace(cost, seconds_per_state=(cost.seconds_per_state or 0) * 3 or None) for cost in slower.accelerations]
+    slower.motion = [replace(cost, seconds=5 * cost.seconds) for cost in slower.motion]
+    slower.orders = [replace(order, measured=(order.measured or 0) + 0.001) for order in slower.orders]
+    first = build_measured((RUN, sample()))["report.md"]
+    second = build_measured((replace(RUN, started="2026-02-01T02:00:00+00:00"), slower))["report.md"]
+    assert first != second
+    assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
+    assert "| arm_2r | as expected | differs | as expected |" in first
+    assert "heyoka float32: 2.00 ns per state" in first
+
+
+def test_text_is_escaped() -> None:
+    evil = "</script><script>alert(1)</script>"
+    plain = Page(build_measured((RUN, sample()))["index.html"])
+    spoilt = sample()
+    spoilt.accelerations[0] = replace(spoilt.accelerations[0], system=evil, method=evil, note=evil)
+    spoilt.motion[0] = replace(spoilt.motion[0], system=evil, integrator=evil, note=evil)
+    spoilt.orders[0] = replace(spoilt.orders[0], system=evil, explanation=evil)
+    spoilt.figures[0] = replace(spoilt.figures[0], what=evil, remark=evil)
+    spoilt.problems = [evil]
+    assert Page(build_measured((RUN, spoilt))["index.html"]).tags.count("script") == plain.tags.count("script")
+
+
+def test_front_keeps_what_nothing_beats() -> None:
+    points = [(1.0, 5.0), (2.0, 5.0), (2.0, 1.0), (0.5, 9.0), (3.0, 0.0), (4.0, 0.0), (math.nan, 0.0), (0.1, math.inf)]
+    assert front(points) == [3, 0, 2, 4]
+    assert front([(1.0, 1.0), (1.0, 0.5)]) == [1]
+    assert front([]) == []
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 10)), max_size=12))
+def test_front_is_the_set_of_undominated_points(points: list[tuple[float, float]]) -> None:
+    chosen = {points[index] for index in front(points)}
+    undominated = {
+        (cost, error) for cost, error in points if not any(c <= cost and e <= error and (c, e) != (cost, error) for c, e in points)
+    }
+    assert chosen == undominated
+
+
+def test_cheapest_is_the_fastest_that_is_exact_enough() -> None:
+    ways = {(entry.system, entry.kind, entry.error): (entry.way, entry.cost) for entry in cheapest(sample())}
+    assert ways["collar", "accelerations", 1e-3] == ("heyoka float32", 2e-9)
+    assert ways["collar", "accelerations", 1e-6] == ("heyoka float64", 4e-9)
+    # RK4 at 0.1 s has an error of 1e-4 for 4 evaluations, Euler needs 1000 for 1e-3; both times per second of motion.
+    assert ways["arm_2r", "motion", 1e-3] == ("pinocchio RK4, step 0.1 s", pytest.approx(20 * 4e-6 / 2))
+    assert ways["arm_2r", "motion", 1e-9] == ("pinocchio RK4, step 0.001 s", pytest.approx(2000 * 4e-6 / 2))
+    assert ways["collar", "motion", 1e-9] == ("heyoka Taylor, tolerance 1e-15", 5e-5)
+    coarse = Benchmark(motion=[motion("arm_2r", "mujoco Euler", 0.1)])
+    assert [(entry.way, entry.cost) for entry in cheapest(coarse)] == [(None, None)] * 3
+
+
+def test_fronts_of_a_system() -> None:
+    summary = BenchmarkSummary(RUN, sample())
+    assert [cost.method for cost in acceleration_front(summary.accelerations("collar"))] == [
+        "heyoka float32", "heyoka float64", "certified balls"
+    ]  # fmt: skip
+    assert [(cost.integrator, cost.step) for cost in motion_front(summary.motion("arm_2r"), "evaluations")] == [
+        ("euler-cromer", 0.1), ("pinocchio RK4", 0.1), ("pinocchio RK4", 0.01), ("pinocchio RK4", 0.001)
+    ]  # fmt: skip
+
+
+def test_what_misses_by_the_whole_motion_is_on_no_front() -> None:
+    lost = [replace(motion("arm_2r", "mujoco Euler", step), state_error=1.5) for step in STEPS]
+    assert motion_front(lost, "seconds") == []
+    words = Page(build_measured((RUN, Benchmark(motion=lost)))["index.html"]).words
+    assert "the Pareto front: empty." in words and "none reaches it" in words
+
+
+def test_only_what_is_unexplained_is_unexpected() -> None:
+    summary = BenchmarkSummary(RUN, sample())
+    assert len(summary.unexpected) == 2
+    spoilt = sample()
+    spoilt.figures[0] = replace(spoilt.figures[0], remark="")
+    assert len(BenchmarkSummary(RUN, spoilt).unexpected) == 3
+
+
+numbers = st.floats() | st.sampled_from([0.0, 1e-3, -1.0])
+names = st.sampled_from(["collar", "arm_2r", "mujoco RK4"]) | st.text(max_size=8)
+
+
+def anything(hint: Any) -> st.SearchStrategy[Any]:
+    """Values of a field of a measurement, sensible or not."""
+    if get_args(hint) and hint.__class__.__name__ == "UnionType":
+        return st.none() | anything(get_args(hint)[0])
+    if hint == dict[str, list[float]]:
+        return st.dictionaries(names, st.lists(numbers, max_size=2), max_size=2)
+    if get_args(hint):
+        return st.lists(anything(get_args(hint)[0]), max_size=3)
+    return {str: names, float: numbers, int: st.integers(0, 10**9), bool: st.booleans()}[hint]
+
+
+def any_benchmark() -> st.SearchStrategy[Benchmark]:
+    parts = {}
+    for name, hint in get_type_hints(Benchmark).items():
+        [kind] = get_args(hint)
+        if kind is str:
+            parts[name] = st.lists(names, max_size=2)
+        elif name != "cheapest":
+            hints = get_type_hints(kind)
+            entries = st.builds(kind, **{field.name: anything(hints[field.name]) for field in fields(kind)})
+            parts[name] = st.lists(entries, max_size=3)
+    return st.builds(Benchmark, **parts)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@given(benchmark=any_benchmark())
+def test_a_report_of_any_benchmark_can_be_built(benchmark: Benchmark) -> None:
+    built = build_measured((RUN, benchmark))
+    json.loads(built["report.json"], parse_constant=pytest.fail)
+    page = Page(built["index.html"])
+    assert not page.fetched
+    assert len(set(page.identifiers)) == len(page.identifiers)

@@ -1,0 +1,277 @@
+"""Reports: complete, offline, escaped, comparable, and never failing."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support import Page
+
+from harness.certify.sampling import sample
+from harness.check import tasks
+from harness.equations.derivation import load_mechanism
+from harness.errors import InvalidInput
+from harness.library import Library
+from harness.report import build, write
+from harness.report.charts import half_decades
+from harness.report.html import equations, left_out
+from harness.report.markdown import VOLATILE
+from harness.results.causes import Cause
+from harness.results.records import Record, Run, SystemCard
+from harness.results.superfluous import SuperfluousPart
+from harness.verdict import Verdict
+
+VERDICTS = [verdict.value for verdict in Verdict]
+SUBJECTS = ("lagrange", "mujoco/mjcf", "pinocchio/urdf")
+LONG_MESSAGE = "FatalError: constraint matrix is not positive definite. " * 30 + "<script>alert('x')</script> end of message"
+
+
+def run_on(day: int, mujoco: str = "4.0.0") -> Run:
+    started = (datetime(2026, 1, 1, 2, tzinfo=UTC) + timedelta(days=day)).isoformat()
+    return Run(
+        started=started, versions={"harness": "0.1.0", "mujoco": mujoco}, machine={"processor": f"{day} cores"}, seed=1000 + day,
+        profile="nightly", states=500, library="built-in", command=f"harness report --seed {1000 + day}",
+    )  # fmt: skip
+
+
+def record(system: str, subject: str, night: int = 0, **changes: object) -> Record:
+    plain = Record(
+        system=system, subject=subject, states=500, verdict="agrees", expected="agrees", backward_error=1.3,
+        relative_error=1e-15 * (1 + night), worst_state={"q": [0.1 + night], "v": [-2.0], "tau": [1e-300]},
+        seconds_per_state=1e-6 * (1 + night), message="",
+        median_backward_error=0.2, distribution={"exact": 3, "-2": 400, "0": 97}, verdict_counts={"agrees": 500},
+        replay=f"harness check {system} --subject {subject} --seed {night}",
+    )  # fmt: skip
+    return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+def card(name: str) -> SystemCard:
+    return SystemCard(
+        name=name, description=f"Mechanism {name}", source="A book, p. 3 & 4", coordinates=[{"name": "x", "joint": "slide"}],
+        parameters=[{"name": "m", "value": 1.5, "unit": "kg"}],
+        equations_mathml='<math display="block"><mi>m</mi><mo>&InvisibleTimes;</mo><mi>a</mi></math>', equations_text="m*a",
+        operations=2, derivation_seconds=0.1, reference_seconds_per_state=4e-5, compilation_seconds=0.25,
+    )  # fmt: skip
+
+
+SYSTEMS = ("arm_2r", "bar_pendulum", "collar")
+CARDS = [card(name) for name in SYSTEMS]
+
+
+def night(number: int) -> list[Record]:
+    special: dict[tuple[str, str], dict[str, object]] = {
+        ("collar", "mujoco/mjcf"): {
+            "verdict": "error", "backward_error": None, "relative_error": None, "median_backward_error": None, "distribution": {},
+            "verdict_counts": {"error": 500}, "seconds_per_state": None, "message": LONG_MESSAGE,
+        },
+        ("arm_2r", "mujoco/mjcf"): {
+            "verdict": "unstable", "expected": "unstable", "backward_error": 654.0, "expected_reason": "Known loss of digits.",
+            "expected_link": "https://example.org/issues/1",
+        },
+        ("bar_pendulum", "pinocchio/urdf"): {"verdict": "disagrees", "backward_error": math.inf},
+    }  # fmt: skip
+    return [record(system, subject, number, **special.get((system, subject), {})) for system in SYSTEMS for subject in SUBJECTS]
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, str]:
+    history = [(run_on(day), night(day)[day:]) for day in range(3)]
+    return build(run_on(3, "4.1.0"), CARDS, night(3), history)
+
+
+@pytest.fixture(scope="module")
+def page(files: dict[str, str]) -> Page:
+    return Page(files["index.html"])
+
+
+def test_the_page_fetches_nothing(files: dict[str, str], page: Page) -> None:
+    assert not page.fetched
+    assert not re.search(r"@import|url\(", page.styles)
+    assert "default-src 'none'" in files["index.html"]
+    assert "link" not in page.tags and "iframe" not in page.tags
+
+
+def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
+    table = re.search(r'<table class="matrix">(.*?)</table>', files["index.html"], re.DOTALL)
+    assert table and table[1].count("<td") == len(SYSTEMS) * len(SUBJECTS)
+    for system in SYSTEMS:
+        assert f"system-{system}" in page.identifiers
+        assert table[1].count(f'href="#system-{system}"') == len(SUBJECTS)
+    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
+    for entry in night(3):
+        assert entry.replay in page.text
+        assert f"| {entry.subject} | {entry.verdict} |" in files["report.md"]
+    assert "7 of 9 pairs of system and subject are as expected; 2 are not." in page.text
+
+
+def test_numbers_and_messages_are_complete(page: Page, files: dict[str, str]) -> None:
+    assert "q = [3.1]\nv = [-2.0]\ntau = [1e-300]" in page.text
+    assert LONG_MESSAGE in page.text and LONG_MESSAGE in files["report.md"]
+    assert "Known loss of digits." in page.text and "https://example.org/issues/1" in page.links
+    assert "3 states with no error at all" in page.text
+
+
+def test_errors_far_below_a_rounding_are_counted_and_not_drawn() -> None:
+    entry = record("collar", "lagrange", distribution={"-300": 2, "-17": 1, "-16": 4, "1": 493})
+    assert half_decades(entry) == {-16: 4, 1: 493}
+    assert left_out(entry) == "3 states below 1e-08"
+
+
+def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
+    finding = SuperfluousPart(
+        "collar", "mujoco/mjcf", str(Path("somebody", "mjcf", "collar.xml")), 7, "joint", "armature", "0", "is not felt"
+    )
+    entries = [record("collar", subject) for subject in SUBJECTS]
+    built = build(run_on(0), CARDS, entries, superfluous=[finding])
+    page = Page(built["index.html"])
+    for text in (page.words, built["report.md"]):
+        assert "All 3 pairs of system and subject are as expected; 1 part of the models is superfluous." in text
+        assert "mjcf/collar.xml:7: " in text and "somebody" not in text
+    assert 'class="result bad"' in built["index.html"]
+    [told] = json.loads(built["report.json"])["superfluous"]
+    assert told["path"] == "mjcf/collar.xml" and told["line"] == 7
+    clean = build(run_on(0), CARDS, entries)
+    assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
+
+
+def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page) -> None:
+    assert page.words.count("derived in 100 ms, compiled in 250 ms") == len(SYSTEMS)
+    assert "| collar | 100 ms | 250 ms |" in files["report.md"].partition(VOLATILE)[2]
+    assert json.loads(files["report.json"])["systems"][0]["compilation_seconds"] == 0.25
+
+
+def test_compilation_is_timed_once_per_process() -> None:
+    mechanism = load_mechanism(Library.built_in(), "collar")
+    tasks._KERNELS.clear()
+    (_, _, first), (_, _, second) = (tasks.certify(mechanism, False, sample(mechanism, 3, 0), lambda text: None) for _ in range(2))
+    assert first > 0 == second
+
+
+def test_text_is_escaped() -> None:
+    evil = "</script><script>alert(1)</script>"
+    entry = record(evil, evil, message=evil, expected="error", expected_reason=evil, expected_link="javascript:alert(1)", replay=evil)
+    plain = Page(build(run_on(0), [], [record("a", "b")])["index.html"])
+    found = Page(build(run_on(0), [replace(card(evil), equations_mathml=evil, description=evil)], [entry])["index.html"])
+    assert found.tags.count("script") == plain.tags.count("script")
+    assert evil in found.words
+    assert not any(link.startswith("javascript") for link in found.links)
+
+
+def test_changes_and_trend_need_history(page: Page) -> None:
+    assert "Changed since the last run" in page.text
+    changed = page.text.partition("Changed since the last run")[2].partition("Systems")[0]
+    assert "4.0.0" in changed and "4.1.0" in changed
+    alone = Page(build(run_on(0), CARDS, night(0))["index.html"])
+    assert "Changed since the last run" not in alone.words
+
+
+def test_a_changed_verdict_is_named() -> None:
+    before = [record("collar", "lagrange"), record("collar", "mujoco/mjcf")]
+    after = [record("collar", "lagrange", verdict="disagrees", backward_error=1e5)]
+    text = build(run_on(1), [], after, [(run_on(0), before)])["report.md"]
+    assert "| collar, lagrange | agrees | disagrees |" in text
+    assert "| collar, mujoco/mjcf | agrees | not run |" in text
+
+
+def test_markdown_stays_the_same_while_results_do() -> None:
+    first = build(run_on(1), CARDS, night(1), [(run_on(0), night(0))])["report.md"]
+    second = build(run_on(2), CARDS[::-1], night(2)[::-1])["report.md"]
+    assert first != second
+    assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
+    assert first.count(VOLATILE) == 1
+
+
+def test_json_holds_everything(files: dict[str, str]) -> None:
+    document = json.loads(files["report.json"], parse_constant=pytest.fail)
+    assert len(document["records"]) == 9 and [system["name"] for system in document["systems"]] == sorted(SYSTEMS)
+
+
+def test_an_empty_run_is_no_success() -> None:
+    page = Page(build(run_on(0), [], [])["index.html"])
+    assert "Nothing was compared" in page.text
+    assert 'class="result good"' not in build(run_on(0), CARDS, [])["index.html"]
+
+
+def test_only_mathml_passes_as_mathml() -> None:
+    shown = equations('<math xmlns="http://www.w3.org/1998/Math/MathML" onclick="x()"><mi>a</mi><mo>&InvisibleTimes;</mo><mi>b</mi></math>')
+    assert shown == "<div><math><mi>a</mi><mo>\u2062</mo><mi>b</mi></math></div>"
+    for rest in ("", "a + b", "<math><mi>a</math>", "<math><script>x</script></math>", '<img src="x">'):
+        assert equations(rest) is None
+
+
+def test_writing(tmp_path: Path, files: dict[str, str]) -> None:
+    folder = tmp_path / "new" / "reports"
+    paths = write(folder, files)
+    assert sorted(path.name for path in paths) == ["index.html", "report.json", "report.md"]
+    assert sorted(folder.iterdir()) == sorted(paths)
+    with pytest.raises(InvalidInput):
+        write(paths[0], files)
+
+
+numbers = st.none() | st.floats()
+counts = st.integers(0, 10**9)
+names = st.sampled_from(["arm_2r", "collar"]) | st.text(max_size=12)
+keys = st.sampled_from(["exact", "inf", "-3", "0", "7", "-647"]) | st.integers().map(str) | st.text(max_size=3)
+states = st.none() | st.dictionaries(st.sampled_from(["q", "v", "tau"]), st.lists(st.floats(), max_size=3))
+any_records = st.lists(
+    st.builds(
+        Record, system=names, subject=st.sampled_from(SUBJECTS) | st.text(max_size=12), states=counts, verdict=st.sampled_from(VERDICTS),
+        expected=st.sampled_from(VERDICTS), backward_error=numbers, relative_error=numbers, worst_state=states, seconds_per_state=numbers,
+        message=st.text(max_size=40), median_backward_error=numbers, distribution=st.dictionaries(keys, counts, max_size=4),
+        verdict_counts=st.dictionaries(st.sampled_from(VERDICTS), counts, max_size=3), expected_reason=st.text(max_size=10),
+        expected_link=st.text(max_size=10), replay=st.text(max_size=10),
+    ),
+    max_size=4,
+)  # fmt: skip
+any_cards = st.lists(
+    st.builds(
+        SystemCard, name=names, description=st.text(max_size=10), source=st.text(max_size=10),
+        coordinates=st.just([{"name": "x", "joint": "slide"}]), parameters=st.just([]), equations_mathml=st.text(max_size=20),
+        equations_text=st.text(max_size=20), operations=counts, derivation_seconds=numbers, reference_seconds_per_state=numbers,
+        compilation_seconds=numbers,
+    ),
+    max_size=2,
+)  # fmt: skip
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(records=any_records, cards=any_cards, earlier=any_records)
+def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Sequence[SystemCard], earlier: Sequence[Record]) -> None:
+    built = build(run_on(1), cards, records, [(run_on(0), earlier)])
+    assert len(json.loads(built["report.json"], parse_constant=pytest.fail)["records"]) == len(records)
+    page = Page(built["index.html"])
+    assert not page.fetched
+    assert len(set(page.identifiers)) == len(page.identifiers)
+
+
+FOLDER = "/somewhere/library/"
+SIDE = {"file": f"{FOLDER}mjcf/collar.xml", "text": [f'{FOLDER}mjcf/collar.xml:9: <inertial mass="2"> explains it with 1.5']}
+CAUSE = Cause(
+    system="collar", subject="mujoco/mjcf", inference="the mjcf model is at fault", first_line=SIDE["text"][0], diagnosed="mujoco/mjcf",
+    found={"terms": {"sentences": ["gravity: force on <b>x</b> is wrong"]}, "model": SIDE, "textbook": {"file": "a.py", "text": ["m = 2"]}},
+)  # fmt: skip
+
+
+def test_a_wrong_record_carries_its_diagnosis_without_the_folders_of_this_machine() -> None:
+    causes = [CAUSE, replace(CAUSE, subject="pinocchio/mjcf")]
+    wrong = [record("collar", cause.subject, verdict="disagrees", backward_error=1e9) for cause in causes]
+    files = build(run_on(0), [card("collar")], wrong, causes=causes)
+    page = Page(files["index.html"])
+    for text in (page.words, files["report.md"]):
+        assert "the mjcf model is at fault" in text
+        assert "reads the same file" in text
+        assert "m = 2" in text
+    assert 'mjcf/collar.xml:9: <inertial mass="2"> explains it with 1.5' in page.words
+    assert "force on <b>x</b> is wrong" in page.words
+    told = json.loads(files["report.json"])["causes"]
+    assert [cause["diagnosed"] for cause in told] == ["mujoco/mjcf", "mujoco/mjcf"]
+    assert told[0]["found"]["model"]["file"] == "mjcf/collar.xml"
+    assert not any(FOLDER in text for text in files.values())

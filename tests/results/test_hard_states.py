@@ -1,0 +1,202 @@
+"""Stored hard states: what is kept, what is refused, that every later run compares them, and the ranking of the worst."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support import make_library
+
+from harness.check.run import CrossCheck
+from harness.check.settings import Settings
+from harness.check.stored_states import stored_states
+from harness.equations.derivation import load_mechanism
+from harness.errors import InvalidInput
+from harness.library import Library
+from harness.results.hard_states import FoundState, as_text, keep, load_found, merged, path_of, worst_cases
+from harness.results.records import Record
+from harness.workers import Workers
+
+FOUND = FoundState(
+    state={"q": [0.123], "v": [0.0], "tau": [0.0]},
+    subject="planted/mjcf",
+    backward_error=1e5,
+    digits_lost=5.0,
+    verdict="disagrees",
+    term="none",
+    statement="planted",
+    versions={"harness": "0"},
+    date="2026-01-31",
+)
+
+# Right everywhere but at one state, which no sample meets.
+ENGINE = """
+import numpy as np
+from harness.engines.mujoco import MujocoEngine, MujocoModel
+
+class Model(MujocoModel):
+    def forward_dynamics(self, q, v, tau):
+        answer = super().forward_dynamics(q, v, tau)
+        return np.where(q == 0.123, answer * (1 + 1e-9), answer)
+
+class Engine(MujocoEngine):
+    def load(self, source, joints, gravity):
+        return Model(super().load(source, joints, gravity).model, joints)
+
+ENGINE = Engine()
+"""
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Library:
+    root = make_library(tmp_path / "mine", ["bar_pendulum"], {"planted": ENGINE})
+    return Library.at(root)
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(1) as pool:
+        yield pool
+
+
+def compared(library: Library, workers: Workers, **settings: Any) -> tuple[Record, CrossCheck]:
+    check = CrossCheck(Settings(library=library, subjects=["planted/mjcf"], states=40, examples=None, **settings), workers)
+    (record,) = check.records()
+    return record, check
+
+
+def test_what_is_kept_reads_back(library: Library) -> None:
+    infinite = replace(FOUND, verdict="unstable", backward_error=float("inf"), state={"q": [5e-324], "v": [1 / 3], "tau": [-0.0]})
+    crash = replace(FOUND, verdict="error", backward_error=None)
+    assert keep(library, "bar_pendulum", [FOUND, infinite, crash]) == path_of(library, "bar_pendulum")
+    again = load_found(library, "bar_pendulum")
+    assert sorted(again, key=lambda one: one.verdict) == [FOUND, crash, infinite]
+    before = path_of(library, "bar_pendulum").read_bytes()
+    assert keep(library, "bar_pendulum", [FOUND]) is None
+    assert path_of(library, "bar_pendulum").read_bytes() == before
+
+
+def test_of_a_subject_verdict_and_term_the_worst_stays() -> None:
+    worse, milder = replace(FOUND, backward_error=2e5), replace(FOUND, backward_error=9e4)
+    other_term, other_subject = replace(FOUND, term="velocity"), replace(FOUND, subject="mujoco/mjcf")
+    agreeing = replace(FOUND, verdict="agrees", backward_error=3.0)
+    assert merged([FOUND], [milder]) == [FOUND]
+    assert merged([FOUND], [worse]) == [worse]
+    assert merged([FOUND], [agreeing]) == [FOUND]
+    assert merged([], [agreeing]) == []
+    assert set(map(str, merged([FOUND], [other_term, other_subject]))) == set(map(str, [FOUND, other_term, other_subject]))
+    assert merged([FOUND, other_term], [other_subject]) == merged([other_subject], [other_term, FOUND])
+
+
+GOOD = json.loads(as_text([FOUND]))[0]
+BROKEN = {
+    "no JSON": ("[\n{,", 2, "is not JSON"),
+    "no list": ("{}", None, "holds no list"),
+    "no object": ("[3]", None, "entry 1"),
+    "a field missing": (json.dumps([GOOD, {key: value for key, value in GOOD.items() if key != "term"}]), None, "entry 2"),
+    "a field too many": (json.dumps([GOOD | {"extra": 1}]), None, "extra"),
+    "no verdict": (json.dumps([GOOD | {"verdict": "bad"}]), None, "expected one of agrees"),
+    "a text for a number": (json.dumps([GOOD | {"digits_lost": "many"}]), None, "no number"),
+    "NaN in the state": (json.dumps([GOOD | {"state": {"q": [float("nan")], "v": [0.0], "tau": [0.0]}}]), None, "finite"),
+    "no tau": (json.dumps([GOOD | {"state": {"q": [0.0], "v": [0.0]}}]), None, "tau"),
+    "no date": (json.dumps([GOOD | {"date": "yesterday"}]), None, "entry 1"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_broken_file_is_refused_with_its_place(library: Library, what: str) -> None:
+    text, line, words = BROKEN[what]
+    path = path_of(library, "bar_pendulum")
+    path.parent.mkdir()
+    path.write_text(text)
+    with pytest.raises(InvalidInput, match=words) as caught:
+        load_found(library, "bar_pendulum")
+    assert (caught.value.path, caught.value.line) == (path, line)
+    with pytest.raises(InvalidInput):
+        keep(library, "bar_pendulum", [FOUND])
+    assert path.read_text() == text
+
+
+def test_a_state_of_another_size_is_refused(library: Library) -> None:
+    keep(library, "bar_pendulum", [replace(FOUND, state={"q": [0.0, 1.0], "v": [0.0], "tau": [0.0]})])
+    with pytest.raises(InvalidInput, match=r"has 2, 1 and 1 numbers .* expected 1, 1 and 1"):
+        stored_states(library, load_mechanism(library, "bar_pendulum"))
+
+
+def test_a_library_that_cannot_be_written_says_so(library: Library) -> None:
+    path_of(library, "bar_pendulum").parent.write_text("a file where the folder should be")
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        keep(library, "bar_pendulum", [FOUND])
+
+
+def test_a_stored_state_is_compared_in_every_later_run(library: Library, workers: Workers) -> None:
+    """The planted engine is wrong at that state alone, so only the replay can see it."""
+    record, _ = compared(library, workers)
+    assert record.verdict == "agrees"
+    keep(library, "bar_pendulum", [FOUND, replace(FOUND, subject="mujoco/mjcf")])
+    replayed, check = compared(library, workers)
+    assert (replayed.verdict, replayed.states) == ("disagrees", record.states + 1)
+    assert replayed.worst_state == FOUND.state
+    assert not check.problems
+    # The replay of another state is about that state alone.
+    states = stored_states(library, load_mechanism(library, "bar_pendulum"))
+    assert states is not None
+    alone, _ = compared(library, workers, state=replace(states, q=states.q + 1))
+    assert (alone.verdict, alone.states) == ("agrees", 1)
+
+
+def test_a_broken_file_costs_the_record_and_is_told(library: Library, workers: Workers) -> None:
+    path = path_of(library, "bar_pendulum")
+    path.parent.mkdir()
+    path.write_text("[")
+    record, check = compared(library, workers)
+    assert record.verdict == "error"
+    assert str(path) in record.message
+    assert [problem.path for problem in check.problems] == [path]
+
+
+def record_of(system: str, subject: str, verdict: str, error: float | None, state: bool = True) -> Record:
+    return Record(
+        system=system,
+        subject=subject,
+        states=10,
+        verdict=verdict,
+        expected="agrees",
+        backward_error=error,
+        relative_error=None,
+        worst_state=FOUND.state if state else None,
+        seconds_per_state=None,
+        message="",
+        replay=f"harness check {system}",
+    )
+
+
+def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
+    records = [
+        record_of("a", "mujoco/mjcf", "agrees", 50.0),
+        record_of("b", "mujoco/mjcf", "disagrees", 70.0),
+        record_of("c", "mujoco/mjcf", "unstable", 1e6),
+        record_of("d", "mujoco/mjcf", "undecided", None),
+        record_of("e", "mujoco/mjcf", "error", None),
+        record_of("f", "mujoco/mjcf", "error", None, state=False),
+        record_of("a", "pinocchio/urdf", "agrees", 2.0),
+    ]
+    found = {"a": [replace(FOUND, subject="mujoco/mjcf", verdict="unstable", backward_error=2e6)]}
+    programs = {("c", "mujoco/mjcf"): "import mujoco"}
+    ranking = worst_cases(records, found, programs, replay_options=["--library", "my folder"])
+    assert [case.system for case in ranking["mujoco/mjcf"]] == ["e", "b", "a", "c"]
+    assert [case.system for case in ranking["pinocchio/urdf"]] == ["a"]
+    a, c = ranking["mujoco/mjcf"][2:]
+    assert (a.backward_error, a.statement) == (2e6, "planted")
+    assert a.replay.startswith("harness check a --subject mujoco/mjcf --library 'my folder' --state '{\"q\": [0.123]")
+    assert (c.reproducer, c.replay) == ("import mujoco", "harness check c")
+    assert [case.system for case in worst_cases(records, found, most=1)["mujoco/mjcf"]] == ["e"]
+    assert worst_cases(reversed(records), found, programs, replay_options=["--library", "my folder"]) == ranking
+
+
+def test_plain_data_is_what_the_file_holds() -> None:
+    assert json.loads(as_text([FOUND])) == [asdict(FOUND)]

@@ -1,0 +1,200 @@
+"""``harness show``: what the files say, what engines hold, and a picture from the engines' own kinematics."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.commands._scaffold import write_example
+from harness.equations.derivation import load_mechanism
+from harness.library import MODEL_SUFFIXES, Library
+from harness.models.joint_table import joint_rows
+from harness.models.model_file import parse_model, read_model
+from harness.show.geometry import Placement, place
+from harness.show.picture import draw
+from harness.show.views import CORNER, choose_view
+
+# The view a reader of the mechanism would choose.
+VIEWS = {
+    "cart_pendulum": "x-z plane",
+    "tora": "x-y plane",
+    "scara": CORNER.name,
+    "gyroscope_gimbals": CORNER.name,
+    "heavy_top": CORNER.name,
+}
+
+
+def harness(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+
+
+def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
+    library = Library.built_in()
+    model = read_model(library.model_path(name, model_format), model_format)
+    return place(model, load_mechanism(library, name), lambda text: None)
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    write_example("example", 2, tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["cart_pendulum", "stanford_arm", "heavy_top", "chain_3"])
+def test_show_tells_joints_and_what_engines_hold(tmp_path: Path, name: str) -> None:
+    done = harness("show", name, "--html", "page.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for fragment in ("Equations of motion", "Parameters:", "After loading:"):
+        assert fragment in done.stdout
+    for subject in ("mujoco/mjcf", "pinocchio/urdf"):
+        assert re.search(rf"^ +{subject} .* as the system says$", done.stdout, re.MULTILINE), done.stdout
+    page = (tmp_path / "page.html").read_text()
+    (sound,) = re.findall(r"^  (sound: .*)$", done.stdout, re.MULTILINE)
+    assert sound in page
+    assert page.count("<svg") == 2
+    assert "<math" in page or "Too long to read" in page
+    assert not re.search(r"(src|href)=", page)
+
+
+def test_values_are_shown_in_full_and_joints_with_their_lines(tmp_path: Path) -> None:
+    done = harness("show", "puma_560", cwd=tmp_path)
+    model = read_model(Library.built_in().model_path("puma_560", "mjcf"), "mjcf")
+    for joint, line in model.joint_lines.items():
+        assert re.search(rf"^  {joint} +mjcf +hinge .* {line}$", done.stdout, re.MULTILINE)
+    for symbol, value, _ in load_mechanism(Library.built_in(), "puma_560").parameters:
+        shown = re.search(rf"^  {symbol} +(\S+)", done.stdout, re.MULTILINE)
+        assert shown is not None and float(shown[1]) == value
+
+
+def test_a_row_holds_what_the_file_says() -> None:
+    library = Library.built_in()
+    slide, pin = joint_rows(read_model(library.model_path("cart_pendulum", "mjcf"), "mjcf"))
+    assert (slide.kind, slide.axis, slide.body, slide.mass, slide.stiffness, slide.damping) == ("slide", "1 0 0", "cart", "10", "270", "")
+    assert (pin.kind, pin.axis, pin.origin, pin.mass, pin.damping) == ("hinge", "0 -1 0", "(0 0 0)", "1", "0.2")
+    slide, pin = joint_rows(read_model(library.model_path("cart_pendulum", "urdf"), "urdf"))
+    assert (slide.kind, slide.stiffness, pin.kind, pin.damping) == ("prismatic", "270", "revolute", "0.2")
+
+
+def test_a_missing_model_costs_its_own_part_only(library: Path) -> None:
+    (library / "urdf" / "example.urdf").unlink()
+    done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    assert done.returncode == 2
+    assert "example.urdf" in done.stderr and "Traceback" not in done.stderr
+    assert "q1''" in done.stdout
+    assert "no valid urdf model" in done.stdout
+    assert re.search(r"^ +mujoco/mjcf .* as the system says$", done.stdout, re.MULTILINE)
+    assert (library / "page.html").read_text().count("<svg") == 2
+
+
+def test_an_invalid_model_is_told_with_its_line_and_the_urdf_gives_the_picture(library: Path) -> None:
+    model = library / "mjcf" / "example.xml"
+    model.write_text(model.read_text().replace('mass="3"', 'mass="NaN"'))
+    done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    assert done.returncode == 2
+    assert re.search(r"example.xml:\d+: .*NaN", done.stderr)
+    assert (library / "page.html").read_text().count("<svg") == 2
+
+
+def test_without_any_model_the_equations_are_left(library: Path) -> None:
+    shutil.rmtree(library / "mjcf")
+    shutil.rmtree(library / "urdf")
+    done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    assert done.returncode == 2
+    assert "q1''" in done.stdout and "Traceback" not in done.stderr
+    assert "<svg" not in (library / "page.html").read_text()
+
+
+def test_what_an_engine_holds_is_held_against_the_system(library: Path) -> None:
+    model = library / "mjcf" / "example.xml"
+    model.write_text(model.read_text().replace('mass="3"', 'mass="4"'))
+    done = harness("show", "example", "--library", ".", cwd=library)
+    assert done.returncode == 2
+    assert re.search(r"^ +mujoco/mjcf .* 10 +the moving bodies have 10 kg in all, expected 9 kg", done.stdout, re.MULTILINE)
+
+
+def test_what_the_engines_hold_is_compared_joint_by_joint(library: Path) -> None:
+    model = library / "urdf" / "example.urdf"
+    text = model.read_text()
+    found = re.search(r'<origin xyz="([^"]*)"', text[text.index("<joint") :])
+    assert found is not None
+    model.write_text(text.replace(found[0], '<origin xyz="0 0 -0.123"'))
+    done = harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^  anchor of \w+ is .*, but .*-0\.123 .* ulps; .*example\.urdf:\d+$", done.stdout, re.MULTILINE)
+    assert "sound:" not in done.stdout
+    assert "-0.123 (" in (library / "page.html").read_text()
+
+
+FATAL_ENGINE = """
+import os
+
+class Engine:
+    requires = ("{module}", "numpy")
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        os.abort()
+
+ENGINE = Engine()
+"""
+
+
+def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> None:
+    (library / "engines").mkdir()
+    (library / "engines" / "fatal.py").write_text(FATAL_ENGINE.format(module="numpy"))
+    (library / "engines" / "absent.py").write_text(FATAL_ENGINE.format(module="no_such_module"))
+    done = harness("show", "example", "--library", ".", cwd=library)
+    assert done.returncode == 3
+    assert re.search(r"^ +fatal/mjcf +crashed by signal 6", done.stdout, re.MULTILINE)
+    assert re.search(r"^ +absent/mjcf +not installed$", done.stdout, re.MULTILINE)
+    assert re.search(r"^ +mujoco/mjcf .* as the system says$", done.stdout, re.MULTILINE)
+
+
+def test_both_engines_place_the_joints_alike(modelled_name: str) -> None:
+    """At zero and away from it: a wrong axis, origin or sign in a model is seen in the picture of one of them."""
+    for mjcf, urdf in zip(placements(modelled_name, "mjcf"), placements(modelled_name, "urdf"), strict=True):
+        by_name = {joint.name: joint for joint in urdf.joints}
+        for joint in mjcf.joints:
+            other = by_name[joint.name]
+            assert joint.kind == other.kind
+            np.testing.assert_allclose(joint.moved, other.moved, atol=1e-9)
+            if joint.kind in ("hinge", "slide"):
+                np.testing.assert_allclose(joint.anchor, other.anchor, atol=1e-9)
+                np.testing.assert_allclose(joint.axis, other.axis, atol=1e-9)
+        heavy = [np.array(sorted((b.mass, *np.round(b.centre, 9)) for b in p.bodies if b.mass > 1e-9)) for p in (mjcf, urdf)]
+        np.testing.assert_allclose(heavy[0], heavy[1], atol=1e-8)
+        assert len(mjcf.springs) == len(urdf.springs)
+
+
+@pytest.mark.parametrize("model_format", MODEL_SUFFIXES)
+def test_every_mechanism_can_be_drawn_on_its_sheet(modelled_name: str, model_format: str) -> None:
+    resting, moved = placements(modelled_name, model_format)
+    view = choose_view([resting, moved])
+    assert view.name == VIEWS.get(modelled_name, view.name)
+    for svg in (draw(resting, [moved], view, 9.81), draw(moved, [resting], view, 0.0, ghost=resting)):
+        root = ElementTree.fromstring(svg)
+        assert "nan" not in svg and "inf" not in svg
+        width, height = (float(number) for number in root.attrib["viewBox"].split()[2:])
+        for circle in root.iter("{http://www.w3.org/2000/svg}circle"):
+            assert 0 <= float(circle.attrib["cx"]) <= width
+            assert 0 <= float(circle.attrib["cy"]) <= height
+
+
+def test_a_urdf_on_one_line_has_a_row_per_joint_and_none_per_transmission() -> None:
+    inertial = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    text = (
+        f'<robot name="r" xmlns:drake="d"><link name="world"/><link name="bar">{inertial}</link>'
+        '<transmission name="gear"><type>SimpleTransmission</type><joint name="pin"/>'
+        '<actuator name="motor"><drake:rotor_inertia value="0.01"/></actuator></transmission>'
+        '<joint name="pin" type="revolute"><parent link="world"/><child link="bar"/><axis xyz="0 1 0"/>'
+        '<limit effort="1" velocity="1"/></joint></robot>'
+    )
+    (row,) = joint_rows(parse_model(Path("r.urdf"), text, "urdf"))
+    assert (row.joint, row.kind, row.axis, row.armature) == ("pin", "revolute", "0 1 0", "0.01")
