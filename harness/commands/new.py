@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from harness.commands._options import told
+from harness.commands._options import reporting_errors
 
 
 @click.command("new")
@@ -22,7 +22,7 @@ from harness.commands._options import told
     default=".",
     help="Folder of the library, made where it is missing; the current one by default.",
 )
-@told
+@reporting_errors
 def command(name: str, dof: int, library_path: str) -> None:
     """Write the three files of a mechanism NAME: a working example with the places to edit marked."""
     from harness.commands._scaffold import write_example
