@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import pytest
+from click.testing import CliRunner
+
 from harness.check.run import CrossCheck
 from harness.check.settings import Settings
+from harness.cli import main
 from harness.library import MODEL_SUFFIXES, Library
 from harness.results.records import Record
 from harness.study import Study, run_study
@@ -45,6 +51,12 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
 class InThisProcess(Workers):
     """Runs tasks here and now, for engines that do not crash."""
 
+    def __enter__(self) -> InThisProcess:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
     def __len__(self) -> int:
         return 1
 
@@ -54,6 +66,34 @@ class InThisProcess(Workers):
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
             except Exception as error:
                 yield Outcome(task, exception=error)
+
+
+@dataclass(frozen=True)
+class Done:
+    """What became of a command: exit status, standard output and standard error."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def harness(*arguments: str, cwd: Path | None = None) -> Done:
+    """A ``harness`` command in this process, with ``InThisProcess`` for its workers; ``harness_in_a_process`` runs the real thing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.workers.Workers", InThisProcess)
+        patch.setattr("sys.argv", ["harness", *arguments])
+        if cwd is not None:
+            patch.chdir(cwd)
+        result = CliRunner().invoke(main, arguments)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Done(result.exit_code, result.stdout, result.stderr)
+
+
+def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """A ``harness`` command as users run it."""
+    command = [sys.executable, "-m", "harness", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
 
 
 @dataclass

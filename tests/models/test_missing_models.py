@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import cross_checked
+from support import cross_checked, harness
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
@@ -172,7 +172,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     excuse(root, entries(*REASONS))
-    done = run("harness", "report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
+    done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     assert re.search(r"^bar_pendulum +mujoco/mjcf +0 +unsupported *$", done.stdout, re.MULTILINE)
@@ -186,7 +186,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
 
     shutil.copy(BUILT_IN.model_path("bar_pendulum", "urdf"), root / "urdf")
     arguments = ("--library", ".", "--states", "20", "--subject", "pinocchio/urdf", "--workers", "1")
-    done = run("harness", "check", "bar_pendulum", *arguments, cwd=root)
+    done = harness("check", "bar_pendulum", *arguments, cwd=root)
     assert done.returncode == 1
     assert "bar_pendulum pinocchio/urdf: agrees, expected unsupported" in done.stdout
     assert "expected because no such loop (a page)" in done.stdout and "remove or mend the entry" in done.stdout
@@ -194,7 +194,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
 
 def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> None:
     excuse(root, entries(*REASONS))
-    done = run("harness", "show", "bar_pendulum", "--library", ".", "--html", "page.html", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", "--html", "page.html", cwd=root)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     for subject, reason in REASONS.items():
@@ -203,13 +203,13 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
     assert "There is no model." in page and "unsupported: no such joint" in page and "<svg" not in page
 
     excuse(root, entries(*OF_MJCF))
-    done = run("harness", "show", "bar_pendulum", "--library", ".", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", cwd=root)
     assert done.returncode == 2
     assert "bar_pendulum.urdf" in done.stderr and "bar_pendulum.xml" not in done.stderr
     assert re.search(r"^ +pinocchio/urdf +no valid urdf model$", done.stdout, re.MULTILINE)
 
     excuse(root, "expected = 3\n")
-    done = run("harness", "show", "bar_pendulum", "--library", ".", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", cwd=root)
     assert done.returncode == 2
     assert "[[expected]]" in done.stderr and "theta''" in done.stdout and "Traceback" not in done.stderr
 
