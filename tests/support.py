@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+from harness.check.run import CrossCheck
+from harness.check.settings import Settings
 from harness.library import MODEL_SUFFIXES, Library
+from harness.results.records import Record
+from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
 
 BUILT_IN = Library.built_in()
@@ -48,6 +54,55 @@ class InThisProcess(Workers):
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
             except Exception as error:
                 yield Outcome(task, exception=error)
+
+
+@dataclass
+class Stage:
+    """Stands in for ``Workers``: remembers the rounds of tasks and with what it was made, and answers from ``answers``."""
+
+    answers: Callable[[Task], Outcome]
+    rounds: list[list[Task]] = field(default_factory=list)
+    made_with: list[dict[str, Any]] = field(default_factory=list)
+
+    def __call__(self, count: int | None = None, scheduler: str | None = None, time_limit: float = 0.0, **rest: Any) -> Stage:
+        self.made_with.append({"count": count, "time_limit": time_limit})
+        return self
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    @property
+    def tasks(self) -> list[Task]:
+        return [task for tasks in self.rounds for task in tasks]
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        self.rounds.append([])
+        for task in tasks:
+            self.rounds[-1].append(task)
+            yield self.answers(task)
+
+
+def where(task: Task) -> tuple[Any, ...]:
+    """The key of a study's task without the method that takes its outcome."""
+    return tuple(task.key[1:])
+
+
+def completed(study: Study, workers: Any) -> Any:
+    """The result of a study after it has run to the end."""
+    for _ in run_study(study, workers):
+        pass
+    return study.result()
+
+
+def cross_checked(settings: Settings, workers: Any = None) -> tuple[list[Record], CrossCheck]:
+    """Every record of a cross-check, by default in this process, and the cross-check."""
+    study = CrossCheck(settings)
+    records: list[Record] = list(completed(study, workers or InThisProcess()).records)
+    assert len(records) == study.steps
+    return records, study
 
 
 class Page(HTMLParser):

@@ -92,18 +92,23 @@ class Variation:
         return rows
 
     def near(self, rows: Array) -> Array:
-        """A neighbour of each row: one number or several are scaled, moved by a part of their range, drawn afresh or set to zero."""
+        """A neighbour of each row: one number or several are scaled, moved by a part of their range, drawn afresh or set to zero.
+
+        Where that changes nothing, all numbers are drawn afresh.
+        """
         shape = rows.shape
         share = self.random.choice([1, 2, 3, shape[1]], (shape[0], 1)) / shape[1]
         changes = self.random.random(shape) < share
         changes[np.arange(shape[0]), self.random.integers(shape[1], size=shape[0])] = True
         step = self.random.normal(size=shape) * self._powers_of_ten((shape[0], 1), DECADES_MOVED)
         kind = np.broadcast_to(self.random.integers(4, size=(shape[0], 1)), shape)
-        varied = self._bounded(np.choose(kind, [rows * (1 + step), rows + self._reach * step, self.fresh(shape[0]), np.zeros(shape)]))
+        fresh = self.fresh(shape[0])
+        varied = self._bounded(np.choose(kind, [rows * (1 + step), rows + self._reach * step, fresh, np.zeros(shape)]))
         neighbours = np.where(changes, varied, rows)
         for columns in self._quaternions:
             neighbours[:, columns] = unit_quaternions(neighbours[:, columns])
-        return neighbours
+        unchanged = (neighbours == rows).all(axis=1, keepdims=True)
+        return np.where(unchanged, fresh, neighbours)
 
     def _powers_of_ten(self, shape: tuple[int, int], decades: float) -> Array:
         return np.asarray(10.0 ** self.random.uniform(-decades, 0.0, shape))

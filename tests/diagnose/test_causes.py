@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import InThisProcess
+from support import InThisProcess, cross_checked
 
-from harness.check.run import CrossCheck
 from harness.check.settings import Settings
 from harness.diagnose import causes
 from harness.diagnose.causes import find_causes
@@ -29,7 +28,7 @@ def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tu
     stand_in = tmp_path / path.name
     stand_in.write_text(text.replace(found, planted))
     settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins={model_format: stand_in}, examples=None)
-    records = list(CrossCheck(settings, InThisProcess()).records())
+    records, _ = cross_checked(settings)
     return records, list(find_causes(settings, records, InThisProcess()))
 
 
@@ -79,7 +78,7 @@ def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Pat
         stand_ins[model_format] = tmp_path / path.name
         stand_ins[model_format].write_text(path.read_text().replace(old, new))
     settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins=stand_ins, examples=None)
-    records = list(CrossCheck(settings, InThisProcess()).records())
+    records, _ = cross_checked(settings)
     found = list(find_causes(settings, records, InThisProcess()))
     assert len(found) == 4
     for cause in found:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support import InThisProcess, make_library
+from support import cross_checked, make_library
 
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
@@ -51,8 +51,7 @@ def walked(name: str, subject: Subject) -> list[Caught]:
 
 def check(name: str, subject: Subject, path: Path) -> tuple[CrossCheck, Record]:
     settings = Settings(library=LIBRARY, names=[name], subjects=[str(subject)], stand_ins={subject.format: path}, examples=None)
-    cross_check = CrossCheck(settings, InThisProcess())
-    (record,) = cross_check.records()
+    [record], cross_check = cross_checked(settings)
     assert (record.system, record.subject) == (name, str(subject))
     return cross_check, record
 

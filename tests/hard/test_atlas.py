@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import PLAIN
+from support import PLAIN, completed
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference, ReferenceKernel
@@ -22,8 +22,9 @@ from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, su
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidInput
-from harness.hard.atlas import HEADINGS, measure, rows, table, why_undecided
+from harness.errors import InvalidInput, InvalidRequest
+from harness.hard.atlas import HEADINGS, measure, table, why_undecided
+from harness.hard.atlas_study import AtlasSettings, AtlasStudy
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.library import Library
@@ -233,7 +234,8 @@ def test_why_a_state_is_undecided() -> None:
 def test_a_crash_costs_one_row(planted: Library) -> None:
     subject, sound = Subject("aborting", EQUATIONS), Subject("sound", EQUATIONS)
     with Workers(count=1, time_limit=60) as workers:
-        found = {row.subject: row for row in rows(["stiff_damper"], [subject, sound], planted, workers, {})}
+        study = AtlasStudy(AtlasSettings(library=planted, cases=["stiff_damper"], subjects=[str(subject), str(sound)]))
+        found = {row.subject: row for row in completed(study, workers).rows}
     assert found["sound"].verdicts == {"agrees": 30} and found["sound"].as_expected
     assert found["aborting"].verdict == "error" and not found["aborting"].as_expected
     [point] = found["aborting"].points
@@ -241,8 +243,8 @@ def test_a_crash_costs_one_row(planted: Library) -> None:
 
 
 def test_no_such_case() -> None:
-    with pytest.raises(ValueError, match="no hard case is called 'soft'"):
-        next(rows(["soft"], [], Library.built_in(), None, {}))  # type: ignore[arg-type]
+    with pytest.raises(InvalidRequest, match="no hard case is called 'soft'"):
+        AtlasStudy(AtlasSettings(library=Library.built_in(), cases=["soft"]))
 
 
 def _row_of(**verdicts: int) -> HardRow:

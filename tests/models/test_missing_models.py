@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import InThisProcess
+from support import cross_checked
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.check.expected import Expectation, load_expectations, why_no_model
-from harness.check.run import CrossCheck
 from harness.check.settings import Settings
 from harness.engines import subjects
 from harness.equations.derivation import load_mechanism
@@ -65,10 +64,9 @@ def excuse(root: Path, text: str) -> None:
 
 def check(root: Path, stand_ins: dict[str, Path] | None = None) -> tuple[dict[str, Record], list[InvalidInput]]:
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, stand_ins=stand_ins or {}, examples=None)
-    cross_check = CrossCheck(settings, InThisProcess())
-    records = {record.subject: record for record in cross_check.records()}
-    assert len(records) == cross_check.expected_records == 5
-    return records, cross_check.problems
+    records, study = cross_checked(settings)
+    assert len(records) == 5
+    return {record.subject: record for record in records}, study.problems
 
 
 def test_a_model_that_an_entry_excuses_is_unsupported_and_the_equations_are_compared(root: Path) -> None:
@@ -106,10 +104,10 @@ def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> No
         'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n\n\nENGINE = Engine()\n'
     )
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, examples=None)
-    cross_check = CrossCheck(settings, InThisProcess())
-    verdicts = {record.subject: record.verdict for record in cross_check.records()}
+    records, study = cross_checked(settings)
+    verdicts = {record.subject: record.verdict for record in records}
     assert verdicts == {"lagrange": "agrees", "other/mjcf": "error"} | dict.fromkeys(REASONS, "unsupported")
-    assert [problem.path.name for problem in cross_check.problems] == ["bar_pendulum.xml"]
+    assert [problem.path.name for problem in study.problems] == ["bar_pendulum.xml"]
 
 
 @pytest.mark.parametrize("stands_in", [False, True])

@@ -15,11 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import Page
 
-from harness.certify.sampling import sample
-from harness.check import tasks
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
-from harness.library import Library
 from harness.report import build, write
 from harness.report.charts import half_decades
 from harness.report.html import equations, left_out
@@ -146,13 +142,6 @@ def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page)
     assert page.words.count("derived in 100 ms, compiled in 250 ms") == len(SYSTEMS)
     assert "| collar | 100 ms | 250 ms |" in files["report.md"].partition(VOLATILE)[2]
     assert json.loads(files["report.json"])["systems"][0]["compilation_seconds"] == 0.25
-
-
-def test_compilation_is_timed_once_per_process() -> None:
-    mechanism = load_mechanism(Library.built_in(), "collar")
-    tasks._KERNELS.clear()
-    (_, _, first), (_, _, second) = (tasks.certify(mechanism, False, sample(mechanism, 3, 0), lambda text: None) for _ in range(2))
-    assert first > 0 == second
 
 
 def test_text_is_escaped() -> None:

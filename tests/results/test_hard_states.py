@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import make_library
+from support import cross_checked, make_library
 
 from harness.check.run import CrossCheck
 from harness.check.settings import Settings
@@ -64,9 +64,8 @@ def workers() -> Iterator[Workers]:
 
 
 def compared(library: Library, workers: Workers, **settings: Any) -> tuple[Record, CrossCheck]:
-    check = CrossCheck(Settings(library=library, subjects=["planted/mjcf"], states=40, examples=None, **settings), workers)
-    (record,) = check.records()
-    return record, check
+    [record], study = cross_checked(Settings(library=library, subjects=["planted/mjcf"], states=40, examples=None, **settings), workers)
+    return record, study
 
 
 def test_what_is_kept_reads_back(library: Library) -> None:
