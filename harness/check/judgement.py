@@ -11,7 +11,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.check.expected import Expectation
-from harness.check.tasks import Found
+from harness.check.hypothesis_search import Found
 from harness.equations.states import States
 from harness.results.records import Record, half_decade
 from harness.verdict import Verdict, gravest

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.certify.sampling import sample
-from harness.check import tasks
+from harness.check import hypothesis_search, tasks
 from harness.check.description import describe_system
 from harness.check.expected import Expectation, load_expectations, why_no_model
 from harness.check.judgement import Evidence, judge
@@ -247,7 +247,7 @@ class CrossCheck(Rounds):
     def _search(self, system: _System, pairs: Pairs) -> None:
         folder = self.settings.examples and self.settings.examples.absolute() / self.settings.library.name / system.name
         assignments = [pair.assignment for pair in pairs]
-        self._ask(self._searched, system, pairs, tasks.search_all, assignments, self.settings.searched, self.settings.seed, folder)
+        self._ask(self._searched, system, pairs, hypothesis_search.search, assignments, self.settings.searched, self.settings.seed, folder)
 
     def _searched(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
         system = self._systems[name]

@@ -1,4 +1,4 @@
-"""What worker processes do: derive, certify, ask an engine, and search for the state it does worst at.
+"""What worker processes do: derive, read, load, certify, and judge a subject's answers.
 
 Each function takes ``note`` last, a channel whose text survives a crash; what was loaded or compiled
 stays in the process for the next task.
@@ -6,17 +6,15 @@ stays in the process for the next task.
 
 from __future__ import annotations
 
-import json
-import math
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample, strategy
+from harness.certify.sampling import sample
 from harness.check.superfluous import SEED, STATES, superfluous
 from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine
 from harness.engines._audit import audit
@@ -43,21 +41,6 @@ class Assignment:
     model: ModelFile | None
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a hypothesis search saw.
-
-    Attributes:
-        states: every state it tried, in order.
-        comparison: the judgement of each.
-        simplest_failure: index of the shrunk state that does not agree, None where all agree.
-    """
-
-    states: States
-    comparison: Comparison
-    simplest_failure: int | None
-
-
 def derive(library: Library, name: str, note: Note) -> Mechanism:
     """The mechanism of system ``name``."""
     return load_mechanism(library, name)
@@ -66,75 +49,6 @@ def derive(library: Library, name: str, note: Note) -> Mechanism:
 def read(path: Path, model_format: str, note: Note) -> ModelFile:
     """The validated model file at ``path``."""
     return read_model(path, model_format)
-
-
-def search(assignment: Assignment, examples: int, seed: int, database: Path | None, note: Note) -> Found:
-    """Let hypothesis look for the worst state, and shrink the first one that does not agree.
-
-    Guided by ``target()`` on log10 of the backward error; examples that failed once are kept in
-    ``database`` and tried first the next time.
-    """
-    kept = database if database is not None and database.is_dir() and any(database.iterdir()) else None
-    found = _search(assignment, examples, seed, kept, note, stops_at_failure=True)
-    if found.simplest_failure is not None and kept is None and database is not None:
-        # With a database hypothesis keeps a front of the best of all examples, which doubles its time: it gets one once there is a failure.
-        _search(assignment, examples, seed, database, note, stops_at_failure=True)
-    return found
-
-
-def search_all(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found]:
-    """``search`` for each subject."""
-    return {
-        str(one.subject): search(one, examples, seed, folder and folder / str(one.subject).replace("/", "-"), note) for one in assignments
-    }
-
-
-def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Found:
-    """``search`` to the end of its examples, whatever the verdicts; nothing is shrunk."""
-    return _search(assignment, examples, seed, None, note, stops_at_failure=False)
-
-
-def _search(assignment: Assignment, examples: int, seed: int, database: Path | None, note: Note, stops_at_failure: bool) -> Found:
-    import hypothesis
-    from hypothesis.database import DirectoryBasedExampleDatabase
-    from hypothesis.internal.conjecture import providers
-
-    compare_at = judge_of(assignment)
-    tried: list[tuple[States, Comparison]] = []
-
-    def judge(state: States) -> None:
-        note(json.dumps(state.as_json(0)))
-        comparison = compare_at(state)
-        tried.append((state, comparison))
-        error = float(comparison.backward_error[0])
-        if 0 < error < math.inf:
-            hypothesis.target(math.log10(error))
-        if stops_at_failure and comparison.verdicts[0] != Verdict.AGREES.value:
-            raise _DoesNotAgree
-
-    settings = hypothesis.settings(
-        max_examples=examples,
-        database=None if database is None else DirectoryBasedExampleDatabase(database),
-        deadline=None,
-        derandomize=False,
-        suppress_health_check=list(hypothesis.HealthCheck),
-        phases=[phase for phase in hypothesis.Phase if phase is not hypothesis.Phase.explain],
-        report_multiple_bugs=False,
-        print_blob=False,
-        verbosity=hypothesis.Verbosity.quiet,
-    )
-    # Hypothesis would also draw constants from the sources of whatever happens to be imported.
-    providers.is_local_module_file = lambda path: False  # type: ignore[assignment, attr-defined]
-    failure: int | None = None
-    try:
-        # In the other order, the seed would switch the database off.
-        settings(hypothesis.seed(seed)(hypothesis.given(strategy(assignment.mechanism))(judge)))()
-    except _DoesNotAgree:
-        # Hypothesis runs the smallest failing example last, to show it.
-        failure = len(tried) - 1
-    return Found(
-        States.concatenate([state for state, _ in tried]), Comparison.concatenate([comparison for _, comparison in tried]), failure
-    )
 
 
 def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
@@ -161,10 +75,6 @@ def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(comparison.verdicts)
 
     return superfluous(assignment.library, mechanism.name, assignment.subject, model, mechanism, is_sound)
-
-
-class _DoesNotAgree(Exception):
-    """Tells hypothesis that a state fails."""
 
 
 def load_audited(assignment: Assignment) -> Model:

@@ -20,6 +20,8 @@ import numpy as np
 
 from harness.check import tasks
 from harness.check.expected import Expectation, load_expectations, why_no_model
+from harness.check.hypothesis_search import note_of
+from harness.check.shrinking import shrink
 from harness.check.stages import ask_one_by_one
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
 from harness.equations.states import States
@@ -27,7 +29,6 @@ from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
 from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
-from harness.hard.shrinking import shrink
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command
 from harness.results.search import Case, SearchResult
@@ -234,7 +235,7 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
     judge = tasks.judge_of(assignment)
 
     def noted(batch: States) -> Any:
-        note(evolution.as_note(batch))
+        note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
     versions = _versions(assignment)
@@ -275,7 +276,7 @@ def _versions(assignment: tasks.Assignment) -> dict[str, str]:
 def _noted(crash: Crash) -> States:
     """The batch that an engine was asked for when it died; no states where it died before."""
     if crash.note:
-        return States.at(**json.loads(crash.note))
+        return States.at(**json.loads(crash.note)["states"])
     nothing = np.empty((0, 0))
     return States(nothing, nothing, nothing, np.empty(0))
 

@@ -17,6 +17,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.sampling import HUGE_ANGLES, sample
 from harness.check import tasks
+from harness.check.shrinking import KEPT, shrink
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -25,7 +26,6 @@ from harness.errors import InvalidRequest
 from harness.hard import evolution, lost_digits
 from harness.hard.evolution import StateSpace, evolve
 from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, Search, SearchSettings, hunt, hunts
-from harness.hard.shrinking import KEPT, shrink
 from harness.library import Library
 from harness.models.model_file import read_model
 from harness.results.hard_states import load_found, path_of
