@@ -87,7 +87,7 @@ def test_all_three_files_are_written_or_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [*SIZES, 12])
 def test_the_example_is_python_of_our_own_style(tmp_path: Path, size: int) -> None:
     system, *models = write_example("example", size, tmp_path)
-    settings = Path(__file__).resolve().parents[1] / "pyproject.toml"
+    settings = Path(__file__).resolve().parents[2] / "pyproject.toml"
     for command in (["check", "--config", 'lint.isort.known-first-party=["harness"]'], ["format", "--check"]):
         done = subprocess.run(
             [sys.executable, "-m", "ruff", *command, "--config", str(settings), str(system)], capture_output=True, text=True
