@@ -43,7 +43,12 @@ def command(
     workers: int | None,
     time_limit: float,
 ) -> None:
-    """Ask every subject along the hard CASEs, or along all of them, and add it to the report."""
+    """Check every subject along families of hard cases.
+
+    Measures all CASEs unless some are named, and adds them to the report.
+
+    Example: harness atlas far_base --subject mujoco/mjcf
+    """
     from harness.check.description import describe_run
     from harness.commands._atlas_tables import print_atlas
     from harness.commands._terminal import progress

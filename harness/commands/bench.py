@@ -45,7 +45,12 @@ def command(
     json_path: str | None,
     workers: int | None,
 ) -> None:
-    """Measure speed against error on NAMEs, or on every mechanism, and add it to the report."""
+    """Measure cost against error of every method.
+
+    Measures every mechanism unless NAMEs are given, and adds the result to the report.
+
+    Example: harness bench cart_pendulum --motion
+    """
     from harness.bench.parts import Settings
     from harness.bench.study import Bench
     from harness.check.description import describe_run

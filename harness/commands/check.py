@@ -51,7 +51,10 @@ def command(
     scheduler: str | None,
     time_limit: float,
 ) -> None:
-    """Cross-check NAMEs, or every mechanism, and print a table."""
+    """Cross-check NAMEs, or every mechanism, and print a table.
+
+    Example: harness check double_pendulum --mjcf edited.xml
+    """
     from harness.check.description import describe_run
     from harness.check.settings import Settings
     from harness.library import Library

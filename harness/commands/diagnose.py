@@ -55,7 +55,12 @@ def command(
     workers: int | None,
     time_limit: float,
 ) -> None:
-    """Say which engine, term and attribute make NAME disagree, with the line in the file and the value that would explain it."""
+    """Explain why a check of NAME is red.
+
+    Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
+
+    Example: harness diagnose double_pendulum --mjcf edited.xml
+    """
     from harness.check.description import describe_run
     from harness.check.run import CrossCheck
     from harness.check.settings import Settings

@@ -44,7 +44,10 @@ def command(
     scheduler: str | None,
     time_limit: float,
 ) -> None:
-    """Cross-check everything and write the discrepancy report."""
+    """Cross-check everything and write the report.
+
+    Example: harness report --profile nightly --out night
+    """
     from harness.check.description import describe_run
     from harness.check.run import CrossCheck
     from harness.check.settings import Settings

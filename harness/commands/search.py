@@ -31,7 +31,12 @@ def command(
     workers: int | None,
     time_limit: float,
 ) -> None:
-    """Search for the states of NAME at which each subject does worst, and store them with the system."""
+    """Search for the hardest states of NAME.
+
+    Stores with the system the states at which each subject does worst; every later run compares them again.
+
+    Example: harness search chain_10 --subject mujoco/mjcf
+    """
     from harness.check.description import describe_run
     from harness.commands._terminal import progress
     from harness.engines import select_subjects

@@ -16,7 +16,12 @@ from harness.commands._options import CRASHED, library_option, tell, time_limit_
 @time_limit_option
 @told
 def command(name: str, html_path: str | None, library_path: str | None, time_limit: float) -> None:
-    """Equations, parameters, joints of both models, and what each engine holds."""
+    """Show equations, parameters and models of NAME.
+
+    Prints the joints of both models side by side, and what each engine holds after loading.
+
+    Example: harness show collar --html collar.html
+    """
     from harness.library import Library
     from harness.show.exhibit import as_text, look_at
     from harness.workers import Workers
