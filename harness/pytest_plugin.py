@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from harness.results.causes import Cause
     from harness.results.records import Record
     from harness.results.superfluous import SuperfluousPart
+    from harness.study import Part
     from harness.workers import Workers
 
 _DEFAULT_STATES = 1000
@@ -105,7 +106,7 @@ class _Regression:
         self._diagnosing_seconds = 0.0
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
-        self._checks: dict[str, tuple[CrossCheck, Iterator[Record]]] = {}
+        self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
@@ -140,27 +141,30 @@ class _Regression:
 
     def record(self, system: str, subject: str) -> Record:
         """The record of one pair, running the cross-check until it comes."""
-        _, coming = self._check_of(system)
         while (system, subject) not in self._known:
-            record = next(coming)
-            self._known[record.system, record.subject] = record
+            self._advance(system)
         return self._known[system, subject]
+
+    def _advance(self, system: str) -> None:
+        """Wait for the next record of the cross-check that ``system`` belongs to."""
+        _, coming = self._check_of(system)
+        record = next(coming).value
+        self._known[record.system, record.subject] = record
 
     def superfluous(self, system: str, subject: str) -> list[SuperfluousPart]:
         """Superfluous parts of the model of a pair whose record is known."""
         check, _ = self._check_of(system)
-        return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
+        return [part for part in check.result().superfluous if (part.system, part.subject) == (system, subject)]
 
     def cause(self, system: str, subject: str) -> tuple[Cause | None, str]:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
-        check, coming = self._check_of(system)
+        check, _ = self._check_of(system)
         if system not in self._causes:
             from harness.diagnose.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
 
             # Who is wrong is told by who is right.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
-                record = next(coming)
-                self._known[record.system, record.subject] = record
+                self._advance(system)
             records = [record for record in self._known.values() if record.system == system]
             if self._diagnosing is None:
                 # Not the workers of the check, on which other records are still to come.
@@ -172,12 +176,16 @@ class _Regression:
             self._diagnosing_seconds += time.monotonic() - begun
         return self._causes[system].get(subject), check.settings.diagnosis(system)
 
-    def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
+    def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
+        from harness.study import run_study
+
         group = system if self._distributed else ""
         if group not in self._checks:
             check = self._start([system] if self._distributed else self._wanted[0])
-            self._checks[group] = check, check.records()
+            if self._workers is None:
+                self._workers = self._started_workers()
+            self._checks[group] = check, run_study(check, self._workers)
         return self._checks[group]
 
     def _start(self, names: list[str]) -> CrossCheck:
@@ -193,9 +201,7 @@ class _Regression:
             seed=option("--harness-seed"),
             replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
         )
-        if self._workers is None:
-            self._workers = self._started_workers()
-        return CrossCheck(settings, self._workers)
+        return CrossCheck(settings)
 
     def _started_workers(self) -> Workers:
         from harness.workers import Workers

@@ -17,7 +17,7 @@ import signal
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ class Task:
     key: Any
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
+    affinity: Hashable | None = None
 
 
 @dataclass(frozen=True)

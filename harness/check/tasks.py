@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample, strategy
 from harness.check.superfluous import SEED, STATES, superfluous
 from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine
@@ -33,9 +31,6 @@ from harness.verdict import Verdict
 
 Note = Callable[[str], None]
 T = TypeVar("T")
-
-# A timing shorter than this is repeated, so that the set-up for the size of a batch is not charged to the engine.
-REPEATED_BELOW_SECONDS = 0.25
 
 
 @dataclass(frozen=True)
@@ -73,44 +68,6 @@ def read(path: Path, model_format: str, note: Note) -> ModelFile:
     return read_model(path, model_format)
 
 
-def certify(mechanism: Mechanism, linear_velocity_in_body: bool, states: States, note: Note) -> tuple[Reference, float, float]:
-    """References of ``states``, seconds per state, and the seconds compilation took: 0 where this process had compiled already."""
-    import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
-    import heyoka  # noqa: F401
-
-    known = _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
-    started = time.perf_counter()
-    kernel = reference_kernel(mechanism, linear_velocity_in_body)
-    kernel.evaluate(states[:1])
-    compiled = time.perf_counter()
-    reference = kernel.evaluate(states)
-    return reference, (time.perf_counter() - compiled) / len(states), 0.0 if known else compiled - started
-
-
-def accelerate(assignment: Assignment, states: States, note: Note) -> tuple[Array, float]:
-    """The subject's accelerations at ``states``, (n, nv), and seconds per state."""
-    model = load_audited(assignment)
-    # What is compiled or allocated on first use is not charged to the engine.
-    model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
-    elapsed = math.inf
-    for _ in range(2):
-        started = time.perf_counter()
-        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
-        elapsed = min(elapsed, time.perf_counter() - started)
-        if elapsed > REPEATED_BELOW_SECONDS:
-            break
-    return accelerations, elapsed / len(states)
-
-
-def accelerate_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
-    """Ask for one state after the other, noting each, so that a crash names its state."""
-    model = load_audited(assignment)
-    for index in range(len(states)):
-        note(json.dumps(states.as_json(index)))
-        one = states[index : index + 1]
-        model.forward_dynamics(one.q, one.v, one.tau)
-
-
 def search(assignment: Assignment, examples: int, seed: int, database: Path | None, note: Note) -> Found:
     """Let hypothesis look for the worst state, and shrink the first one that does not agree.
 
@@ -123,6 +80,13 @@ def search(assignment: Assignment, examples: int, seed: int, database: Path | No
         # With a database hypothesis keeps a front of the best of all examples, which doubles its time: it gets one once there is a failure.
         _search(assignment, examples, seed, database, note, stops_at_failure=True)
     return found
+
+
+def search_all(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found]:
+    """``search`` for each subject."""
+    return {
+        str(one.subject): search(one, examples, seed, folder and folder / str(one.subject).replace("/", "-"), note) for one in assignments
+    }
 
 
 def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Found:
@@ -229,6 +193,11 @@ def _load_and_audit(assignment: Assignment) -> Model:
     if held is not None and model is not None:
         audit(held, model, mechanism)
     return loaded
+
+
+def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> bool:
+    """Whether this process has compiled the kernel."""
+    return _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
 
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:

@@ -6,14 +6,14 @@ import json
 
 import click
 
-from harness.commands._options import library_option, tell, told
+from harness.commands._options import json_option, library_option, report_errors, reporting_errors
 from harness.errors import InvalidInput
 
 
 @click.command("list")
 @library_option
-@click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write the list to this file.")
-@told
+@json_option
+@reporting_errors
 def command(library_path: str | None, json_path: str | None) -> None:
     """List mechanisms, engines and installed libraries.
 
@@ -53,4 +53,4 @@ def command(library_path: str | None, json_path: str | None) -> None:
     for name, engine in engines.items():
         click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
     click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
-    tell(problems)
+    report_errors(problems)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from harness.commands._options import told
+from harness.commands._options import reporting_errors
 
 
 @click.command("new")
@@ -23,7 +23,7 @@ from harness.commands._options import told
     default=".",
     help="Folder of the library, made where it is missing; the current one by default.",
 )
-@told
+@reporting_errors
 def command(name: str | None, dof: int, engine: str | None, library_path: str) -> None:
     """Write a working mechanism NAME, or an engine, to edit.
 

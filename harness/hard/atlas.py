@@ -33,14 +33,14 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
+from harness.hard.expected import PATH, HardExpectation, Key, load_hard_expectations
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import Verdict, gravest
 
 if TYPE_CHECKING:
-    from harness.workers import Outcome, Workers
+    from harness.workers import Outcome
 
 Note = Callable[[str], None]
 
@@ -80,33 +80,6 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
         remedy=case.remedy,
         seconds=time.perf_counter() - started,
     )
-
-
-def rows(
-    cases: Sequence[str], chosen: Sequence[Subject], engines: Library, workers: Workers, expected: Mapping[Key, HardExpectation]
-) -> Iterator[HardRow]:
-    """Every case, or all for none, with every ``chosen`` subject as it is completed, with what is not as expected of it.
-
-    ``expected`` is what ``expectations`` gives.
-
-    Raises:
-        ValueError: there is no such case.
-    """
-    from harness.workers import Task
-
-    known = hard_cases()
-    for name in cases:
-        if name not in known:
-            raise ValueError(f"no hard case is called {name!r}")
-    tasks = [Task((name, subject), measure, (name, subject, engines)) for name in cases or known for subject in chosen]
-    for outcome in workers.run(tasks):
-        name, subject = outcome.task.key
-        case = known[name]
-        if outcome.exception is None and outcome.crash is None:
-            row: HardRow = outcome.value
-        else:
-            row = _failed(case, subject, outcome)
-        yield judged(row, expected)
 
 
 def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
@@ -294,8 +267,8 @@ def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
-    """The row of a task that gave none; the point at which it died is told by its last note."""
+def failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
+    """The row of a task that gave none; its last note says at which point it died."""
     crash = outcome.crash
     reason = str(crash) if crash else f"{type(outcome.exception).__name__}: {outcome.exception}"
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
