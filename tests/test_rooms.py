@@ -199,10 +199,10 @@ PATH = re.compile(r"(?<![\w./-])(?:harness|tests|mjcf|urdf|reports)/[\w./-]*\w")
 
 
 def prose(file: Path) -> str:
-    """A text whole; of Python its docstrings and comments."""
+    """A text without its blocks of Python, which other tests run; of Python its docstrings and comments."""
     text = file.read_text(encoding="utf-8")
     if file.suffix != ".py":
-        return text
+        return re.sub(r"^```python\n.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
     comments = [token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type == tokenize.COMMENT]
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     docstrings = [ast.get_docstring(node, clean=False) or "" for node in ast.walk(ast.parse(text)) if isinstance(node, documented)]
