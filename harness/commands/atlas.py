@@ -17,7 +17,12 @@ from harness.commands._page import write_page
 @click.option("--motion", is_flag=True, help="Measure too when engines part in chaos, and the largest stable steps.")
 @computing(time_limit=600.0, scheduler=True, directory=True, seed=False)
 def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], motion: bool) -> None:
-    """Ask every subject along the hard CASEs, or along all of them, and add it to the report."""
+    """Check every subject along families of hard cases.
+
+    Measures all CASEs unless some are named, and adds them to the report.
+
+    Example: harness atlas far_base --subject mujoco/mjcf
+    """
     from harness.commands._atlas_tables import print_atlas
     from harness.hard.atlas_study import AtlasSettings, AtlasStudy
     from harness.hard.cases import STATES

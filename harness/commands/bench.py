@@ -15,7 +15,12 @@ from harness.commands._page import write_page
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
 @computing(directory=True)
 def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, profile: str) -> None:
-    """Measure speed against error on NAMEs, or on every mechanism, and add it to the report."""
+    """Measure cost against error of every method.
+
+    Measures every mechanism unless NAMEs are given, and adds the result to the report.
+
+    Example: harness bench cart_pendulum --motion
+    """
     from harness.bench.parts import BenchmarkSettings
     from harness.bench.study import BenchmarkStudy
     from harness.commands._benchmark_tables import print_benchmark

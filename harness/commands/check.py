@@ -25,7 +25,10 @@ from harness.commands._options import stand_in_options, states_option, subjects_
 def command(
     bracket: Bracket, names: tuple[str, ...], states: int, subjects: tuple[str, ...], stand_ins: Mapping[str, Path], state: str | None
 ) -> None:
-    """Cross-check NAMEs, or every mechanism, and print a table."""
+    """Cross-check NAMEs, or every mechanism, and print a table.
+
+    Example: harness check double_pendulum --mjcf edited.xml
+    """
     from harness.check.settings import Settings
 
     settings = Settings(

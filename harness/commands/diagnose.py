@@ -19,7 +19,12 @@ from harness.commands._options import stand_in_options, states_option, subjects_
 @states_option
 @computing(time_limit=60.0)
 def command(bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects: tuple[str, ...], states: int) -> None:
-    """Say which engine, term and attribute make NAME disagree, with the line in the file and the value that would explain it."""
+    """Explain why a check of NAME is red.
+
+    Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
+
+    Example: harness diagnose double_pendulum --mjcf edited.xml
+    """
     from harness.check.run import CrossCheck
     from harness.check.settings import Settings
     from harness.commands._terminal import print_diagnoses, print_superfluous, print_table

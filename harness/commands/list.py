@@ -15,7 +15,10 @@ from harness.errors import InvalidInput
 @json_option
 @reporting_errors
 def command(library_path: str | None, json_path: str | None) -> None:
-    """Mechanisms with their degrees of freedom, and the engines available."""
+    """List mechanisms, engines and installed libraries.
+
+    Example: harness list --library mine
+    """
     from harness.engines import engine_names, installed_version, load_engine
     from harness.equations.derivation import load_mechanism
     from harness.library import Library, installed_libraries

@@ -18,7 +18,10 @@ from harness.commands._page import write_page
 )
 @computing(time_limit=60.0, scheduler=True, directory=True)
 def command(bracket: Bracket, profile: str) -> None:
-    """Cross-check everything and write the discrepancy report."""
+    """Cross-check everything and write the report.
+
+    Example: harness report --profile nightly --out night
+    """
     from harness.check.settings import Settings
     from harness.hard.worst_cases import ranked
 

@@ -17,7 +17,12 @@ from harness.commands._options import subjects_option
 @click.option("--keep/--no-keep", default=True, show_default=True, help="Store what is found with the system, for every later run.")
 @computing(time_limit=600.0, scheduler=True)
 def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int | None, keep: bool) -> None:
-    """Search for the states of NAME at which each subject does worst, and store them with the system."""
+    """Search for the hardest states of NAME.
+
+    Stores with the system the states at which each subject does worst; every later run compares them again.
+
+    Example: harness search chain_10 --subject mujoco/mjcf
+    """
     from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
     from harness.results.search import as_lines
 

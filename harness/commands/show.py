@@ -12,7 +12,12 @@ from harness.commands._bracket import Bracket, computing
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page with a picture to this file.")
 @computing(time_limit=60.0, json=False, seed=False, workers=False)
 def command(bracket: Bracket, name: str, html_path: str | None) -> None:
-    """Equations, parameters, joints of both models, and what each engine holds."""
+    """Show equations, parameters and models of NAME.
+
+    Prints the joints of both models side by side, and what each engine holds after loading.
+
+    Example: harness show collar --html collar.html
+    """
     from harness.show.exhibit import Exhibition, as_text
 
     bracket.library.select([name])

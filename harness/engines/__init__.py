@@ -2,6 +2,10 @@
 
 An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, and imports the program
 it wraps only inside its methods, so that finding engines costs nothing.
+
+Knows no equation. May use ``models`` and what is below it.
+
+Start with ``Engine`` and ``Model``, the protocol, then with ``pinocchio``, which follows it.
 """
 
 from __future__ import annotations

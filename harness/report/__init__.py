@@ -2,6 +2,10 @@
 
 ``index.html`` is one offline page, ``report.md`` is made to be compared from night to night, and
 ``report.json`` is for programs.
+
+Imports nothing that computes. May use ``results`` and what is below it.
+
+Start with ``build``; ``summary`` says what the pages say, ``html`` and ``markdown`` draw it.
 """
 
 from __future__ import annotations
