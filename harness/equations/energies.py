@@ -18,35 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, assemble
-from harness.equations.relative_joints import in_joint_positions
+from harness.equations.program import ENERGY_OUTPUTS
 
 if TYPE_CHECKING:
     from harness.arrays import Array
-    from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
-    from harness.equations.system import System
-
-
-def energy_program_of(system: System, equations: EquationsOfMotion) -> StraightLineProgram:
-    """The energy program of a system's equations, in the positions and velocities of the joints.
-
-    The linear velocity of a free joint is that in the joint's frame.
-    """
-    import sympy as sp
-
-    from harness.equations.euler_angles import energies_in_joint_coordinates
-    from harness.equations.system import TIME
-
-    joint = energies_in_joint_coordinates(equations, list(system.coordinates), system.attitudes)
-    forces = [sp.Symbol(f"tau{i}") for i in range(len(joint.velocities))]
-    outputs = {name: [getattr(joint, name)] for name in ENERGY_OUTPUTS}
-    outputs["forces"] = list(joint.forces)
-    if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
-    return in_joint_positions(program, system.parents) if system.measured_from else program
 
 
 @dataclass(frozen=True)

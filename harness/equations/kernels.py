@@ -20,12 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, assemble, position_count, upper_triangle
-from harness.equations.relative_joints import in_joint_positions, to_coordinates, to_joints
+from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, position_count, upper_triangle
+from harness.equations.relative_joints import to_coordinates, to_joints
 
 if TYPE_CHECKING:
-    from harness.equations.lagrange import EquationsOfMotion
-    from harness.equations.system import System
+    pass
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
 MOST_INSTRUCTIONS_UNROLLED = 100
@@ -33,31 +32,6 @@ MOST_INSTRUCTIONS_UNROLLED = 100
 MOST_UNROLLED = 24
 # Straight-line machine code for more instructions takes minutes to compile; with loops it is slower to run.
 MOST_STRAIGHT = 20_000
-
-
-def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
-    """The program of a system's equations, with its parameters as run-time inputs.
-
-    Positions and velocities are those of the joints; see ``harness.equations.euler_angles`` for ball and free joints.
-    """
-    import sympy as sp
-
-    from harness.equations.euler_angles import in_joint_coordinates
-    from harness.equations.system import TIME
-
-    joint = in_joint_coordinates(equations, list(system.coordinates), system.attitudes, linear_velocity_in_body)
-    n = len(joint.velocities)
-    forces = [sp.Symbol(f"tau{i}") for i in range(n)]
-    outputs = {
-        "mass": [joint.mass_matrix[i, j] for i, j in upper_triangle(n)],
-        "velocity": list(joint.velocity_terms),
-        "gravity": list(joint.gravity_terms),
-        "passive": list(joint.passive_forces),
-    }
-    if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
-    return in_joint_positions(program, system.parents) if system.measured_from else program
 
 
 class Float64Kernel:

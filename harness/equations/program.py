@@ -158,6 +158,11 @@ def _check_instruction(position: int, instruction: Instruction, inputs: int) -> 
         raise ValueError(f"instruction {position} is {instruction!r}; its operands are out of range")
 
 
+def earlier_results(instruction: Instruction) -> tuple[int, ...]:
+    """Operands of an instruction that are places of earlier ones."""
+    return instruction[1 : 1 + _ARITY.get(instruction[0], 0)]
+
+
 def with_operands(instruction: Instruction, places: Sequence[int] | Mapping[int, int]) -> Instruction:
     """``instruction`` with each operand that is an earlier result moved to ``places[operand]``."""
     operation, *operands = instruction
@@ -170,8 +175,7 @@ def without_unused(program: StraightLineProgram) -> StraightLineProgram:
     used = {index for indices in program.outputs.values() for index in indices}
     for place in reversed(range(len(program.instructions))):
         if place in used:
-            operation, *operands = program.instructions[place]
-            used.update(operands[: _ARITY.get(operation, 0)])
+            used.update(earlier_results(program.instructions[place]))
     places = {old: new for new, old in enumerate(sorted(used))}
     instructions = tuple(with_operands(program.instructions[old], places) for old in places)
     outputs = {name: tuple(places[index] for index in indices) for name, indices in program.outputs.items()}
@@ -188,23 +192,27 @@ def assemble(inputs: Sequence[sp.Symbol], outputs: Mapping[str, Sequence[sp.Expr
 
     flat = [expression for expressions in outputs.values() for expression in expressions]
     replacements, reduced = sp.cse(flat, order="none")
-    assembler = _Assembler(inputs)
+    assembler = Assembler(inputs)
     for symbol, expression in replacements:
         assembler.known[symbol] = assembler.emit(expression)
     results = iter([assembler.emit(expression) for expression in reduced])
-    named = {name: tuple(next(results) for _ in expressions) for name, expressions in outputs.items()}
-    return StraightLineProgram(tuple(symbol.name for symbol in inputs), tuple(assembler.instructions), named)
+    return assembler.program({name: [next(results) for _ in expressions] for name, expressions in outputs.items()})
 
 
-class _Assembler:
+class Assembler:
     """Emits each distinct instruction once (value numbering)."""
 
-    def __init__(self, inputs: Sequence[sp.Symbol]) -> None:
+    def __init__(self, inputs: Sequence[Any]) -> None:
+        self.inputs = tuple(str(symbol) for symbol in inputs)
         self.instructions: list[Instruction] = []
         self.numbering: dict[Instruction, int] = {}
         self.known: dict[sp.Expr, int] = {}
         for index, symbol in enumerate(inputs):
             self.known[symbol] = self.add("input", index)
+
+    def program(self, outputs: Mapping[str, Sequence[int]]) -> StraightLineProgram:
+        """What was emitted, with ``outputs`` named."""
+        return StraightLineProgram(self.inputs, tuple(self.instructions), {name: tuple(places) for name, places in outputs.items()})
 
     def add(self, *instruction: Any) -> int:
         if instruction not in self.numbering:
