@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.superfluous import SuperfluousPart
+from harness.storage import Kept
 from harness.verdict import Verdict
 
 Note = Callable[[str], None]
@@ -211,7 +211,7 @@ def load_audited(assignment: Assignment) -> Model:
         harness.engines.Unsupported: the engine cannot express it.
     """
     key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
-    return _kept(_MODELS, key, lambda: _load_and_audit(assignment))
+    return _MODELS.get(key, lambda: _load_and_audit(assignment))
 
 
 def _load_and_audit(assignment: Assignment) -> Model:
@@ -233,22 +233,12 @@ def _load_and_audit(assignment: Assignment) -> Model:
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
     key = _kernel_key(mechanism, linear_velocity_in_body)
-    return _kept(_KERNELS, key, lambda: ReferenceKernel(mechanism, key[1]))
+    return _KERNELS.get(key, lambda: ReferenceKernel(mechanism, key[1]))
 
 
 def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
     return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
 
 
-_MODELS: OrderedDict[Hashable, Model] = OrderedDict()
-_KERNELS: OrderedDict[Hashable, ReferenceKernel] = OrderedDict()
-_MOST_KEPT = 64
-
-
-def _kept(store: OrderedDict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
-    """What ``make`` gave for ``key`` last time; the oldest entry goes when there are too many."""
-    if key not in store:
-        store[key] = make()
-        if len(store) > _MOST_KEPT:
-            store.popitem(last=False)
-    return store[key]
+_MODELS: Kept[Model] = Kept(64)
+_KERNELS: Kept[ReferenceKernel] = Kept(64)

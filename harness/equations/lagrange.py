@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from harness.equations.differentiation import Derivatives
+from harness.equations.program import right_hand_side
 from harness.equations.system import TIME, System
 
 
@@ -58,7 +59,7 @@ class EquationsOfMotion(EnergiesInSymbols):
     @property
     def right_hand_side(self) -> sp.Matrix:
         """p - c - g, (nv, 1): what M qdd equals when no force is applied."""
-        return self.passive_forces - self.velocity_terms - self.gravity_terms
+        return sp.Matrix(right_hand_side({"passive": self.passive_forces, "velocity": self.velocity_terms, "gravity": self.gravity_terms}))
 
     @property
     def energy_function(self) -> sp.Expr:

@@ -7,8 +7,10 @@ is read back; it keeps coordinates, rates and parameters alike as run-time input
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -46,6 +48,12 @@ class StraightLineProgram:
     outputs: Mapping[str, tuple[int, ...]]
     in_coordinates: StraightLineProgram | None = None
     measured_from: tuple[int | None, ...] = ()
+
+    @cached_property
+    def key(self) -> str:
+        """Equal for programs of equal inputs, instructions and outputs."""
+        content = self.inputs, self.instructions, sorted(self.outputs.items()), self.measured_from
+        return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @property
     def turning(self) -> list[int]:
@@ -114,6 +122,13 @@ class StraightLineProgram:
             if not (parent is None or _is_index(parent, place)):
                 raise ValueError(f"coordinate {place} is measured from {parent!r}; expected an earlier one or none")
         return cls(inputs, instructions, outputs, in_coordinates, measured_from)
+
+
+def right_hand_side(outputs: Mapping[str, Sequence[Any]], applied: Sequence[Any] | None = None) -> list[Any]:
+    """tau + p - (c + g), what M qdd equals, of the outputs of a system's program; without ``applied``, p - (c + g)."""
+    forces = outputs["passive"] if applied is None else [tau + force for tau, force in zip(applied, outputs["passive"], strict=True)]
+    terms = zip(forces, outputs["velocity"], outputs["gravity"], strict=True)
+    return [force - (velocity + gravity) for force, velocity, gravity in terms]
 
 
 def upper_triangle(n: int) -> list[tuple[int, int]]:
