@@ -167,7 +167,7 @@ class _Search:
         """
         parameters = self._for_all(values)
         forces = np.empty((len(values), *reference.high.shape))
-        for chart, chosen in self.kernel.by_chart(self.states, parameters):
+        for chart, chosen in self.kernel.by_chart(self.states):
             inputs = self.kernel.mechanism.inputs(self.states[chosen], parameters[chosen])
             derivatives = chart.float64.input_derivatives(inputs, np.ascontiguousarray(reference.high[chosen].T))
             forces[:, chosen] = derivatives[:, -len(values) :].transpose(1, 2, 0)
