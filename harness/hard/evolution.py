@@ -23,7 +23,7 @@ from harness.certify.sampling import HUGE_ANGLES
 from harness.check import tasks
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4
 # Spread of the first population, where 1 is half of a range.
@@ -100,8 +100,8 @@ def as_note(states: States) -> str:
 
 def worst_index(comparison: Comparison) -> int:
     """Index of the answer that shows most: the gravest verdict that is the engine's, then the largest backward error."""
-    gravity = np.array([GRAVITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
-    return int(np.lexsort((objective(comparison), gravity))[-1])
+    severity = np.array([SEVERITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
+    return int(np.lexsort((objective(comparison), severity))[-1])
 
 
 def objective(comparison: Comparison) -> Array:
