@@ -236,7 +236,7 @@ class _Search:
             self._try(candidate, value)
 
     def _slope(self, candidate: Candidate, at: float) -> Array | None:
-        slope = derivative(self.watch, candidate.text, at, DIFFERENCE * max(candidate.scale, abs(at)))
+        slope = derivative(self.watch.accelerations, candidate.text, at, DIFFERENCE * max(candidate.scale, abs(at)))
         return None if slope is None else self._whitening.change(slope)[self._seen]
 
     def result(self) -> list[tuple[Explanation, Candidate]]:

@@ -113,19 +113,19 @@ def backward_errors(residual: Array) -> Array:
         return np.asarray(np.linalg.norm(residual, axis=1))
 
 
-def derivative(watch: Watch, text: Callable[[float], str], at: float, step: float) -> Array | None:
-    """Derivative (n, nv) of the accelerations by the value of ``text``.
+def derivative(answer: Callable[[str], Array | None], text: Callable[[float], str], at: float, step: float) -> Array | None:
+    """Derivative (n, nv) by the value of ``text`` of the accelerations that ``answer`` gives for a text, None where it is refused.
 
     By central differences; where one direction is refused, by three points in the other; None where both are.
     """
-    up, down = (watch.accelerations(text(at + sign * step)) for sign in (1.0, -1.0))
+    up, down = (answer(text(at + sign * step)) for sign in (1.0, -1.0))
     if up is not None and down is not None:
         return (up - down) / (2 * step)
     near, sign = (up, 1.0) if up is not None else (down, -1.0)
-    here = None if near is None else watch.accelerations(text(at))
+    here = None if near is None else answer(text(at))
     if near is None or here is None:
         return None
-    far = watch.accelerations(text(at + 2 * sign * step))
+    far = answer(text(at + 2 * sign * step))
     return sign * ((near - here) / step if far is None else (4 * near - 3 * here - far) / (2 * step))
 
 
@@ -181,7 +181,7 @@ def find_column(watch: Watch, whitening: Whitening, candidate: Candidate) -> Col
     """The column of one candidate: zero where nothing feels it, None where the reader refuses every change."""
     assert candidate.start is not None
     step = DIFFERENCE * candidate.scale
-    slope = derivative(watch, candidate.text, candidate.start, step)
+    slope = derivative(watch.accelerations, candidate.text, candidate.start, step)
     if slope is None:
         return None
     values = whitening.change(slope)

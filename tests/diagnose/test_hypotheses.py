@@ -124,7 +124,7 @@ def _fitted(watched: Watch, reference: Reference, candidate: Candidate) -> Itera
     whitening, value = Whitening(reference), candidate.start or 0.0
     for _ in range(12):
         answers = watched.accelerations(candidate.text(value))
-        slope = derivative(watched, candidate.text, value, DIFFERENCE * candidate.scale)
+        slope = derivative(watched.accelerations, candidate.text, value, DIFFERENCE * candidate.scale)
         if answers is None or slope is None:
             return
         column, residual = whitening.change(slope), whitening.residual(answers)

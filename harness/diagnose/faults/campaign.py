@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.check.superfluous import CHANGE
-from harness.diagnose.faults.bench import RED, REFUSED, Answer, Bench
+from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
+from harness.diagnose.faults.bench import RED, REFUSED, Answer, FaultBench
 from harness.diagnose.faults.summary import Fault
-from harness.diagnose.faults.walk import MOST_ABOVE_THEORY, unwalkable, walkable
 from harness.diagnose.hypotheses import Candidate, Planted, find_hypotheses
 from harness.diagnose.model_side import diagnose
 from harness.diagnose.perturbation import NUMBER, numeric_candidates, watch
-from harness.engines import Unsupported, select_subjects
+from harness.engines import Unsupported
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model
@@ -86,11 +86,11 @@ def _of_number(candidate: Candidate) -> Planted:
 
 
 class Campaign:
-    """The faults of one model of one system; raises as ``harness.diagnose.faults.bench.Bench``."""
+    """The faults of one model of one system; raises as ``harness.diagnose.faults.bench.FaultBench``."""
 
     def __init__(self, library: Library, name: str, model_format: str, settings: CampaignSettings) -> None:
         self.name, self.settings = name, settings
-        self.bench = Bench(library, name, model_format, settings.states, settings.seed)
+        self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
 
     def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
@@ -164,8 +164,8 @@ class Campaign:
         answer, size = self.bench.ask_sized(planted, size)
         text = planted.text(size)
         red = [one for one in self.bench.readers if answer.verdicts.get(str(one.subject), RED[0]) in RED]
-        # Where digits are lost at every state of a diagnosis it cannot ask.
-        red = [one for one in red if len(one.diagnostic_states)]
+        # A reader that loses digits at every state of a diagnosis cannot be diagnosed.
+        red = [one for one in red if len(self.bench.diagnostic(one)[0])]
         if not red or answer.refused_by in REFUSED:
             return fault
         # The engine whose own format this is, first: what others make of it is partly the harness's.
@@ -173,10 +173,11 @@ class Campaign:
         started = time.perf_counter()
         try:
             wrong = parse_model(self.model.path, text, self.model.format)
-            watched = watch(one.engine, self.bench.mechanism, wrong, one.diagnostic_states)
+            states, reference = self.bench.diagnostic(one)
+            watched = watch(one.engine, self.bench.mechanism, wrong, states)
         except (Unsupported, ValueError):
             return fault
-        diagnosis = diagnose(watched, one.diagnostic_reference, seconds=self.settings.seconds)
+        diagnosis = diagnose(watched, reference, seconds=self.settings.seconds)
         seconds = time.perf_counter() - started
         where = set(fault.where)
         first = diagnosis.first
@@ -216,29 +217,6 @@ def _spread(count: int, most: int | None) -> set[int]:
     if most is None or most >= count:
         return set(range(count))
     return {(2 * place + 1) * count // (2 * most) for place in range(most)}
-
-
-def campaigns(library: Library, names: Sequence[str]) -> list[tuple[str, str]]:
-    """(system, format) of every model to plant faults in; families by their smallest member.
-
-    Left out are ``without_campaign`` ones.
-
-    Raises:
-        harness.errors.InvalidRequest: a system that does not exist.
-    """
-    return sorted({(name, subject.format) for name, subject in walkable(library, names, _everybody(library))})
-
-
-def without_campaign(library: Library, names: Sequence[str]) -> dict[tuple[str, str], str]:
-    """(system, format) of what every subject is expected not to support, with the reason of the first; raises as above."""
-    excused = unwalkable(library, names, _everybody(library))
-    kept = set(campaigns(library, names))
-    reasons = {(name, subject.format): reason for (name, subject), reason in reversed(excused.items())}
-    return {pair: reasons[pair] for pair in sorted(reasons) if pair not in kept}
-
-
-def _everybody(library: Library) -> list[str]:
-    return [str(subject) for subject in select_subjects(library, ())]
 
 
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:

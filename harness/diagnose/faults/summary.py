@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from harness.diagnose.faults.walk import MOST_ABOVE_THEORY
+from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
 
 # Share of the faults that a diagnosis names first, or in its class.
 MUST_BE_NAMED = 0.95
