@@ -59,7 +59,7 @@ def cross_check_all(
     return cross_check, records, causes
 
 
-def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **limits: float) -> list[Cause]:
+def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **limits: int) -> list[Cause]:
     """Why those of ``records`` are wrong that are not as expected, by system and subject; ``limits`` as for ``find_causes``."""
     if all(record.as_expected for record in records):
         return []

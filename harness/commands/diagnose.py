@@ -21,9 +21,6 @@ from harness.commands._options import (
     workers_option,
 )
 
-# Seconds that an engine may take over one batch, and that loading and telling may take beside the diagnosis itself.
-_BATCH_SECONDS = 60.0
-
 
 @click.command("diagnose")
 @click.argument("name")
@@ -38,10 +35,11 @@ _BATCH_SECONDS = 60.0
 @click.option(
     "--time-limit",
     type=click.FloatRange(min=0, min_open=True),
-    default=10.0,
+    default=60.0,
     show_default=True,
-    help="Seconds that a diagnosis may take.",
+    help="Seconds after which an engine or a diagnosis is ended as hanging.",
 )
+@click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default.")
 @told
 def command(
     name: str,
@@ -54,6 +52,7 @@ def command(
     json_path: str | None,
     workers: int | None,
     time_limit: float,
+    evaluations: int | None,
 ) -> None:
     """Say which engine, term and attribute make NAME disagree, with the line in the file and the value that would explain it."""
     from harness.check.description import describe_run
@@ -77,11 +76,11 @@ def command(
         examples=None,
     )
     run = describe_run(library, states, seed, "diagnose", ["harness", *sys.argv[1:]])
-    pool = Workers(workers, time_limit=_BATCH_SECONDS + time_limit)
+    pool = Workers(workers, time_limit=time_limit)
     cross_check = CrossCheck(settings, pool)
     with pool:
         records = sorted(cross_check.records(), key=lambda record: record.subject)
-        causes = causes_of(cross_check, records, pool, seconds=time_limit)
+        causes = causes_of(cross_check, records, pool, **({} if evaluations is None else {"evaluations": evaluations}))
         held = find_differences(settings, name, pool) if causes else []
     if json_path:
         further = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}

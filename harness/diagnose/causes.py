@@ -1,4 +1,4 @@
-"""Why records of a cross-check are not as expected: who is at fault, the terms that are wrong, and the change that explains it."""
+"""The causes of records that are not as expected: the party at fault, the terms that are wrong, the change that explains it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from harness.check.settings import Settings
 from harness.check.tasks import Assignment
 from harness.diagnose.held import Difference, differences, held_by
+from harness.diagnose.model_side import EVALUATIONS
 from harness.diagnose.pattern import infer_from_records
 from harness.diagnose.subject import Scope, SubjectDiagnosis, diagnose_subject
 from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, subjects
@@ -21,11 +22,8 @@ from harness.results.records import Record
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
 
-SECONDS = 10.0
-# What all diagnoses of one call may take together on each worker, when very much is wrong, and the least that any may.
-SECONDS_IN_ALL, LEAST_SECONDS = 120.0, 2.0
-# Of the time limit of a task; the rest is for loading and compiling.
-SHARE_OF_TIME_LIMIT = 0.5
+# Evaluations of all diagnoses of one call together, when very much is wrong, and the least of any.
+EVALUATIONS_IN_ALL, LEAST_EVALUATIONS = 30_000, 300
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
@@ -39,15 +37,16 @@ def find_causes(
     records: Sequence[Record],
     workers: Workers,
     *,
-    seconds: float = SECONDS,
+    evaluations: int = EVALUATIONS,
     crashes: Collection[tuple[str, str | None]] = (),
 ) -> Iterator[Cause]:
     """The cause of each of ``records`` that is wrong and not as expected, as soon as it is known.
 
     Args:
-        settings: of the cross-check. records: of all its subjects, for who is wrong is told by who is right.
-        workers: on which a diagnosis takes ``seconds`` at most beside loading, less where very much is wrong.
-        crashes: (system, what died or hung, and would again): a subject, a model's format, or None for the system itself.
+        settings: of the cross-check. records: of all its subjects, since the party at fault follows from those that agree.
+        workers: that diagnose; they end a diagnosis that hangs.
+        evaluations: of changed models that a diagnosis takes at most; fewer where very much is wrong.
+        crashes: (system, part that died or hung, and would again): a subject, a model's format, or None for the system itself.
     """
     inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
     chosen: dict[tuple[str, str], Record] = {}
@@ -63,7 +62,7 @@ def find_causes(
         key = record.system, model_format if is_of_the_model else record.subject
         chosen.setdefault(key, record)
         causes.setdefault(key, []).append(cause)
-    share = min(seconds, max(LEAST_SECONDS, SECONDS_IN_ALL * len(workers) / max(1, len(chosen))), SHARE_OF_TIME_LIMIT * workers.time_limit)
+    share = min(evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
     work: list[Task] = []
     for key, record in chosen.items():
         subject = _subject(record)
@@ -84,17 +83,17 @@ def find_causes(
 
 
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
-    """What the subjects that read a model of system ``name`` do not hold alike after loading, before any dynamics."""
+    """The quantities that subjects which read a model of system ``name`` do not hold alike after loading, before any dynamics."""
     reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS]
     work = [Task(str(subject), _hold, (settings.library, name, subject, _path(settings, name, subject))) for subject in reading]
-    # Who cannot load its model is told by its record.
+    # Load errors are already in the record.
     found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
     held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
     return differences(name, held, {model.format: model for model, _ in found.values()})
 
 
 def _hold(library: Library, name: str, subject: Subject, path: Path, note: Callable[[str], None]) -> tuple[ModelFile, HeldModel | None]:
-    """The file of a subject and what its engine holds of it, as a task for ``harness.workers``; raises what reading and loading raise."""
+    """The file of a subject and its engine's quantities after loading, as a task for ``harness.workers``; raises as both do."""
     model, mechanism = read_model(path, subject.format), load_mechanism(library, name)
     return model, held_by(load_engine(library, subject.engine).load(model, mechanism.joints, mechanism.gravity))
 

@@ -154,22 +154,26 @@ class Column:
 
 
 def find_columns(
-    watch: Watch, reference: Reference, candidates: Iterable[Candidate], out_of_time: Callable[[], bool] = lambda: False
+    answer: Callable[[str], Array | None],
+    reference: Reference,
+    candidates: Iterable[Candidate],
+    is_spent: Callable[[], bool] = lambda: False,
 ) -> list[Column]:
-    """Columns of all candidates with a free value that some acceleration feels, where the model is as it is.
+    """Columns of all candidates with a free value on which some acceleration depends, at the model as it is.
 
-    Of candidates of one statement and place, later ones stand in for those that are refused in both directions.
+    ``answer`` gives the accelerations (n, nv) of a text, None where it is refused. Of candidates of one statement and place,
+    later ones stand in for those that are refused in both directions.
     """
     whitening = Whitening(reference)
     found: list[Column] = []
     answered: set[tuple[str, Place]] = set()
     for candidate in candidates:
-        if out_of_time():
+        if is_spent():
             break
         identity = candidate.hypothesis, candidate.place
         if candidate.start is None or (candidate.hypothesis == NUMBER and identity in answered):
             continue
-        column = find_column(watch, whitening, candidate)
+        column = find_column(answer, whitening, candidate)
         if column is not None:
             answered.add(identity)
             if column.norm > 0:
@@ -177,11 +181,11 @@ def find_columns(
     return found
 
 
-def find_column(watch: Watch, whitening: Whitening, candidate: Candidate) -> Column | None:
+def find_column(answer: Callable[[str], Array | None], whitening: Whitening, candidate: Candidate) -> Column | None:
     """The column of one candidate: zero where nothing feels it, None where the reader refuses every change."""
     assert candidate.start is not None
     step = DIFFERENCE * candidate.scale
-    slope = derivative(watch.accelerations, candidate.text, candidate.start, step)
+    slope = derivative(answer, candidate.text, candidate.start, step)
     if slope is None:
         return None
     values = whitening.change(slope)

@@ -17,7 +17,7 @@ from harness.models.text import Place, find_elements
 PARAMETER = "parameter"
 
 
-class Finding(StrEnum):
+class Conclusion(StrEnum):
     """How a diagnosis ended."""
 
     SOUND = "nothing to explain"
@@ -29,7 +29,7 @@ class Finding(StrEnum):
 
 
 @dataclass(frozen=True)
-class Explanation:
+class TriedChange:
     """What one change makes of the discrepancy.
 
     Attributes:
@@ -76,37 +76,37 @@ class Diagnosis:
     """What a diagnosis found.
 
     Attributes:
-        file: path of the model or system file. finding: how it ended.
+        file: path of the model or system file. conclusion: how it ended.
         before: largest backward error as the file is [data roundoffs]; inf where an answer is not finite.
         tried: what was tried and made it less, best first; what explains comes before what does not.
-        seconds: what it was given [s]. stopped: whether that ended it.
+        evaluations: the number it was given. stopped: true where the search used them up.
         live, rank: number of numbers of the file that accelerations feel, and of their combinations that these determine; 0
-            where time ran out before they were counted.
+            where the evaluations ran out before they were counted.
         together: the values whose changes together do what a change of the first does, as the file has them.
     """
 
     file: Path
-    finding: Finding
+    conclusion: Conclusion
     before: float
-    tried: tuple[Explanation, ...] = ()
-    seconds: float = 0.0
+    tried: tuple[TriedChange, ...] = ()
+    evaluations: int = 0
     stopped: bool = False
     live: int = 0
     rank: int = 0
     together: tuple[str, ...] = ()
 
     @property
-    def first(self) -> Explanation | None:
+    def first(self) -> TriedChange | None:
         """The best there is, whether it explains or not."""
         return self.tried[0] if self.tried else None
 
     @property
-    def explaining(self) -> tuple[Explanation, ...]:
+    def explaining(self) -> tuple[TriedChange, ...]:
         """Everything that explains: what no acceleration tells apart here."""
         return tuple(explanation for explanation in self.tried if explanation.explains)
 
     @property
-    def runner_up(self) -> Explanation | None:
+    def runner_up(self) -> TriedChange | None:
         """The best that does not explain, at another place than the first's."""
         others = (other for other in self.tried if self.first and other.place.key != self.first.place.key)
         return next((other for other in others if not other.explains), None)
@@ -120,7 +120,7 @@ class Diagnosis:
     def first_line(self) -> str:
         """One sentence: the place and the value, or why there is none."""
         file, first = shown_path(self.file), self.first
-        if self.finding == Finding.EXPLAINED and first is not None:
+        if self.conclusion == Conclusion.EXPLAINED and first is not None:
             left = f"(residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
             if first.hypothesis == PARAMETER:
                 instead = f"instead of {first.place.found}"
@@ -129,14 +129,14 @@ class Diagnosis:
             said = f"explains it with {first.shown}{remark}" if first.shown else f"explains it: {first.statement}"
             return f"{file}:{first.place.line}: {first.tag} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
         reason = {
-            Finding.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
-            Finding.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
+            Conclusion.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
+            Conclusion.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
             "factorisation loses: the digits are the engine's",
-            Finding.NOT_FINITE: "some answers are not finite, which no fit can explain",
-            Finding.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
-        }.get(self.finding, f"no single change explains it{self._best()}")
-        time = f"; stopped after {self.seconds:g} s" if self.stopped and self.finding == Finding.UNEXPLAINED else ""
-        return f"{file}: {reason}{time}"
+            Conclusion.NOT_FINITE: "some answers are not finite, which no fit can explain",
+            Conclusion.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
+        }.get(self.conclusion, f"no single change explains it{self._best()}")
+        spent = f"; stopped after {self.evaluations} evaluations" if self.stopped and self.conclusion == Conclusion.UNEXPLAINED else ""
+        return f"{file}: {reason}{spent}"
 
     def _best(self) -> str:
         if self.first is None:
@@ -165,11 +165,11 @@ class Diagnosis:
         if self.live:
             yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
         if self.stopped:
-            yield f"stopped after {self.seconds:g} s; what was not tried by then may explain it as well"
+            yield f"stopped after {self.evaluations} evaluations; what was not tried by then may explain it as well"
 
     @staticmethod
-    def _one_of_each_place(explanations: Sequence[Explanation]) -> list[Explanation]:
-        best: dict[tuple[int, str, str], Explanation] = {}
+    def _one_of_each_place(explanations: Sequence[TriedChange]) -> list[TriedChange]:
+        best: dict[tuple[int, str, str], TriedChange] = {}
         for explanation in explanations:
             best.setdefault(explanation.place.key, explanation)
         return list(best.values())
@@ -178,7 +178,7 @@ class Diagnosis:
         """Plain data; infinite numbers as None."""
         return {
             "file": str(self.file),
-            "finding": self.finding.value,
+            "finding": self.conclusion.value,
             "before": self.before if self.before < float("inf") else None,
             "explaining": [explanation.as_json() for explanation in self.explaining],
             "first": None if self.first is None else self.first.as_json(),
@@ -186,7 +186,7 @@ class Diagnosis:
             "live": self.live,
             "rank": self.rank,
             "together": list(self.together),
-            "seconds": self.seconds,
+            "evaluations": self.evaluations,
             "stopped": self.stopped,
             "text": list(self.lines),
         }

@@ -128,7 +128,7 @@ def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: 
 
 def test_an_inference_that_blames_an_engine_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fault_bench, "infer", lambda verdicts: Inference("engine mujoco", "mujoco is at fault"))
-    faults = campaign("spring_damper", "mjcf", replace(SMALL, kinds=["damping"], diagnosed=0, seconds=0.0))
+    faults = campaign("spring_damper", "mjcf", replace(SMALL, kinds=["damping"], diagnosed=0, evaluations=1))
     assert any("blamed" in sentence for sentence in broken_bars(faults))
 
 

@@ -20,7 +20,7 @@ from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
 from harness.diagnose.faults.bench import RED, REFUSED, Answer, FaultBench
 from harness.diagnose.faults.summary import Fault
 from harness.diagnose.hypotheses import Candidate, Planted, find_hypotheses
-from harness.diagnose.model_side import diagnose
+from harness.diagnose.model_side import EVALUATIONS, diagnose
 from harness.diagnose.perturbation import NUMBER, numeric_candidates, watch
 from harness.engines import Unsupported
 from harness.errors import InvalidModel
@@ -31,7 +31,6 @@ from harness.models.text import Place
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
 # Relative size from which on a fault of a live number must be caught.
 MUST_BE_CAUGHT = 1e-9
-DIAGNOSIS_SECONDS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +42,7 @@ class CampaignSettings:
         sizes: of changed numbers, relative.
         states: sampled states of a check; seed: of them.
         diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
-        seconds: that a diagnosis may take.
+        evaluations: of changed models that a diagnosis may take.
     """
 
     kinds: Sequence[str] = ()
@@ -51,7 +50,7 @@ class CampaignSettings:
     states: int = 1000
     seed: int = 0
     diagnosed: int | None = None
-    seconds: float = DIAGNOSIS_SECONDS
+    evaluations: int = EVALUATIONS
 
 
 def kinds_of_faults() -> dict[str, str]:
@@ -177,7 +176,7 @@ class Campaign:
             watched = watch(one.engine, self.bench.mechanism, wrong, states)
         except (Unsupported, ValueError):
             return fault
-        diagnosis = diagnose(watched, reference, seconds=self.settings.seconds)
+        diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
         seconds = time.perf_counter() - started
         where = set(fault.where)
         first = diagnosis.first
