@@ -129,7 +129,7 @@ def settled(value: float, slope: Array | None, left: float, tolerance: float, le
 
 
 @dataclass(frozen=True)
-class Promise:
+class Screened:
     """The linear estimate of a fit, from a column.
 
     Attributes:
@@ -143,26 +143,26 @@ class Promise:
     worth: bool
 
 
-def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[Promise]:
-    """Promises of all columns, (n, nv) each, for a residual (n, nv), the best first; none where the residual is zero or not finite."""
+def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[Screened]:
+    """The estimates of all columns, (n, nv) each, for a residual (n, nv), the best first; none where the residual is zero or not finite."""
     size = float(np.linalg.norm(here))
     if not 0 < size < math.inf:
         return []
-    promises = []
+    screened = []
     for place, (column, scale) in enumerate(zip(columns, scales, strict=True)):
         square, along = float(np.vdot(column, column)), float(np.vdot(column, here))
         share, step = (along**2 / square / size**2, abs(along) / square) if square else (0.0, 0.0)
         unexplained = math.sqrt(max(0.0, 1 - share))
         worth = unexplained <= BEND * step / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
-        promises.append(Promise(place, unexplained, worth))
-    return sorted(promises, key=lambda promise: promise.unexplained)
+        screened.append(Screened(place, unexplained, worth))
+    return sorted(screened, key=lambda one: one.unexplained)
 
 
 def fit_in_order(
-    promises: Sequence[Promise], fit: Callable[[int], None], in_class: Callable[[int], bool], explained: Callable[[], bool]
+    screened: Sequence[Screened], fit: Callable[[int], None], in_class: Callable[[int], bool], explained: Callable[[], bool]
 ) -> None:
     """Fit the first few, then those that are worth it; once something explains, no more than a few beside its class."""
-    for rank, promise in enumerate(promises):
-        enough = rank >= FITTED_FOR_CLASS and explained() and not in_class(promise.place)
-        if rank < LEAST_FITTED or (promise.worth and not enough):
-            fit(promise.place)
+    for rank, one in enumerate(screened):
+        enough = rank >= FITTED_FOR_CLASS and explained() and not in_class(one.place)
+        if rank < LEAST_FITTED or (one.worth and not enough):
+            fit(one.place)

@@ -78,7 +78,7 @@ def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> S
 
 
 def held_out(count: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which of ``count`` states fits do not see, (count,)."""
+    """The states of ``count`` that fits do not see, (count,) bool."""
     return np.asarray(np.arange(count) % HELD_OUT_OF == HELD_OUT_OF - 1)
 
 

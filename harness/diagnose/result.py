@@ -1,4 +1,4 @@
-"""What a diagnosis found, as plain data and as sentences.
+"""The result of a diagnosis, as plain data and as sentences.
 
 The same shape serves changes of a model file and of a textbook parameter.
 """
@@ -18,7 +18,7 @@ PARAMETER = "parameter"
 
 
 class Conclusion(StrEnum):
-    """How a diagnosis ended."""
+    """The conclusion of a diagnosis."""
 
     SOUND = "nothing to explain"
     EXPLAINED = "explained"
@@ -30,7 +30,7 @@ class Conclusion(StrEnum):
 
 @dataclass(frozen=True)
 class TriedChange:
-    """What one change makes of the discrepancy.
+    """One change and the error that it leaves.
 
     Attributes:
         hypothesis: its name, "number" for one number of the file and "parameter" for one of the textbook's.
@@ -38,7 +38,7 @@ class TriedChange:
         value: the value that explains, or explains best; None for a change without a free value.
         tag: how the place is written now, as ``<inertial mass="1.01">``. shown: what would stand there; "" without a value.
         residual: largest backward error left over all states, also those no fit has seen [data roundoffs].
-        explains: whether that agrees.
+        explains: true where that agrees.
     """
 
     hypothesis: str
@@ -52,7 +52,7 @@ class TriedChange:
 
     @property
     def change(self) -> str:
-        """What is found there and what would explain it, as one phrase."""
+        """The text found there and the one that would explain it, as one phrase."""
         remark = f": {self.statement}" if self.statement else ""
         return f"{self.tag} with {self.shown}{remark}" if self.shown else f"{self.tag}{remark}"
 
@@ -73,7 +73,7 @@ class TriedChange:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """What a diagnosis found.
+    """The result of a diagnosis.
 
     Attributes:
         file: path of the model or system file. conclusion: how it ended.
@@ -102,7 +102,7 @@ class Diagnosis:
 
     @property
     def explaining(self) -> tuple[TriedChange, ...]:
-        """Everything that explains: what no acceleration tells apart here."""
+        """The changes that explain, which no acceleration distinguishes here."""
         return tuple(explanation for explanation in self.tried if explanation.explains)
 
     @property
@@ -146,7 +146,7 @@ class Diagnosis:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The whole of it: the first line, what cannot be told apart, the runner-up, and what is known of the file's values."""
+        """All sentences: the first line, the changes that explain as well, the runner-up, and the file's base parameters."""
         return (self.first_line, *self._class_lines(), *self._remarks())
 
     def _class_lines(self) -> Iterable[str]:
@@ -193,12 +193,12 @@ class Diagnosis:
 
 
 def digits_of(value: float | None) -> int:
-    """How many decimal digits a value needs."""
+    """The number of decimal digits that a value needs."""
     return 0 if value is None else len(repr(abs(value)).partition("e")[0].replace(".", "").strip("0"))
 
 
 def to_four_digits(value: float, start: float) -> float:
-    """The value with four digits, or as many more as tell it from ``start``: more say nothing of what does not explain."""
+    """The value with four digits, or as many more as distinguish it from ``start``: further ones mean nothing where it does not explain."""
     return next(
         (short for digits in range(4, 17) if abs((short := float(f"{value:.{digits}g}")) - value) <= 0.01 * abs(value - start)), value
     )

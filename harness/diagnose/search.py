@@ -57,7 +57,7 @@ class Tried:
 class Search(ABC, Generic[Evaluated]):
     """One subject's answers that are not the reference's, and the changes tried on them.
 
-    A side of the comparison says what it evaluates for a text, and what residual follows from that.
+    A side of the comparison defines the evaluation of a text, and the residual that follows from it.
 
     Attributes:
         before: largest backward error over the certified states without a change; inf where an answer is not finite.
@@ -147,7 +147,7 @@ class Search(ABC, Generic[Evaluated]):
     def fit_best(self, columns: Sequence[Column]) -> None:
         """Fit the candidates whose columns explain most, until what remains cannot explain anything."""
         seen = [column.values[self.seen] for column in columns]
-        promises = screen(seen, [column.candidate.scale for column in columns], self.here)
+        screened = screen(seen, [column.candidate.scale for column in columns], self.here)
 
         def in_class(place: int) -> bool:
             explaining = {id(tried.candidate) for tried in self.explaining}
@@ -159,7 +159,7 @@ class Search(ABC, Generic[Evaluated]):
             if not self.is_spent:
                 self._fit(candidate, candidate.start, seen[place])
 
-        fit_in_order(promises, fit_one, in_class, lambda: bool(self.explaining))
+        fit_in_order(screened, fit_one, in_class, lambda: bool(self.explaining))
 
     def fit_from_other_starts(self, candidates: Sequence[Candidate]) -> None:
         """Fit the best candidates from values far from those found, if the error is large and no single value explains it."""
@@ -206,7 +206,7 @@ class Search(ABC, Generic[Evaluated]):
         return left <= self.tolerance
 
     def result(self) -> list[Tried]:
-        """Everything tried, best first: what explains, of that what has no free value, then round values, then little residual."""
+        """The changes tried, best first: explaining before others, then without a free value, round values, and little residual."""
         found: dict[tuple[int, float | None], Tried] = {}
         for tried in self._tried.values():
             rounded = self._rounded(tried)

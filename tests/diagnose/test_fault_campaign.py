@@ -166,7 +166,7 @@ def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
 
 
 def test_a_sound_model_that_an_engine_refuses_is_exit_status_2(tmp_path: Path) -> None:
-    """What another reader of the same file makes of it is no campaign."""
+    """Another reader of the same file does not make a campaign of it."""
     library = make_library(tmp_path / "refused", ["bar_pendulum"], {"mujoco": REFUSING})
     done = CliRunner().invoke(main, ["faults", "--kind", "damping", "--states", "16", "--workers", "1", "--library", str(library)])
     assert done.exit_code == 2, done.output

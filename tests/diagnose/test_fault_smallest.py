@@ -206,7 +206,7 @@ def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_p
 
 
 def test_the_unchanged_models_agree() -> None:
-    """What the runs of the changed models are told from."""
+    """The runs of the changed models mean something only beside these."""
     for name, subject in PAIRS:
         if name == "cart_pendulum":
             cross_check, record = check(name, subject, LIBRARY.model_path(name, subject.format))

@@ -1,4 +1,4 @@
-"""What answers to a changed model are judged by: certified states, and those of them at which the unchanged model agrees.
+"""The baseline of answers to a changed model: certified states, and those of them at which the unchanged model agrees.
 
 A relative change epsilon of a number moves the accelerations by epsilon |D|, D their derivative by its logarithm. The check
 fails from AGREEMENT data roundoffs on, so at one state the smallest change that it catches is, by theory,

@@ -1,4 +1,4 @@
-"""The fault campaign: mistakes are made in sound models, and the check and the diagnosis are told nothing of them.
+"""The fault campaign: mistakes are made in sound models, unknown to the check and the diagnosis.
 
 Every kind of mistake is made at every place where it applies: each number of a file is changed in sizes from
 ``SIZES``, each structural hypothesis plants what it declares. A mistake that moves no acceleration is none. Of the
@@ -35,7 +35,7 @@ MUST_BE_CAUGHT = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignSettings:
-    """What to plant.
+    """The faults to plant and the limits of their diagnosis.
 
     Attributes:
         kinds: names of hypotheses, and "number"; all for none.
@@ -101,7 +101,7 @@ class Campaign:
                 found.append(self._caught(one))
             answered = [place for place, fault in enumerate(found) if fault.live and fault.caught_by in ("check", "audit")]
             chosen = {answered[place] for place in _spread(len(answered), self.settings.diagnosed)}
-            # Who is blamed alone is asked what explains it.
+            # A party that is blamed wrongly is cleared by a diagnosis that explains its answers.
             chosen |= {place for place in answered if found[place].blamed}
             for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
@@ -154,7 +154,7 @@ class Campaign:
         )
 
     def _refusal(self, answer: Answer, where: Sequence[tuple[int, str, str]]) -> dict[str, Any]:
-        """Of a message that says where: it names the mistake if it names one of its lines."""
+        """The result of a refusal: it names the mistake if it names one of its lines."""
         named = answer.line is not None and answer.line in {line for line, _, _ in where} and answer.line != self.model.root_line
         return {"named": named, "in_class": named, "answer": answer.refusal} if answer.refused_by else {}
 

@@ -1,4 +1,4 @@
-"""Which models and subjects faults are planted for: those asked for, but for pairs that are expected to be unsupported."""
+"""The models and subjects that faults are planted for: those asked for, without pairs that are expected to be unsupported."""
 
 from __future__ import annotations
 

@@ -38,12 +38,12 @@ class SmallestChange:
 
     @property
     def ratio(self) -> float:
-        """Of the change that is caught to that of theory."""
+        """Ratio of the change that is caught to that of theory."""
         return self.smallest / self.theory
 
     @property
     def as_in_theory(self) -> bool:
-        """True where the ratio is at most ``MOST_ABOVE_THEORY``."""
+        """True for a ratio of at most ``MOST_ABOVE_THEORY``."""
         return self.ratio <= MOST_ABOVE_THEORY
 
     @property
