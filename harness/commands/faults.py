@@ -90,9 +90,11 @@ def command(
     """
     from harness.check.description import describe_run
     from harness.commands._terminal import print_caught, print_kinds
-    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign, without_campaign
+    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, kinds_of_faults, run_campaign
+    from harness.diagnose.faults.selection import select_models, select_pairs
+    from harness.diagnose.faults.smallest import smallest_changes
     from harness.diagnose.faults.summary import broken_bars, by_kind
-    from harness.diagnose.faults.walk import unwalkable, walk, walkable
+    from harness.engines import select_subjects
     from harness.errors import InvalidRequest
     from harness.library import Library, nearest
     from harness.workers import Task, Workers
@@ -111,25 +113,29 @@ def command(
     run = describe_run(library, states, seed, "faults", ["harness", *sys.argv[1:]])
     pool = Workers(workers, scheduler, time_limit)
     if smallest:
-        tasks = [Task(pair, walk, (library, *pair, states, seed)) for pair in walkable(library, names, subjects)]
+        # A file's numbers are the same for every reader: its native subject is asked, unless another is named.
+        pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
+        tasks = [Task(pair, smallest_changes, (library, *pair, states, seed)) for pair in pairs]
         caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
-        caught.sort(key=lambda number: (number.system, number.subject, number.number.start))
+        # Of one file the order is that of its numbers already.
+        caught.sort(key=lambda number: (number.system, number.subject))
         if caught:
             print_caught(caught)
-        _print_left_out({(name, str(subject)): reason for (name, subject), reason in unwalkable(library, names, subjects).items()})
-        broken = [] if all(number.as_promised for number in caught) else [""]
+        _print_left_out({(name, str(subject)): reason for (name, subject), reason in excused.items()})
+        broken = [] if all(number.as_in_theory for number in caught) else [""]
     else:
         settings = CampaignSettings(
             kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=seed, diagnosed=None if every_diagnosis else diagnoses
         )
-        tasks = [Task(pair, run_campaign, (library, *pair, settings)) for pair in campaigns(library, names)]
+        models, left_out = select_models(library, names)
+        tasks = [Task(model, run_campaign, (library, *model, settings)) for model in models]
         caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
         caught.sort(key=lambda fault: (fault.system, fault.format, fault.kind))
         if caught:
             print_kinds(by_kind(caught))
         elif tasks and not problems and not crashed:
             click.echo("no faults: mistakes of these kinds can be made nowhere in the models")
-        _print_left_out(without_campaign(library, names))
+        _print_left_out(left_out)
         _print_faults(caught)
         cleared = sorted({fault.cleared for fault in caught if fault.cleared})
         if cleared:
