@@ -47,7 +47,6 @@ library_option = click.option(
 seed_option = click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states.")
 json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
 workers_option = click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default.")
-scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Use the dask.distributed cluster at this address.")
 time_limit_option = click.option(
     "--time-limit",
     type=click.FloatRange(min=0, min_open=True),
@@ -62,6 +61,36 @@ long_time_limit_option = click.option(
     show_default=True,
     help="Seconds one task may take.",
 )
+_pem_file = click.Path(exists=True, dir_okay=False)
+
+
+def scheduler_option(command: Callable[..., None]) -> Callable[..., None]:
+    """``--scheduler`` and its ``--tls-`` files, which a command gets as one argument ``scheduler``: a ``Scheduler``, or None."""
+
+    @click.option(
+        "--scheduler",
+        "address",
+        metavar="ADDRESS",
+        help="Use the dask.distributed cluster at this address. "
+        "Who can reach the scheduler can run code as you; use tls:// on shared machines.",
+    )
+    @click.option("--tls-ca-file", "ca_file", type=_pem_file, help="Certificate of the authority that a tls:// cluster trusts.")
+    @click.option("--tls-cert", "certificate", type=_pem_file, help="Certificate to show to a tls:// cluster.")
+    @click.option("--tls-key", "key", type=_pem_file, help="Key of that certificate.")
+    @functools.wraps(command)
+    def wrapper(
+        *arguments: Any, address: str | None, ca_file: str | None, certificate: str | None, key: str | None, **options: Any
+    ) -> None:
+        from harness.workers import Scheduler
+
+        scheduler = None if address is None else Scheduler(address, ca_file, certificate, key)
+        if scheduler is None and (ca_file or certificate or key):
+            raise click.UsageError("--tls-ca-file, --tls-cert and --tls-key belong to --scheduler")
+        command(*arguments, scheduler=scheduler, **options)
+
+    return wrapper
+
+
 directory_option = click.option(
     "--out",
     "directory",

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +21,9 @@ from harness.commands._options import (
     told,
     workers_option,
 )
+
+if TYPE_CHECKING:
+    from harness.workers import Scheduler
 
 
 @click.command("check")
@@ -48,7 +51,7 @@ def command(
     state: str | None,
     json_path: str | None,
     workers: int | None,
-    scheduler: str | None,
+    scheduler: Scheduler | None,
     time_limit: float,
 ) -> None:
     """Cross-check NAMEs, or every mechanism, and print a table."""

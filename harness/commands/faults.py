@@ -27,7 +27,7 @@ from harness.commands._options import (
 if TYPE_CHECKING:
     from harness.diagnose.faults.summary import Fault
     from harness.results.records import Run
-    from harness.workers import Task
+    from harness.workers import Scheduler, Task
 
 
 # What only a campaign does.
@@ -77,7 +77,7 @@ def command(
     library_path: str | None,
     json_path: str | None,
     workers: int | None,
-    scheduler: str | None,
+    scheduler: Scheduler | None,
     time_limit: float,
 ) -> None:
     """Plant every kind of fault in the models of NAMEs, and print what is caught and what is named.
@@ -109,7 +109,7 @@ def command(
     pool = Workers(workers, scheduler, time_limit)
     if smallest:
         tasks = [Task(pair, walk, (library, *pair, states, seed)) for pair in walkable(library, names, subjects)]
-        caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
+        caught, problems, crashed = _run(pool, tasks, lambda rows: _write(json_path, run, rows))
         caught.sort(key=lambda number: (number.system, number.subject, number.number.start))
         if caught:
             print_caught(caught)
@@ -120,7 +120,7 @@ def command(
             kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=seed, diagnosed=None if every_diagnosis else diagnoses
         )
         tasks = [Task(pair, run_campaign, (library, *pair, settings)) for pair in campaigns(library, names)]
-        caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
+        caught, problems, crashed = _run(pool, tasks, lambda rows: _write(json_path, run, rows))
         caught.sort(key=lambda fault: (fault.system, fault.format, fault.kind))
         if caught:
             print_kinds(by_kind(caught))
@@ -142,9 +142,7 @@ def command(
     sys.exit(NOT_AS_EXPECTED if broken else AS_EXPECTED)
 
 
-def _run(
-    pool: Any, tasks: Sequence[Task], scheduler: str | None, write: Callable[[list[Any]], None]
-) -> tuple[list[Any], list[Exception], bool]:
+def _run(pool: Any, tasks: Sequence[Task], write: Callable[[list[Any]], None]) -> tuple[list[Any], list[Exception], bool]:
     """Everything the tasks return, what went wrong, and whether a process died; what is there is written after each."""
     from harness.commands._terminal import progress
     from harness.errors import InvalidInput, InvalidRequest
@@ -152,25 +150,22 @@ def _run(
     rows: list[Any] = []
     problems: list[Exception] = []
     crashed = False
-    try:
-        with pool, progress(len(tasks), "faults") as advance:
-            for outcome in pool.run(tasks):
-                name, what = outcome.task.key
-                rows += outcome.value or []
-                if outcome.crash is not None:
-                    crashed = True
-                    noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
-                    click.echo(f"harness: {name}, {what}: {outcome.crash}{noted}", err=True)
-                elif outcome.exception is not None:
-                    problem = outcome.exception
-                    problem = problem if isinstance(problem, InvalidInput) else InvalidRequest(f"{name}, {what}: {problem}")
-                    # Both models of a system may come upon the same.
-                    if str(problem) not in map(str, problems):
-                        problems.append(problem)
-                write(rows)
-                advance(f"{name} {what}")
-    except OSError as error:
-        raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
+    with pool, progress(len(tasks), "faults") as advance:
+        for outcome in pool.run(tasks):
+            name, what = outcome.task.key
+            rows += outcome.value or []
+            if outcome.crash is not None:
+                crashed = True
+                noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
+                click.echo(f"harness: {name}, {what}: {outcome.crash}{noted}", err=True)
+            elif outcome.exception is not None:
+                problem = outcome.exception
+                problem = problem if isinstance(problem, InvalidInput) else InvalidRequest(f"{name}, {what}: {problem}")
+                # Both models of a system may come upon the same.
+                if str(problem) not in map(str, problems):
+                    problems.append(problem)
+            write(rows)
+            advance(f"{name} {what}")
     return rows, problems, crashed
 
 

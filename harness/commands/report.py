@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,6 +23,9 @@ from harness.commands._options import (
     workers_option,
 )
 from harness.commands._page import write_page
+
+if TYPE_CHECKING:
+    from harness.workers import Scheduler
 
 
 @click.command("report")
@@ -41,7 +45,7 @@ def command(
     library_path: str | None,
     json_path: str | None,
     workers: int | None,
-    scheduler: str | None,
+    scheduler: Scheduler | None,
     time_limit: float,
 ) -> None:
     """Cross-check everything and write the discrepancy report."""
