@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from harness.workers import Workers
 
 _DEFAULT_STATES = 1000
+_TLS_FILES = {
+    "ca-file": "certificate of the authority that a tls:// cluster trusts",
+    "cert": "certificate to show to a tls:// cluster",
+    "key": "key of that certificate",
+}
 
 
 def _above_zero(text: str) -> int:
@@ -54,7 +59,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
     group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
-    group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
+    group.addoption(
+        "--harness-scheduler",
+        metavar="ADDRESS",
+        help="use the dask.distributed cluster at this address. Who can reach the scheduler can run code as you; "
+        "use tls:// on shared machines",
+    )
+    for file, content in _TLS_FILES.items():
+        group.addoption(f"--harness-tls-{file}", metavar="FILE", help=content)
     group.addoption(
         "--harness-time-limit",
         type=_seconds,
@@ -202,11 +214,13 @@ class _Regression:
         return CrossCheck(settings)
 
     def _started_workers(self) -> Workers:
-        from harness.workers import Workers
+        from harness.workers import Scheduler, Workers
 
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
-        return Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+        address = option("--harness-scheduler")
+        scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
+        return Workers(count, scheduler, option("--harness-time-limit")).__enter__()
 
 
 class SystemFile(pytest.File):
