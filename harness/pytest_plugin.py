@@ -269,10 +269,8 @@ class NotAsExpected(Exception):
         self.diagnosis = diagnosis
 
     def __str__(self) -> str:
-        from harness.results.explanation import explain
-
         if self.cause is None:
-            return explain(self.record)
+            return self.record.explanation
         of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
         of_cause.append(f"  the whole diagnosis: {self.diagnosis}")
-        return "\n".join([explain(self.record), *dict.fromkeys(of_cause)])
+        return "\n".join([self.record.explanation, *dict.fromkeys(of_cause)])

@@ -61,11 +61,11 @@ def command(
     run = describe_run(library, STATES, 0, "atlas", ["harness", *sys.argv[1:]])
     measured = Atlas()
     with History(directory / "history.sqlite") as history:
-        identifier = history.begin_atlas(run)
+        identifier = history.begin(run, Atlas)
         pool = Workers(workers, time_limit=time_limit)
         with pool, progress(atlas_run.expected_parts, "atlas") as advance:
             for part, found in atlas_run.parts(pool):
-                history.append_atlas(identifier, found)
+                history.append(identifier, found)
                 measured.extend(found)
                 if json_path:
                     write_json(json_path, run, [], further={"atlas": asdict(measured)})

@@ -64,10 +64,10 @@ def command(
     run = describe_run(settings.library, bench.profile.states, seed, profile, ["harness", *sys.argv[1:]])
     measured = Benchmark()
     with History(directory / "history.sqlite") as history:
-        identifier = history.begin_benchmark(run)
+        identifier = history.begin(run, Benchmark)
         with progress(bench.expected_parts, "benchmark") as advance:
             for part, found in bench.parts(workers):
-                history.append_measurements(identifier, found)
+                history.append(identifier, found)
                 measured.extend(found)
                 if json_path:
                     write_json(json_path, run, [], benchmark=(run, with_cheapest(measured)))

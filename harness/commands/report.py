@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import sys
 from pathlib import Path
 
@@ -50,7 +49,9 @@ def command(
     from harness.check.settings import Settings
     from harness.hard.worst_cases import ranked
     from harness.library import Library
+    from harness.results.cross_check import CrossCheckResult
     from harness.results.history import History
+    from harness.results.records import Record
     from harness.workers import Workers
 
     make_folder(directory)
@@ -62,20 +63,18 @@ def command(
     )
     run = describe_run(settings.library, PROFILES[profile], seed, profile, ["harness", *sys.argv[1:]])
     with History(directory / "history.sqlite") as history:
-        identifier = history.begin(run)
-        keep = functools.partial(history.append, identifier)
+        identifier = history.begin(run, CrossCheckResult)
+
+        def keep(record: Record) -> None:
+            history.append(identifier, CrossCheckResult(records=[record]))
 
         def keep_rest(cross_check: CrossCheck) -> None:
-            for card in cross_check.cards:
-                history.append_system(identifier, card)
-            for finding in cross_check.superfluous:
-                history.append_finding(identifier, finding)
+            history.append(identifier, CrossCheckResult(systems=cross_check.cards, superfluous=cross_check.superfluous))
 
         cross_check, records, causes = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep, keep_rest)
-        for cause in causes:
-            history.append_cause(identifier, cause)
+        history.append(identifier, CrossCheckResult(causes=causes))
         with Workers(workers, scheduler, time_limit) as pool:
-            options = settings.replay_options
-            history.append_worst_cases(identifier, ranked(settings.library, run, records, pool, replay_options=options))
+            worst = ranked(settings.library, run, records, pool, replay_options=settings.replay_options)
+        history.append(identifier, CrossCheckResult(worst_cases=worst))
         write_page(directory, history, settings.library.name, identifier)
     finish(cross_check, records, causes)

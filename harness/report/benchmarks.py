@@ -1,4 +1,4 @@
-"""What a report says of a benchmark, before it is HTML or Markdown: names, fronts, tables."""
+"""A benchmark arranged for a reader, before it is HTML or Markdown: names, fronts, tables."""
 
 from __future__ import annotations
 

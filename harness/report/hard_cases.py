@@ -1,4 +1,4 @@
-"""What a report says of an atlas, before it is HTML or Markdown: families, growth, motions that part, stable steps."""
+"""An atlas arranged for a reader, before it is HTML or Markdown: families, growth, motions that part, stable steps."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from itertools import groupby
 from operator import attrgetter
 from statistics import median
 
-from harness.report.summary import Change, changed_versions, counted
+from harness.report.summary import Change, changed_versions
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
 from harness.results.records import Run
+from harness.results.table import counted
 from harness.verdict import GRAVITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
 from harness.report.hard_cases import SILENT, Family, HardSummary
-from harness.report.summary import error_text
 from harness.results.atlas import HardPoint, HardRow
+from harness.results.table import error_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

@@ -6,7 +6,9 @@ Errors are in the kinetic-energy norm. A number that is None was not measured, a
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+
+from harness.results.study_result import StudyResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,22 +161,19 @@ class StableStep:
 
 
 @dataclass(kw_only=True)
-class Atlas:
-    """Everything one run along the hard cases measured; a part that was not asked for is empty.
+class Atlas(StudyResult):
+    """Everything one run along the hard cases measured.
 
     Attributes:
         problems: sentences on motions that could not be measured.
     """
 
+    STUDY = "atlas"
+
     rows: list[HardRow] = field(default_factory=list)
     partings: list[Parting] = field(default_factory=list)
     stable_steps: list[StableStep] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
-
-    def extend(self, more: Atlas) -> None:
-        """Take in what another part measured."""
-        for part in fields(self):
-            getattr(self, part.name).extend(getattr(more, part.name))
 
     @property
     def unexpected(self) -> list[str]:

@@ -7,7 +7,9 @@ to the size of the motion, and a number that is not finite stands for a run that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+
+from harness.results.study_result import StudyResult
 
 # How energy may wander over a long run, from the best to the worst.
 DRIFTS = ("bounded", "random walk", "secular")
@@ -230,8 +232,10 @@ class Cheapest:
 
 
 @dataclass(kw_only=True)
-class Benchmark:
-    """Everything one benchmark run measured; a part that was not asked for is empty."""
+class Benchmark(StudyResult):
+    """Everything one benchmark run measured; ``cheapest`` follows from the rest."""
+
+    STUDY = "benchmark"
 
     accelerations: list[AccelerationCost] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
@@ -241,10 +245,5 @@ class Benchmark:
     drifts: list[Drift] = field(default_factory=list)
     stationarity: list[Stationarity] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
-    cheapest: list[Cheapest] = field(default_factory=list)
+    cheapest: list[Cheapest] = field(default_factory=list, metadata={"derived": True})
     problems: list[str] = field(default_factory=list)
-
-    def extend(self, more: Benchmark) -> None:
-        """Take in what another part measured."""
-        for part in fields(self):
-            getattr(self, part.name).extend(getattr(more, part.name))
