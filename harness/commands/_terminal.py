@@ -63,7 +63,7 @@ def print_titled(title: str, table: Table) -> None:
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
-    """What is not as expected, and how many records are."""
+    """Each unexpected record, and the number of expected ones."""
     unexpected = [record for record in records if not record.as_expected]
     for record in unexpected:
         click.echo("\n" + record.explanation)

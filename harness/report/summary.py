@@ -24,7 +24,7 @@ Earlier = tuple[Run, Sequence[Record]]
 
 
 @dataclass(frozen=True)
-class Change:
+class ChangedValue:
     """A verdict or a version that is not what it was in the run before."""
 
     what: str
@@ -70,7 +70,7 @@ class Summary:
 
     @property
     def is_good(self) -> bool:
-        """Whether something was compared and everything is as expected."""
+        """True where something was compared and everything is as expected."""
         return bool(self.records) and not self.unexpected and not self.superfluous
 
     @property
@@ -130,7 +130,7 @@ class Summary:
                     values.append((datetime.fromisoformat(run.started).replace(tzinfo=None), found.backward_error))
         return points
 
-    def changed_verdicts(self) -> list[Change]:
+    def changed_verdicts(self) -> list[ChangedValue]:
         """Verdicts that differ from the latest earlier run that holds the same pair."""
         before: dict[tuple[str, str], str] = {}
         for _, records in self.earlier:
@@ -138,13 +138,15 @@ class Summary:
         changes = []
         for (system, subject), cell in sorted(self.cells.items()):
             known = before.get((system, subject), "not run")
-            changes += [Change(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
+            changes += [ChangedValue(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
         if self.earlier:
             gone = {(record.system, record.subject): record.verdict for record in self.earlier[-1][1]}
-            changes += [Change(f"{s}, {e}", verdict, "not run") for (s, e), verdict in sorted(gone.items()) if not self.cells.get((s, e))]
+            changes += [
+                ChangedValue(", ".join(pair), verdict, "not run") for pair, verdict in sorted(gone.items()) if pair not in self.cells
+            ]
         return changes
 
-    def changed_versions(self) -> list[Change]:
+    def changed_versions(self) -> list[ChangedValue]:
         """Versions that differ from the last run."""
         if not self.earlier:
             return []
@@ -167,13 +169,13 @@ def _published(cause: Cause) -> Cause:
     return replace(cause, **json.loads(text))
 
 
-def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
+def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[ChangedValue]:
     """Versions that differ."""
     names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-    return [Change(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+    return [ChangedValue(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
 
 
-def changes_table(what: str, changes: Iterable[Change]) -> Table:
+def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     """One row per change; ``what`` is the heading of what changed."""
     return Table([what, "before", "now"], [[change.what, change.before, change.after] for change in changes])
 

@@ -1,4 +1,4 @@
-"""What an atlas of hard cases measured: plain data that the report and the JSON file are made of.
+"""The measurements of an atlas of hard cases: plain data that the report and the JSON file are made of.
 
 Errors are in the kinetic-energy norm. A number that is None was not measured, and ``reason`` says why.
 """
@@ -44,7 +44,7 @@ class HardPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class HardReason:
-    """Why a verdict is expected along a family.
+    """The reason of a verdict that is expected along a family.
 
     Attributes:
         verdict: value of ``Verdict``; reason: the step of the algorithm that loses the digits.
@@ -97,7 +97,7 @@ class HardRow:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every verdict along the family is agreement or an expected other one."""
+        """True where every verdict along the family is agreement or an expected other one."""
         return not self.problems
 
     @property
@@ -113,7 +113,7 @@ class HardRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Parting:
-    """How fast one integrator leaves a baseline motion from one start.
+    """The growth of one integrator's distance from a baseline motion, from one start.
 
     Attributes:
         motion, system, integrator: names.

@@ -1,4 +1,4 @@
-"""What a benchmark measured: plain data that the report and the JSON file are made of.
+"""The measurements of a benchmark: plain data that the report and the JSON file are made of.
 
 Seconds are per state for accelerations and in all for motion; absolute times compare within one run
 only. Errors of accelerations are backward errors [units of data roundoff]; errors of motion are relative
@@ -138,7 +138,7 @@ class Order:
 
     @property
     def as_expected(self) -> bool:
-        """Whether theory has it so, or the difference is explained."""
+        """True where the order is that of theory or the difference is explained."""
         return self.verdict != "differs" or bool(self.explanation)
 
 
@@ -165,7 +165,7 @@ class Drift:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the energy wanders no faster than theory has it."""
+        """True where the energy drifts no faster than theory says."""
         return self.expected not in DRIFTS or self.verdict not in DRIFTS or DRIFTS.index(self.verdict) <= DRIFTS.index(self.expected)
 
 
@@ -209,7 +209,7 @@ class Figure:
 
     @property
     def as_expected(self) -> bool:
-        """Whether it is the printed number, or there is a remark on why it is not."""
+        """True for the printed number, and for another one that a remark explains."""
         return self.reproduced or bool(self.remark)
 
 

@@ -107,7 +107,7 @@ class History:
         return {number: run for number, run in runs.items() if library in (None, run.library)}
 
     def read(self, study: int, kind: type[_Result], part: str = "%") -> _Result:
-        """What a study found, each part in the order it was appended, or one part of it; empty for a study that does not exist."""
+        """The result of a study, its parts in the order they were appended, or one part of it; empty for a study that does not exist."""
         found: dict[str, list[str]] = {}
         for name, item in self._rows("SELECT part, content FROM parts WHERE study_id = ? AND part LIKE ? ORDER BY id", study, part):
             found.setdefault(name, []).append(item)

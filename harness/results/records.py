@@ -77,7 +77,7 @@ class Record:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the verdict is the expected one, with no larger an error than the expectation explains."""
+        """True for the expected verdict with no larger an error than the expectation explains."""
         return self.verdict == self.expected and (self.backward_error or 0.0) <= self.expected_backward_error
 
     @property
@@ -168,7 +168,7 @@ def _verdict_cell(record: Record) -> Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemCard:
-    """What a report shows of a system.
+    """One system as a report shows it.
 
     Attributes:
         description: first line of the system file's docstring; source: its reference.

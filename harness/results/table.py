@@ -66,7 +66,7 @@ class Column:
 
     @property
     def is_number(self) -> bool:
-        """Whether the values stand at the right."""
+        """True where the values stand at the right."""
         return self.kind != "text"
 
     def text(self, value: object) -> str:
@@ -179,7 +179,7 @@ class Table:
         return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
 
     def __html__(self) -> str:
-        """What a template of a page takes without escaping it again."""
+        """For templates, which do not escape it again."""
         return self.html()
 
     def _repr_html_(self) -> str:
