@@ -1,4 +1,4 @@
-"""What there is to see of one mechanism: equations, parameters, the joints of both models, and what engines hold.
+"""Everything to show of one mechanism: equations, parameters, the joints of both models, and what engines hold.
 
 Engines load on a worker process, so that a model which kills one costs its own line only.
 """
@@ -14,13 +14,14 @@ from harness.check.tasks import Assignment
 from harness.diagnose.held import SOUND, differences, held_by, soundness
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.engines._audit import audit
+from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
-from harness.show.geometry import Placement, place
+from harness.show.placement import place
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task, Workers
 
@@ -29,11 +30,15 @@ TOO_LONG = "too long to read"
 
 @dataclass(frozen=True)
 class Holding:
-    """What one subject holds after loading; where that is nothing, or not the mechanism, ``remark`` says why."""
+    """One subject's model after loading; where there is none, or it is not the mechanism, ``remark`` says why.
+
+    ``placements`` are at the zero configuration and moved a little, where a picture was asked for.
+    """
 
     subject: Subject
     loaded: LoadedModel | None = None
     held: HeldModel | None = None
+    placements: tuple[Placement, Placement] | None = None
     remark: str = ""
 
 
@@ -83,17 +88,14 @@ def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -
         for row in joint_rows(model):
             exhibit.joints.setdefault(row.joint, []).append((model_format, row))
         exhibit.springs += [(model_format, text) for text in point_springs(model)]
-    work = list(_loadings(library, exhibit))
-    if with_picture:
-        work += [Task(model_format, place, (model, exhibit.mechanism)) for model_format, model in exhibit.models.items()]
+    work = list(_loadings(library, exhibit, with_picture))
     if work:
         with workers:
             outcomes = {outcome.task.key: outcome for outcome in workers.run(work)}
         exhibit.crashed = any(outcome.crash is not None for outcome in outcomes.values())
         exhibit.holdings = [_told(holding, outcomes.get(holding.subject), exhibit) for holding in exhibit.holdings]
-        # Any engine's picture will do; the first format that gave one is shown.
-        drawn = [outcomes[model_format].value for model_format in exhibit.models if model_format in outcomes]
-        exhibit.placements = next((placements for placements in drawn if placements is not None), None)
+        # Any engine's picture will do.
+        exhibit.placements = next((holding.placements for holding in exhibit.holdings if holding.placements is not None), None)
     return exhibit
 
 
@@ -109,18 +111,24 @@ def _take_reasons(library: Library, exhibit: Exhibit) -> None:
             exhibit.reasons[subject] = reason
 
 
-def hold(assignment: Assignment, note: Callable[[str], None]) -> tuple[LoadedModel | None, HeldModel | None]:
-    """What the subject's engine holds after loading, as a whole and joint by joint, without a judgement of it."""
+Held = tuple[LoadedModel | None, HeldModel | None, tuple[Placement, Placement] | None]
+
+
+def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Held:
+    """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
     model, mechanism = assignment.model, assignment.mechanism
     assert model is not None
+    engine = load_engine(assignment.library, assignment.subject.engine)
     try:
-        loaded = load_engine(assignment.library, assignment.subject.engine).load(model, mechanism.joints, mechanism.gravity)
-        return loaded.loaded(), held_by(loaded)
+        loaded = engine.load(model, mechanism.joints, mechanism.gravity)
+        # A picture is that of the format's own engine.
+        is_native = assignment.subject.format == engine.formats[0]
+        return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture and is_native else None
     except ValueError as error:
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
 
 
-def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
+def _loadings(library: Library, exhibit: Exhibit, with_picture: bool) -> Iterator[Task]:
     """A task for each subject that can load its model; for the others the reason why not stands in its holding."""
     for subject in subjects(library):
         model = exhibit.models.get(subject.format)
@@ -134,7 +142,7 @@ def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
             exhibit.holdings.append(Holding(subject, remark=f"no valid {subject.format} model"))
         else:
             exhibit.holdings.append(Holding(subject))
-            yield Task(subject, hold, (Assignment(library, subject, exhibit.mechanism, model),))
+            yield Task(subject, hold, (Assignment(library, subject, exhibit.mechanism, model), with_picture))
 
 
 def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holding:
@@ -148,7 +156,8 @@ def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holdin
         return replace(holding, remark=outcome.exception.problem)
     if outcome.exception is not None:
         return replace(holding, remark=f"{type(outcome.exception).__name__}: {outcome.exception}")
-    loaded, held = outcome.value
+    loaded, held, placements = outcome.value
+    holding = replace(holding, placements=placements)
     if loaded is None:
         return replace(holding, remark="does not say what it holds")
     holding = replace(holding, held=held)
