@@ -12,7 +12,7 @@ from harness.library import Library
 
 DEFAULT_STATES = 1000
 # States of a run that hypothesis chooses; the rest is sampled in bulk.
-MOST_SEARCHED = 250
+MOST_SEARCHED = 500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Settings:
         library: where systems and models are.
         names: systems; all for none.
         subjects: subjects as text; all for none.
-        states: states per system; a quarter of them, at most ``MOST_SEARCHED``, is searched for by
+        states: states per system; half of them, at most ``MOST_SEARCHED``, is searched for by
             hypothesis, the rest sampled. The hard states stored with a system come on top.
         seed: of both.
         stand_ins: model format to a file that stands in for the one system's own.
@@ -50,4 +50,4 @@ class Settings:
 
     @property
     def searched(self) -> int:
-        return 0 if self.state is not None else min(self.states // 4, MOST_SEARCHED)
+        return 0 if self.state is not None else min(self.states // 2, MOST_SEARCHED)
