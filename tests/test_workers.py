@@ -23,6 +23,7 @@ from support import make_library
 from harness import cli
 from harness.errors import InvalidRequest
 from harness.workers import Crash, Outcome, Scheduler, Task, Workers
+from harness.workers.tasks import TaskQueue
 
 ENGINE = """
 import math, os, time
@@ -184,7 +185,7 @@ def test_a_cluster_over_tls_wants_a_certificate(tmp_path: Path) -> None:
         with Workers(scheduler=Scheduler(address, ca_file, cert_file, key_file)) as workers:
             [outcome] = workers.run([Task(0, work.own_process, ())])
         assert outcome.value not in (None, os.getpid())
-        with pytest.raises(InvalidRequest, match="no cluster at tls://"):
+        with pytest.raises(InvalidRequest, match=r"no cluster at tls://.*--tls-ca-file"):
             Workers(scheduler=Scheduler(address)).__enter__()
 
 
@@ -262,11 +263,28 @@ def test_large_arguments_and_values_come_through() -> None:
 
 def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
     with Workers(2, time_limit=1) as workers:
-        outcomes = []
-        for outcome in workers.run([Task(number, work.slow_process, (0.2 * number,)) for number in range(4)]):
-            outcomes.append(outcome)
-            time.sleep(1.2)
-    assert [outcome.crash for outcome in outcomes] == [None] * 4
+        coming = workers.run([Task(0, work.slow_process, (0.3,)), Task(1, work.slow_process, (0.6,))])
+        assert next(coming).task.key == 0
+        time.sleep(1.5)
+        assert next(coming).crash is None
+
+
+def test_a_process_that_hangs_gets_no_further_task() -> None:
+    with Workers(1, time_limit=0.5) as workers:
+        hanging, after = workers.run([Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ())])
+    assert str(hanging.crash) == "exceeded its time limit of 0.5 s"
+    assert after.value is not None
+
+
+def test_a_worker_takes_its_own_affinity_then_a_free_one_then_one_not_begun() -> None:
+    owners = {"theirs": "them", "mine": "me"}
+    queue = TaskQueue([Task(index, work.own_process, (), name) for index, name in enumerate(["theirs", None, "free", "mine", "mine"])])
+    taken = [queue.take("me", owners) for _ in range(5)]
+    assert [task.key for task in taken if task is not None] == [3, 4, 1, 2, 0]
+    queue = TaskQueue([Task(index, work.own_process, (), "theirs") for index in range(2)])
+    assert queue.take("them", owners) is not None
+    assert queue.take("me", owners) is None
+    assert queue.take(None, owners) is None
 
 
 def ran_in(workers: Workers, tasks: list[Task]) -> dict[Any, list[int]]:
@@ -298,6 +316,8 @@ def test_an_idle_process_takes_over_an_affinity_that_its_owner_has_not_begun() -
         assert own["b"] == first["a"][:1]
         tasks = [Task(number, work.slow_process, (0.3,), affinity) for number, affinity in enumerate("aaaabb")]
         both = ran_in(workers, tasks)
+        last = [ran_in(workers, tasks[-1:]), ran_in(workers, tasks[:1])]
+    assert last == [{"b": both["b"][:1]}, {"a": both["a"][:1]}]
     assert set(both["a"]) == set(first["a"])
     assert len(set(both["b"])) == 1
     assert set(both["b"]) != set(first["a"])

@@ -52,7 +52,10 @@ class Cluster:
                 security = Security(**files, require_encryption=True) if any(files.values()) else None
                 self._client = stack.enter_context(Client(scheduler.address, timeout=CONNECT_SECONDS, security=security))
             except (OSError, TypeError, ValueError, RuntimeError) as error:
-                raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
+                remedy = "start one or drop --scheduler"
+                if scheduler.address.startswith("tls://") and not all(files.values()):
+                    remedy = "name its certificates with --tls-ca-file, --tls-cert and --tls-key"
+                raise InvalidRequest(f"no cluster at {scheduler}: {error}; {remedy}") from error
             self._open = stack.pop_all()
 
     def __len__(self) -> int:
