@@ -7,7 +7,6 @@ the same for a project's own runs. No engine is imported when this module loads.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +25,11 @@ if TYPE_CHECKING:
     from harness.workers import Workers
 
 _DEFAULT_STATES = 1000
+_TLS_FILES = {
+    "ca-file": "certificate of the authority that a tls:// cluster trusts",
+    "cert": "certificate to show to a tls:// cluster",
+    "key": "key of that certificate",
+}
 
 
 def _above_zero(text: str) -> int:
@@ -55,7 +59,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
     group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
-    group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
+    group.addoption(
+        "--harness-scheduler",
+        metavar="ADDRESS",
+        help="use the dask.distributed cluster at this address. Who can reach the scheduler can run code as you; "
+        "use tls:// on shared machines",
+    )
+    for file, content in _TLS_FILES.items():
+        group.addoption(f"--harness-tls-{file}", metavar="FILE", help=content)
     group.addoption(
         "--harness-time-limit",
         type=_seconds,
@@ -103,7 +114,6 @@ class _Regression:
         self.chosen = chosen
         self._workers: Workers | None = None
         self._diagnosing: Workers | None = None
-        self._diagnosing_seconds = 0.0
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
         self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
@@ -160,20 +170,20 @@ class _Regression:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
         check, _ = self._check_of(system)
         if system not in self._causes:
-            from harness.diagnose.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
+            from harness.diagnose.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
+            from harness.diagnose.model_side import EVALUATIONS
 
-            # Who is wrong is told by who is right.
+            # The party at fault follows from those that agree.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
                 self._advance(system)
             records = [record for record in self._known.values() if record.system == system]
             if self._diagnosing is None:
                 # Not the workers of the check, on which other records are still to come.
                 self._diagnosing = self._started_workers()
-            begun = time.monotonic()
-            seconds = SECONDS if self._diagnosing_seconds < SECONDS_IN_ALL else LEAST_SECONDS
-            found = find_causes(check.settings, records, self._diagnosing, seconds=seconds, crashes=check.crashes)
+            diagnosed = sum(map(len, self._causes.values()))
+            evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
+            found = find_causes(check.settings, records, self._diagnosing, evaluations=evaluations, crashes=check.crashes)
             self._causes[system] = {cause.subject: cause for cause in found}
-            self._diagnosing_seconds += time.monotonic() - begun
         return self._causes[system].get(subject), check.settings.diagnosis(system)
 
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Part]]:
@@ -204,11 +214,13 @@ class _Regression:
         return CrossCheck(settings)
 
     def _started_workers(self) -> Workers:
-        from harness.workers import Workers
+        from harness.workers import Scheduler, Workers
 
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
-        return Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+        address = option("--harness-scheduler")
+        scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
+        return Workers(count, scheduler, option("--harness-time-limit")).__enter__()
 
 
 class SystemFile(pytest.File):

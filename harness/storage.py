@@ -1,4 +1,4 @@
-"""What the harness keeps between runs, and how it writes files.
+"""What the harness keeps between runs and within a process, and how it writes files.
 
 An entry of the cache is text under a name that hashes what it was made from; it carries its own digest, so that a
 damaged entry counts as missing. What is made by code is named after the sources of the whole rooms that make it.
@@ -10,11 +10,38 @@ import functools
 import hashlib
 import os
 import tempfile
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from harness.errors import InvalidInput
 
 _PACKAGE = Path(__file__).resolve().parent
+T = TypeVar("T")
+
+
+class Kept(Generic[T]):
+    """What was last made in this process, by key: compiled kernels and loaded models."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._found: OrderedDict[Hashable, T] = OrderedDict()
+
+    def __contains__(self, key: Hashable) -> bool:
+        return key in self._found
+
+    def clear(self) -> None:
+        self._found.clear()
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What ``make`` gave for ``key``; the one that was used longest ago goes when there are too many."""
+        if key not in self._found:
+            self._found[key] = make()
+            if len(self._found) > self._most:
+                self._found.popitem(last=False)
+        self._found.move_to_end(key)
+        return self._found[key]
 
 
 def cache_directory() -> Path:

@@ -13,9 +13,8 @@ import sympy as sp
 from hypothesis import settings
 from support import PLAIN
 
+from harness.equations.assembly import energy_program_of, program_of
 from harness.equations.derivation import load_mechanism, load_system
-from harness.equations.energies import energy_program_of
-from harness.equations.kernels import program_of
 from harness.equations.lagrange import EquationsOfMotion, derive
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES

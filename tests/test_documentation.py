@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import harness
-
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 CONTRIBUTING = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -55,7 +53,6 @@ def test_readme_comes_to_the_commands_soon() -> None:
     assert len(README.partition("## Run it")[0].split()) <= 200
 
 
-@pytest.mark.skipif("load" not in harness.__all__, reason="the Python API is not there yet")
 def test_readme_s_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
     [block] = re.findall(r"^<!-- python api -->\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
     exec(compile(block, "README.md", "exec"), {"__name__": "readme"})

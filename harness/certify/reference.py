@@ -26,10 +26,18 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.factorisation import cholesky_in_balls, condition_number, forward_substitute, norm_over_first_axis, scaled_cholesky
-from harness.equations.kernels import BallKernel, Float64Kernel
+from harness.certify.factorisation import (
+    cholesky_in_balls,
+    condition_number,
+    forward_substitute,
+    norm_over_first_axis,
+    scaled_cholesky,
+    scaled_condition_number,
+)
+from harness.equations.kernels import BallKernel, float64_kernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, upper_triangle
+from harness.equations.mechanism_kernel import Charts, Indices
+from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -46,7 +54,6 @@ _STATES_AT_ONCE = 2048
 MOST_IN_FLOAT64 = 1e8
 # Parameter sets whose constants are kept in balls.
 _MOST_BOUND = 256
-Indices = np.ndarray[Any, np.dtype[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,11 @@ class Reference:
         return energy_norm(self.norm_factor, self.high)
 
     @property
+    def condition(self) -> Array:
+        """(n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor."""
+        return scaled_condition_number(self.norm_factor)
+
+    @property
     def data_roundoff(self) -> Array:
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
         return UNIT_ROUNDOFF * self.sensitivity
@@ -106,7 +118,8 @@ class ReferenceKernel:
 
     def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
         self.mechanism = mechanism
-        self._charts = [ChartKernel(mechanism, program) for program in mechanism.charts(linear_velocity_in_body)]
+        self._choice = Charts(mechanism.charts(linear_velocity_in_body))
+        self._charts = [ChartKernel(mechanism, program) for program in self._choice.programs]
 
     def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped.
@@ -123,22 +136,13 @@ class ReferenceKernel:
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
         return Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
 
-    def by_chart(self, states: States, parameters: Array | None = None) -> Iterator[tuple[ChartKernel, Indices]]:
+    def by_chart(self, states: States) -> Iterator[tuple[ChartKernel, Indices]]:
         """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""
-        if len(self._charts) == 1 or not len(states):
-            yield self._charts[0], np.arange(len(states))
-            return
-        inputs = self.mechanism.inputs(states, parameters)
-        with np.errstate(all="ignore"):
-            regularity = np.array([chart.float64.regularity(inputs) for chart in self._charts])
-        best = np.nan_to_num(regularity, nan=-1.0).argmax(axis=0)
-        for number, chart in enumerate(self._charts):
-            chosen = np.flatnonzero(best == number)
-            if len(chosen):
-                yield chart, chosen
+        for number, chosen in self._choice.split(states.q):
+            yield self._charts[number], chosen
 
     def _evaluate(self, states: States, parameters: Array) -> Reference:
-        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states, parameters)]
+        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
             return parts[0][0]
         return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
@@ -149,7 +153,7 @@ class ChartKernel:
 
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
         self.mechanism = mechanism
-        self.float64 = Float64Kernel(program)
+        self.float64 = float64_kernel(program)
         self._balls = BallKernel(program, len(mechanism.parameters))
         self._bound: dict[tuple[int, tuple[float, ...]], Callable[..., tuple[Any, ...]]] = {}
 
@@ -184,8 +188,8 @@ class ChartKernel:
         exact: list[tuple[Any, ...]] = []
         with flint.ctx.workprec(precision):
             for index, (row, values) in enumerate(self.in_balls(states, parameters)):
-                velocity, gravity, passive = (values[len(pairs) + k * nv : len(pairs) + (k + 1) * nv] for k in range(3))
-                force = [flint.arb(row[self.mechanism.nq + nv + i]) + passive[i] - velocity[i] - gravity[i] for i in range(nv)]
+                outputs = {name: values[len(pairs) + k * nv :][:nv] for k, name in enumerate(OUTPUTS[1:])}
+                force = right_hand_side(outputs, [flint.arb(applied) for applied in row[self.mechanism.nq + nv :][:nv]])
                 exact.append(values[: len(pairs)])
                 solution = _solve(values[: len(pairs)], pairs, force, nv)
                 for i, ball in enumerate(solution):

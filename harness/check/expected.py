@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 _TEXTS = ("system", "subject", "verdict", "reason", "link")
 
@@ -53,7 +53,7 @@ def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tu
         texts = [entry.get(key) for key in _TEXTS] if isinstance(entry, dict) else []
         if not (texts and all(isinstance(text, str) and text for text in texts)):
             raise InvalidInput(path, None, f"{where} must have the texts {', '.join(_TEXTS)}, none of them empty")
-        for key, known in (("system", systems), ("subject", subjects), ("verdict", GRAVITY)):
+        for key, known in (("system", systems), ("subject", subjects), ("verdict", SEVERITY)):
             if entry[key] not in known:
                 raise InvalidInput(path, None, f"{where} names {key} {entry[key]!r}, which does not exist; {nearest(entry[key], known)}")
         compared = entry["verdict"] != Verdict.UNSUPPORTED

@@ -30,7 +30,7 @@ from harness.check.tasks import Assignment, Note, load_audited, reference_kernel
 from harness.check.variation import Variation, rows_of, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 # States of a block. Hypothesis takes 1 to 4 ms for its draw; certifying a state in a block costs a tenth of certifying it alone.
 BLOCK = 25
@@ -152,11 +152,11 @@ class _Panel:
     def simplify(self, subject: str) -> None:
         """Shrink the simplest state of the gravest verdict, where a subject does not agree everywhere."""
         found = self.found(subject)
-        gravity = np.array([GRAVITY[verdict] for verdict in found.comparison.verdicts.tolist()])
-        if gravity.max() == GRAVITY[Verdict.AGREES]:
+        severity = np.array([SEVERITY[verdict] for verdict in found.comparison.verdicts.tolist()])
+        if severity.max() == SEVERITY[Verdict.AGREES]:
             return
         rows = rows_of(found.states)
-        index = min(np.flatnonzero(gravity == gravity.max()).tolist(), key=lambda index: count_digits(rows[index]))
+        index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
 
         def judge(states: States) -> Comparison:
             return self._ask(subject, states, self._certify(self._frames[subject], states))

@@ -6,11 +6,9 @@ stays in the process for the next task.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
@@ -25,10 +23,10 @@ from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.superfluous import SuperfluousPart
+from harness.storage import Kept
 from harness.verdict import Verdict
 
 Note = Callable[[str], None]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def load_audited(assignment: Assignment) -> Model:
         harness.engines.Unsupported: the engine cannot express it.
     """
     key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
-    return _kept(_MODELS, key, lambda: _load_and_audit(assignment))
+    return _MODELS.get(key, lambda: _load_and_audit(assignment))
 
 
 def _load_and_audit(assignment: Assignment) -> Model:
@@ -112,22 +110,12 @@ def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> b
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
     key = _kernel_key(mechanism, linear_velocity_in_body)
-    return _kept(_KERNELS, key, lambda: ReferenceKernel(mechanism, key[1]))
+    return _KERNELS.get(key, lambda: ReferenceKernel(mechanism, key[1]))
 
 
 def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
     return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
 
 
-_MODELS: OrderedDict[Hashable, Model] = OrderedDict()
-_KERNELS: OrderedDict[Hashable, ReferenceKernel] = OrderedDict()
-_MOST_KEPT = 64
-
-
-def _kept(store: OrderedDict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
-    """What ``make`` gave for ``key`` last time; the oldest entry goes when there are too many."""
-    if key not in store:
-        store[key] = make()
-        if len(store) > _MOST_KEPT:
-            store.popitem(last=False)
-    return store[key]
+_MODELS: Kept[Model] = Kept(64)
+_KERNELS: Kept[ReferenceKernel] = Kept(64)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from harness.results.history import History
     from harness.results.records import Run
     from harness.study import Part, Study
-    from harness.workers import Workers
+    from harness.workers import Scheduler, Workers
 
 
 @dataclass(kw_only=True)
@@ -35,7 +35,7 @@ class Bracket:
     seed: int = 0
     json_path: str | None = None
     workers: int | None = None
-    scheduler: str | None = None
+    scheduler: Scheduler | None = None
     time_limit: float = 60.0
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
@@ -78,10 +78,7 @@ class Bracket:
         """
         from harness.workers import Workers
 
-        try:
-            return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
-        except OSError as error:
-            raise InvalidRequest(f"no cluster at {self.scheduler}: {error}; start one or drop --scheduler") from error
+        return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
     @cached_property
     def history(self) -> History:

@@ -30,21 +30,18 @@ def cross_check(bracket: Bracket, settings: Settings, keep: Callable[[Any], Any]
     return study, causes
 
 
-def causes_of(bracket: Bracket, study: CrossCheck, **limits: float) -> list[Cause]:
-    """Why those records are wrong that are not as expected, by system and subject; ``limits`` as for ``find_causes``."""
+def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
+    """Why those records are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
     records = study.result().records
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.commands._terminal import progress
-    from harness.diagnose.causes import find_causes, wrong_records
+    from harness.diagnose.causes import Diagnoses
 
-    causes: list[Cause] = []
-    with progress(len(wrong_records(records)), "diagnosis") as advance:
-        for cause in find_causes(study.settings, records, bracket.pool, crashes=study.crashes, **limits):
-            causes.append(cause)
-            advance(f"{cause.system} {cause.subject}")
-    return sorted(causes, key=lambda cause: (cause.system, cause.subject))
+    diagnoses = Diagnoses(study.settings, records, crashes=study.crashes, **limits)
+    for _ in bracket.parts(diagnoses):
+        pass
+    return diagnoses.result()
 
 
 def is_as_expected(found: CrossChecked) -> bool:

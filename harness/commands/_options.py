@@ -45,12 +45,42 @@ library_option = click.option(
     help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
 )
 json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
+_PEM_FILE = click.Path(exists=True, dir_okay=False)
+
+
+def scheduler_option(command: Callable[..., None]) -> Callable[..., None]:
+    """``--scheduler`` and its ``--tls-`` files, which a command gets as one argument ``scheduler``: a ``Scheduler``, or None."""
+
+    @click.option(
+        "--scheduler",
+        "address",
+        metavar="ADDRESS",
+        help="Use the dask.distributed cluster at this address. "
+        "Who can reach the scheduler can run code as you; use tls:// on shared machines.",
+    )
+    @click.option("--tls-ca-file", "ca_file", type=_PEM_FILE, help="Certificate of the authority that a tls:// cluster trusts.")
+    @click.option("--tls-cert", "certificate", type=_PEM_FILE, help="Certificate to show to a tls:// cluster.")
+    @click.option("--tls-key", "key", type=_PEM_FILE, help="Key of that certificate.")
+    @functools.wraps(command)
+    def wrapper(
+        *arguments: Any, address: str | None, ca_file: str | None, certificate: str | None, key: str | None, **options: Any
+    ) -> None:
+        from harness.workers import Scheduler
+
+        scheduler = None if address is None else Scheduler(address, ca_file, certificate, key)
+        if scheduler is None and (ca_file or certificate or key):
+            raise click.UsageError("--tls-ca-file, --tls-cert and --tls-key belong to --scheduler")
+        command(*arguments, scheduler=scheduler, **options)
+
+    return wrapper
+
+
 BY_NAME: dict[str, Callable[..., Any]] = {
     "library": library_option,
     "json": json_option,
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
     "workers": click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default."),
-    "scheduler": click.option("--scheduler", metavar="ADDRESS", help="Use the dask.distributed cluster at this address."),
+    "scheduler": scheduler_option,
     "directory": click.option(
         "--out",
         "directory",

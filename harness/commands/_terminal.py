@@ -20,8 +20,8 @@ from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
     from harness.check.settings import Settings
+    from harness.diagnose.faults.smallest import SmallestChange
     from harness.diagnose.faults.summary import KindOfFault
-    from harness.diagnose.faults.walk import Caught
     from harness.diagnose.held import Difference
     from harness.results.causes import Cause
     from harness.results.superfluous import SuperfluousPart
@@ -139,9 +139,9 @@ def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None
                     click.echo(f"  {line}")
 
 
-def print_caught(caught: Sequence[Caught]) -> None:
+def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
-    from harness.diagnose.faults.walk import MOST_ABOVE_THEORY
+    from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for heading in ("system", "subject", "where", "number"):
@@ -149,12 +149,9 @@ def print_caught(caught: Sequence[Caught]) -> None:
     for heading in ("value", "smallest caught", "theory", "ratio"):
         table.add_column(heading, justify="right")
     for found in caught:
-        number = found.number
-        what = f"{number.element} {number.attribute}".strip() + (f"[{number.index}]" if number.index else "")
-        together = " and its neighbours" if len(found.changed) > 1 else ""
-        ratio = Text(f"{found.ratio:.2f}", "" if found.as_promised else "bold red")
-        figures = [f"{number.value:g}", f"{found.smallest:.2g}", f"{found.theory:.2g}"]
-        table.add_row(found.system, found.subject, f"{found.file}:{number.line}", what + together, *figures, ratio)
+        ratio = Text(f"{found.ratio:.2f}", "" if found.as_in_theory else "bold red")
+        figures = [f"{found.value:g}", f"{found.smallest:.2g}", f"{found.theory:.2g}"]
+        table.add_row(found.system, found.subject, f"{found.file}:{found.place.line}", found.number, *figures, ratio)
     if not caught:
         click.echo("no live numbers: no model was walked")
         return

@@ -17,8 +17,11 @@ from harness.commands._options import stand_in_options, states_option, subjects_
 @stand_in_options
 @subjects_option
 @states_option
+@click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default.")
 @computing(time_limit=60.0)
-def command(bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects: tuple[str, ...], states: int) -> None:
+def command(
+    bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects: tuple[str, ...], states: int, evaluations: int | None
+) -> None:
     """Explain why a check of NAME is red.
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
@@ -41,7 +44,7 @@ def command(bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects
         pass
     found = study.result()
     found.records.sort(key=lambda record: record.subject)
-    causes = causes_of(bracket, study)
+    causes = causes_of(bracket, study, **({} if evaluations is None else {"evaluations": evaluations}))
     held = find_differences(settings, name, bracket.pool) if causes else []
     further = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}
     bracket.write_json(found.records, superfluous=found.superfluous, further=further)

@@ -15,13 +15,15 @@ import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from harness.arrays import Array
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, nearest
 from harness.models.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism import Mechanism
 
 EQUATIONS = "equations"
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harness.engines import LoadedModel
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel
 from harness.library import nearest
 from harness.models.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism import Mechanism
 
 # Coarser than what the comparison sees by far: the audit finds another mechanism, the comparison finds
 # another digit.

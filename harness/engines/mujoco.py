@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
-from harness.equations.mechanism import Mechanism
 from harness.models.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism import Mechanism
 
 
 class MujocoModel:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,9 +24,11 @@ from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, requ
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import joint_places
 from harness.engines._standard_error import captured_standard_error
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism import Mechanism
 
 
 class PinocchioModel:

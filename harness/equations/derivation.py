@@ -63,8 +63,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     Raises:
         InvalidSystem: as ``load_mechanism``.
     """
-    from harness.equations.energies import energy_program_of
-    from harness.equations.kernels import program_of
+    from harness.equations.assembly import energy_program_of, program_of
+    from harness.equations.lagrange import in_symbols
     from harness.equations.notation import printed
     from harness.equations.system import TIME
 
@@ -77,10 +77,10 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         derived = [_derived(chart) for chart in atlas]
         _, equations, program = derived[0]
         # Longer equations are not worth the time, and nobody would read them.
-        text, mathml = printed(equations) if _is_short(program) else ("", "")
+        text, mathml = printed(equations) if equations is not None and _is_short(program) else ("", "")
         free = any(attitude.position for attitude in system.attitudes)
-        in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free)
-        energies = tuple(energy_program_of(chart, of_chart) for chart, of_chart, _ in derived)
+        in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free and of_chart)
+        energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
@@ -90,7 +90,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         name=name,
         description=description.strip(),
         source=" ".join(reference.split()),
-        coordinates=tuple(symbol.name for symbol in equations.coordinates),
+        coordinates=tuple(q.func.__name__ for q in system.coordinates),
         joints=tuple(system.coordinates.values()),
         parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
         gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
@@ -111,11 +111,14 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     )
 
 
-def _derived(system: System) -> tuple[System, EquationsOfMotion, StraightLineProgram]:
-    """The system as it was derived, its equations, and their program."""
-    from harness.equations.kernels import program_of
+def _derived(system: System) -> tuple[System, EquationsOfMotion | None, StraightLineProgram]:
+    """The system as it was derived, its equations in SymPy unless they are too long to be read, and their program."""
+    from harness.equations.assembly import lagrange_program, program_of
     from harness.equations.lagrange import derive
 
+    program = lagrange_program(system)
+    if program is not None and not _is_short(program):
+        return system, None, program
     equations = derive(system)
     program = program_of(system, equations)
     if _is_short(program):

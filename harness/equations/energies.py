@@ -18,35 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, assemble
-from harness.equations.relative_joints import in_joint_positions
+from harness.equations.mechanism_kernel import Charts
+from harness.equations.program import ENERGY_OUTPUTS
 
 if TYPE_CHECKING:
     from harness.arrays import Array
-    from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
-    from harness.equations.system import System
-
-
-def energy_program_of(system: System, equations: EquationsOfMotion) -> StraightLineProgram:
-    """The energy program of a system's equations, in the positions and velocities of the joints.
-
-    The linear velocity of a free joint is that in the joint's frame.
-    """
-    import sympy as sp
-
-    from harness.equations.euler_angles import energies_in_joint_coordinates
-    from harness.equations.system import TIME
-
-    joint = energies_in_joint_coordinates(equations, list(system.coordinates), system.attitudes)
-    forces = [sp.Symbol(f"tau{i}") for i in range(len(joint.velocities))]
-    outputs = {name: [getattr(joint, name)] for name in ENERGY_OUTPUTS}
-    outputs["forces"] = list(joint.forces)
-    if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
-    return in_joint_positions(program, system.parents) if system.measured_from else program
 
 
 @dataclass(frozen=True)
@@ -74,11 +52,10 @@ class EnergyKernel:
 
     def evaluate(self, states: States) -> Energies:
         """The energies at ``states``; a state that no chart covers gives numbers that are not finite."""
-        inputs = self._mechanism.inputs(states)
-        results = np.stack([np.asarray(chart(inputs)) for chart in self._charts])
-        best = np.argmax(np.abs(results[:, len(ENERGY_OUTPUTS)]), axis=0) if len(self._charts) > 1 else np.zeros(len(states), dtype=int)
-        chosen = results[best, : len(ENERGY_OUTPUTS), np.arange(len(states))]
-        return Energies(*np.ascontiguousarray(chosen.T))
+        inputs, found = self._mechanism.inputs(states), np.empty((len(ENERGY_OUTPUTS), len(states)))
+        for chart, chosen in Charts(self._mechanism.energy_programs).split(states.q):
+            found[:, chosen] = self._compiled[chart](np.ascontiguousarray(inputs[:, chosen]))
+        return Energies(*found)
 
     def along(self, q: Array, v: Array, time: Array | None = None) -> Energies:
         """The energies of states without applied forces, q of shape (n, nq), v (n, nv), time (n,) [s] or 0."""
@@ -87,7 +64,7 @@ class EnergyKernel:
         return self.evaluate(States.at(q, v, np.zeros_like(v), time))
 
     @cached_property
-    def _charts(self) -> list[Any]:
+    def _compiled(self) -> list[Any]:
         import heyoka
 
         from harness.equations.kernels import heyoka_expressions
@@ -96,6 +73,5 @@ class EnergyKernel:
         for program in self._mechanism.energy_programs:
             inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
             outputs = heyoka_expressions(program, inputs)
-            names = [name for name in (*ENERGY_OUTPUTS, "regularity") if name in outputs]
-            compiled.append(heyoka.cfunc([expression for name in names for expression in outputs[name]], vars=inputs))
+            compiled.append(heyoka.cfunc([expression for name in ENERGY_OUTPUTS for expression in outputs[name]], vars=inputs))
         return compiled

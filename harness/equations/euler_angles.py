@@ -29,7 +29,7 @@ import sympy as sp
 from harness.equations.differentiation import Derivatives
 
 if TYPE_CHECKING:
-    from harness.equations.lagrange import EquationsOfMotion
+    from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion
 
 AXES = "xyz"
 
@@ -197,7 +197,7 @@ def in_joint_coordinates(
 
 
 def energies_in_joint_coordinates(
-    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude]
+    equations: EnergiesInSymbols, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude]
 ) -> JointEnergies:
     """The energies of textbook equations in joint positions and velocities; arguments as in ``in_joint_coordinates``.
 
@@ -217,7 +217,7 @@ def energies_in_joint_coordinates(
 
 
 def _change_of_variables(
-    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
+    equations: EnergiesInSymbols, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
 ) -> _ChangeOfVariables:
     q = equations.coordinates
     transform, positions = sp.eye(len(q)), list(q)

@@ -15,17 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, assemble, position_count, upper_triangle
-from harness.equations.relative_joints import in_joint_positions, to_coordinates, to_joints
-
-if TYPE_CHECKING:
-    from harness.equations.lagrange import EquationsOfMotion
-    from harness.equations.system import System
+from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, position_count, right_hand_side, upper_triangle
+from harness.equations.relative_joints import to_coordinates, to_joints
+from harness.storage import Kept
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
 MOST_INSTRUCTIONS_UNROLLED = 100
@@ -35,40 +32,17 @@ MOST_UNROLLED = 24
 MOST_STRAIGHT = 20_000
 
 
-def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
-    """The program of a system's equations, with its parameters as run-time inputs.
-
-    Positions and velocities are those of the joints; see ``harness.equations.euler_angles`` for ball and free joints.
-    """
-    import sympy as sp
-
-    from harness.equations.euler_angles import in_joint_coordinates
-    from harness.equations.system import TIME
-
-    joint = in_joint_coordinates(equations, list(system.coordinates), system.attitudes, linear_velocity_in_body)
-    n = len(joint.velocities)
-    forces = [sp.Symbol(f"tau{i}") for i in range(n)]
-    outputs = {
-        "mass": [joint.mass_matrix[i, j] for i, j in upper_triangle(n)],
-        "velocity": list(joint.velocity_terms),
-        "gravity": list(joint.gravity_terms),
-        "passive": list(joint.passive_forces),
-    }
-    if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    program = assemble([*joint.positions, *joint.velocities, *forces, TIME, *system.parameters], outputs)
-    return in_joint_positions(program, system.parents) if system.measured_from else program
-
-
 class Float64Kernel:
     """float64 batch evaluators of one system's program, compiled on first use.
 
     Every method takes ``inputs`` of shape (number of inputs, n), C-contiguous, one column a state.
     """
 
-    def __init__(self, program: StraightLineProgram) -> None:
+    def __init__(self, program: StraightLineProgram, parameters: Sequence[float] | None = None) -> None:
+        """With ``parameters`` these are compiled into the machine code, and ``inputs`` ends before them."""
         self.program = program
         self.nv = len(program.outputs["velocity"])
+        self._parameters = parameters
 
     def accelerations(self, inputs: Array) -> Array:
         """qdd, (nv, n), by L D L' factorisation without pivoting."""
@@ -76,10 +50,9 @@ class Float64Kernel:
             return np.asarray(self._accelerations(inputs))
         entries = list(np.asarray(self._terms(inputs)))
         first = position_count(self.program) + self.nv
-        velocity, gravity, passive = (entries[-k * self.nv :][: self.nv] for k in (3, 2, 1))
-        forces = zip(inputs[first : first + self.nv], passive, velocity, gravity, strict=True)
-        right_hand_side = [force + passive - (velocity + gravity) for force, passive, velocity, gravity in forces]
-        return np.stack(solve_symmetric(entries[: -3 * self.nv], right_hand_side))
+        sizes = [len(entries) - 3 * self.nv, *[self.nv] * 3]
+        outputs = {name: [entries.pop(0) for _ in range(size)] for name, size in zip(OUTPUTS, sizes, strict=True)}
+        return np.stack(solve_symmetric(outputs["mass"], right_hand_side(outputs, list(inputs[first : first + self.nv]))))
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
@@ -111,41 +84,31 @@ class Float64Kernel:
         derivatives[:, forces] = np.eye(n)[:, :, None]
         return derivatives
 
-    def regularity(self, inputs: Array) -> Array:
-        """|regularity| of the program's chart, (n,): 0 where it is singular, 1 everywhere for a program without one."""
-        if "regularity" not in self.program.outputs:
-            return np.ones(inputs.shape[1])
-        return np.asarray(np.abs(np.asarray(self._regularity(inputs))[0]))
-
     @cached_property
     def _in_coordinates(self) -> Float64Kernel | None:
-        return None if self.program.in_coordinates is None else Float64Kernel(self.program.in_coordinates)
+        return None if self.program.in_coordinates is None else float64_kernel(self.program.in_coordinates)
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
         import heyoka
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
-        return inputs, heyoka_expressions(self.program, inputs)
+        if self._parameters is None:
+            return inputs, heyoka_expressions(self.program, inputs)
+        # With the digits of long double, as heyoka turns a division by a number into a product.
+        values = [heyoka.expression(np.longdouble(value)) for value in self._parameters]
+        inputs = inputs[: len(inputs) - len(values)]
+        return inputs, heyoka_expressions(self.program, [*inputs, *values])
 
     def _right_hand_side(self) -> list[Any]:
         inputs, outputs = self._symbols
         first = position_count(self.program) + self.nv
-        forces = inputs[first : first + self.nv]
-        terms = zip(forces, outputs["passive"], outputs["velocity"], outputs["gravity"], strict=True)
-        return [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
+        return right_hand_side(outputs, inputs[first : first + self.nv])
 
     @cached_property
     def _terms(self) -> Any:
         inputs, outputs = self._symbols
         return self._compiled([expression for name in OUTPUTS for expression in outputs[name]], inputs)
-
-    @cached_property
-    def _regularity(self) -> Any:
-        import heyoka
-
-        inputs, outputs = self._symbols
-        return heyoka.cfunc(outputs["regularity"], vars=inputs)
 
     @cached_property
     def _accelerations(self) -> Any:
@@ -172,6 +135,14 @@ class Float64Kernel:
         import heyoka
 
         return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
+
+
+_KERNELS: Kept[Float64Kernel] = Kept(64)
+
+
+def float64_kernel(program: StraightLineProgram, parameters: tuple[float, ...] | None = None) -> Float64Kernel:
+    """The kernel of a program, which is compiled once per process; arguments as in ``Float64Kernel``."""
+    return _KERNELS.get((program.key, parameters), lambda: Float64Kernel(program, parameters))
 
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:

@@ -19,37 +19,47 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from harness.equations.differentiation import Derivatives
+from harness.equations.program import right_hand_side
 from harness.equations.system import TIME, System
 
 
-@dataclass(frozen=True)
-class EquationsOfMotion:
-    """SymPy equations M qdd + c + g = p + tau over plain symbols.
+@dataclass(frozen=True, kw_only=True)
+class EnergiesInSymbols:
+    """The energies of a system over plain symbols.
 
     Attributes:
         coordinates, rates: symbols of q and v (nv each).
-        mass_matrix: M, (nv, nv), symmetric.
-        velocity_terms: c, (nv, 1): every term of d/dt(dT/dv) - dT/dq that holds no acceleration.
-        gravity_terms: g, (nv, 1): dV/dq of the potential that is proportional to gravity.
-        passive_forces: p, (nv, 1): -dV/dq of the rest of the potential, plus Q.
-        kinetic, potential: T and V [J] in the same symbols.
+        kinetic, potential: T and V [J].
         generalised_forces: Q, (nv, 1), the non-conservative part of the passive forces.
     """
 
     coordinates: tuple[sp.Symbol, ...]
     rates: tuple[sp.Symbol, ...]
-    mass_matrix: sp.Matrix
-    velocity_terms: sp.Matrix
-    gravity_terms: sp.Matrix
-    passive_forces: sp.Matrix
     kinetic: sp.Expr
     potential: sp.Expr
     generalised_forces: sp.Matrix
 
+
+@dataclass(frozen=True, kw_only=True)
+class EquationsOfMotion(EnergiesInSymbols):
+    """SymPy equations M qdd + c + g = p + tau over plain symbols, beside the energies they come from.
+
+    Attributes:
+        mass_matrix: M, (nv, nv), symmetric.
+        velocity_terms: c, (nv, 1): every term of d/dt(dT/dv) - dT/dq that holds no acceleration.
+        gravity_terms: g, (nv, 1): dV/dq of the potential that is proportional to gravity.
+        passive_forces: p, (nv, 1): -dV/dq of the rest of the potential, plus Q.
+    """
+
+    mass_matrix: sp.Matrix
+    velocity_terms: sp.Matrix
+    gravity_terms: sp.Matrix
+    passive_forces: sp.Matrix
+
     @property
     def right_hand_side(self) -> sp.Matrix:
         """p - c - g, (nv, 1): what M qdd equals when no force is applied."""
-        return self.passive_forces - self.velocity_terms - self.gravity_terms
+        return sp.Matrix(right_hand_side({"passive": self.passive_forces, "velocity": self.velocity_terms, "gravity": self.gravity_terms}))
 
     @property
     def energy_function(self) -> sp.Expr:
@@ -99,12 +109,11 @@ class EquationsOfMotion:
         return mass, damping, stiffness
 
 
-def derive(system: System) -> EquationsOfMotion:
-    """The equations of motion of ``system``.
+def in_symbols(system: System) -> EnergiesInSymbols:
+    """The energies and forces of ``system``, its coordinates and rates replaced by plain symbols.
 
     Raises:
-        ValueError: T is of higher than second degree in the rates, so that M would depend on v, or V
-            is not linear in gravity.
+        ValueError: a name stands for two things.
     """
     q = tuple(sp.Symbol(f.func.__name__, real=True) for f in system.coordinates)
     v = tuple(sp.Symbol(f"{f.func.__name__}_dot", real=True) for f in system.coordinates)
@@ -115,16 +124,24 @@ def derive(system: System) -> EquationsOfMotion:
         raise ValueError(f"{sorted(taken)} name both a parameter and a coordinate or its rate; rename one")
     plain = dict(zip(system.rates, v, strict=True))
     position = dict(zip(system.coordinates, q, strict=True))
+    expressions = (system.kinetic, system.potential, *(system.generalised_forces.get(f, sp.S.Zero) for f in system.coordinates))
+    kinetic, potential, *forces = (expression.xreplace(plain).xreplace(position) for expression in expressions)
+    return EnergiesInSymbols(coordinates=q, rates=v, kinetic=kinetic, potential=potential, generalised_forces=sp.Matrix(forces))
 
-    def in_symbols(expression: sp.Expr) -> sp.Expr:
-        return expression.xreplace(plain).xreplace(position)
 
-    kinetic, potential = in_symbols(system.kinetic), in_symbols(system.potential)
-    forces = sp.Matrix([in_symbols(system.generalised_forces.get(f, sp.S.Zero)) for f in system.coordinates])
+def derive(system: System) -> EquationsOfMotion:
+    """The equations of motion of ``system``.
+
+    Raises:
+        ValueError: T is of higher than second degree in the rates, so that M would depend on v, or V
+            is not linear in gravity.
+    """
+    energies = in_symbols(system)
+    q, v = energies.coordinates, energies.rates
     by_state = Derivatives.by((*q, *v))
     # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
     at_constant_rates = Derivatives({TIME: {TIME: sp.S.One}} | {x: {TIME: rate} for x, rate in zip(q, v, strict=True)})
-    of_kinetic = by_state.of(kinetic)
+    of_kinetic = by_state.of(energies.kinetic)
     momenta = [of_kinetic.get(rate, sp.S.Zero) for rate in v]
     mass = _mass_matrix(momenta, v, by_state)
     velocity = sp.Matrix(
@@ -133,10 +150,15 @@ def derive(system: System) -> EquationsOfMotion:
             for momentum, coordinate in zip(momenta, q, strict=True)
         ]
     )
-    of_gravity, of_springs = _split_potential(potential, system.gravity)
+    of_gravity, of_springs = split_potential(energies.potential, system.gravity)
     gravity, springs = (sp.Matrix([by_state.of(part).get(x, sp.S.Zero) for x in q]) for part in (of_gravity, of_springs))
-    passive = forces - springs
-    return EquationsOfMotion(q, v, mass, velocity, gravity, passive, kinetic, potential, forces)
+    return EquationsOfMotion(
+        **vars(energies),
+        mass_matrix=mass,
+        velocity_terms=velocity,
+        gravity_terms=gravity,
+        passive_forces=energies.generalised_forces - springs,
+    )
 
 
 def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_state: Derivatives) -> sp.Matrix:
@@ -156,7 +178,12 @@ def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_st
     return mass
 
 
-def _split_potential(potential: sp.Expr, gravity: sp.Symbol | None) -> tuple[sp.Expr, sp.Expr]:
+def split_potential(potential: sp.Expr, gravity: sp.Symbol | None) -> tuple[sp.Expr, sp.Expr]:
+    """V as the part that is proportional to gravity and the rest.
+
+    Raises:
+        ValueError: V is not linear in gravity.
+    """
     if gravity is None:
         return sp.S.Zero, potential
     slope = potential.diff(gravity)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, check_lists
 from harness.equations.states import States
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism_kernel import MechanismKernel
 
 _PROGRAMS = ("other_charts", "charts_in_body", "energy_programs")
 
@@ -96,10 +99,14 @@ class Mechanism:
     @property
     def key(self) -> Hashable:
         """Equal for mechanisms with equal equations, joints and parameter values."""
-        programs = (self.program, *self.other_charts, *self.charts_in_body)
-        outputs = tuple((name, tuple(indices)) for program in programs for name, indices in sorted(program.outputs.items()))
-        instructions = tuple(program.instructions for program in programs)
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, instructions, outputs
+        programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs
+
+    def float64(self) -> MechanismKernel:
+        """The evaluator of accelerations and terms in float64; what it compiles stays in the process."""
+        from harness.equations.mechanism_kernel import MechanismKernel
+
+        return MechanismKernel(self)
 
     def inputs(self, states: States, parameters: Array | None = None) -> Array:
         """The program's inputs at ``states``, (number of inputs, n), one column a state.

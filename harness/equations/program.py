@@ -7,8 +7,10 @@ is read back; it keeps coordinates, rates and parameters alike as run-time input
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -46,6 +48,12 @@ class StraightLineProgram:
     outputs: Mapping[str, tuple[int, ...]]
     in_coordinates: StraightLineProgram | None = None
     measured_from: tuple[int | None, ...] = ()
+
+    @cached_property
+    def key(self) -> str:
+        """Equal for programs of equal inputs, instructions and outputs."""
+        content = self.inputs, self.instructions, sorted(self.outputs.items()), self.measured_from
+        return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @property
     def turning(self) -> list[int]:
@@ -116,6 +124,13 @@ class StraightLineProgram:
         return cls(inputs, instructions, outputs, in_coordinates, measured_from)
 
 
+def right_hand_side(outputs: Mapping[str, Sequence[Any]], applied: Sequence[Any] | None = None) -> list[Any]:
+    """tau + p - (c + g), what M qdd equals, of the outputs of a system's program; without ``applied``, p - (c + g)."""
+    forces = outputs["passive"] if applied is None else [tau + force for tau, force in zip(applied, outputs["passive"], strict=True)]
+    terms = zip(forces, outputs["velocity"], outputs["gravity"], strict=True)
+    return [force - (velocity + gravity) for force, velocity, gravity in terms]
+
+
 def upper_triangle(n: int) -> list[tuple[int, int]]:
     """Index pairs (i, j), i <= j < n, by rows: the order of the ``mass`` output."""
     return [(i, j) for i in range(n) for j in range(i, n)]
@@ -158,6 +173,11 @@ def _check_instruction(position: int, instruction: Instruction, inputs: int) -> 
         raise ValueError(f"instruction {position} is {instruction!r}; its operands are out of range")
 
 
+def earlier_results(instruction: Instruction) -> tuple[int, ...]:
+    """Operands of an instruction that are places of earlier ones."""
+    return instruction[1 : 1 + _ARITY.get(instruction[0], 0)]
+
+
 def with_operands(instruction: Instruction, places: Sequence[int] | Mapping[int, int]) -> Instruction:
     """``instruction`` with each operand that is an earlier result moved to ``places[operand]``."""
     operation, *operands = instruction
@@ -170,8 +190,7 @@ def without_unused(program: StraightLineProgram) -> StraightLineProgram:
     used = {index for indices in program.outputs.values() for index in indices}
     for place in reversed(range(len(program.instructions))):
         if place in used:
-            operation, *operands = program.instructions[place]
-            used.update(operands[: _ARITY.get(operation, 0)])
+            used.update(earlier_results(program.instructions[place]))
     places = {old: new for new, old in enumerate(sorted(used))}
     instructions = tuple(with_operands(program.instructions[old], places) for old in places)
     outputs = {name: tuple(places[index] for index in indices) for name, indices in program.outputs.items()}
@@ -188,23 +207,27 @@ def assemble(inputs: Sequence[sp.Symbol], outputs: Mapping[str, Sequence[sp.Expr
 
     flat = [expression for expressions in outputs.values() for expression in expressions]
     replacements, reduced = sp.cse(flat, order="none")
-    assembler = _Assembler(inputs)
+    assembler = Assembler(inputs)
     for symbol, expression in replacements:
         assembler.known[symbol] = assembler.emit(expression)
     results = iter([assembler.emit(expression) for expression in reduced])
-    named = {name: tuple(next(results) for _ in expressions) for name, expressions in outputs.items()}
-    return StraightLineProgram(tuple(symbol.name for symbol in inputs), tuple(assembler.instructions), named)
+    return assembler.program({name: [next(results) for _ in expressions] for name, expressions in outputs.items()})
 
 
-class _Assembler:
+class Assembler:
     """Emits each distinct instruction once (value numbering)."""
 
-    def __init__(self, inputs: Sequence[sp.Symbol]) -> None:
+    def __init__(self, inputs: Sequence[Any]) -> None:
+        self.inputs = tuple(str(symbol) for symbol in inputs)
         self.instructions: list[Instruction] = []
         self.numbering: dict[Instruction, int] = {}
         self.known: dict[sp.Expr, int] = {}
         for index, symbol in enumerate(inputs):
             self.known[symbol] = self.add("input", index)
+
+    def program(self, outputs: Mapping[str, Sequence[int]]) -> StraightLineProgram:
+        """What was emitted, with ``outputs`` named."""
+        return StraightLineProgram(self.inputs, tuple(self.instructions), {name: tuple(places) for name, places in outputs.items()})
 
     def add(self, *instruction: Any) -> int:
         if instruction not in self.numbering:

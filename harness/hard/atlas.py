@@ -25,7 +25,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.factorisation import condition_number
 from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism
@@ -193,7 +192,7 @@ def _point(
 
 def _about(value: float, system: str, reference: Reference) -> HardPoint:
     """What is known of a point before any engine answers."""
-    condition = condition_numbers(reference)
+    condition = reference.condition
     finite = condition[np.isfinite(condition)]
     return HardPoint(
         knob=value,
@@ -227,16 +226,9 @@ def _judged(about: HardPoint, states: States, reference: Reference, comparison: 
     )
 
 
-def condition_numbers(reference: Reference) -> Array:
-    """kappa_s, (n,): the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor."""
-    with np.errstate(all="ignore"):
-        factor = reference.norm_factor / np.linalg.norm(reference.norm_factor, axis=1)[:, None, :]
-    return condition_number(factor.transpose(2, 1, 0))
-
-
 def why_undecided(reference: Reference) -> Iterator[str]:
     """For each state that is not certified, why."""
-    condition = condition_numbers(reference)
+    condition = reference.condition
     for index in np.flatnonzero(~reference.certified):
         if not np.isfinite(reference.high[index]).all():
             yield f"M is singular, or not certainly regular at {LAST_PRECISION} bits"

@@ -24,7 +24,7 @@ from harness.check.hypothesis_search import note_of, objective
 from harness.check.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4
 # Spread of the first population, where 1 is half of a range.
@@ -94,8 +94,8 @@ def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.No
 
 def worst_index(comparison: Comparison) -> int:
     """Index of the answer that shows most: the gravest verdict that is the engine's, then the largest backward error."""
-    gravity = np.array([GRAVITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
-    return int(np.lexsort((objective(comparison), gravity))[-1])
+    severity = np.array([SEVERITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
+    return int(np.lexsort((objective(comparison), severity))[-1])
 
 
 def _undecided(comparison: Comparison) -> int:

@@ -17,7 +17,7 @@ from pathlib import Path
 from harness.errors import InvalidInput
 from harness.library import nearest
 from harness.results.atlas import HardPoint, HardReason, HardRow
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 PATH = Path(__file__).with_suffix(".toml")
 # Case, subject and verdict.
@@ -56,7 +56,7 @@ def load_hard_expectations(path: Path, cases: Collection[str], subjects: Collect
         texts = [entry.get(key) for key in _TEXTS] if isinstance(entry, dict) else []
         if not (texts and all(isinstance(text, str) and text for text in texts)):
             raise InvalidInput(path, None, f"{where} must have the texts {', '.join(_TEXTS)}, none of them empty")
-        verdicts = [verdict for verdict in GRAVITY if verdict != Verdict.AGREES]
+        verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
         for key, known in (("case", cases), ("subject", subjects), ("verdict", verdicts)):
             if entry[key] not in known:
                 raise InvalidInput(path, None, f"{where} names {key} {entry[key]!r}, which does not exist; {nearest(entry[key], known)}")
@@ -85,7 +85,7 @@ def judged(row: HardRow, expected: Mapping[Key, HardExpectation]) -> HardRow:
         if errors and max(errors) > most:
             problems.append(f"{verdict} with backward error {max(errors):.3g}; the entry explains {most:.3g}")
     problems += [f"{point.verdict} at {row.knob} = {point.knob:g} without a reason" for point in row.points if _silent(point)]
-    entries = [(verdict, expected[row.case, row.subject, verdict]) for verdict in sorted(foreseen, key=GRAVITY.__getitem__)]
+    entries = [(verdict, expected[row.case, row.subject, verdict]) for verdict in sorted(foreseen, key=SEVERITY.__getitem__)]
     reasons = [HardReason(verdict=verdict, reason=entry.reason, remedy=entry.remedy, link=entry.link) for verdict, entry in entries]
     return replace(row, problems=problems, reasons=reasons)
 

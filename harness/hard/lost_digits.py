@@ -24,8 +24,10 @@ from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.check import tasks
 from harness.engines import linear_velocity_in_body, load_engine
-from harness.equations.kernels import Float64Kernel
+from harness.equations.kernels import float64_kernel
 from harness.equations.mechanism import Mechanism
+from harness.equations.mechanism_kernel import Charts
+from harness.equations.program import OUTPUTS, right_hand_side
 from harness.equations.states import States
 from harness.verdict import Verdict
 
@@ -83,7 +85,7 @@ def locate(assignment: tasks.Assignment, state: States) -> Loss:
     terms = _terms(assignment.mechanism, in_body, state)
     shares = rounding_shares(reference, terms, state.tau[0])
     at_rest, under_load = (_at_rest(assignment, in_body, state, terms, reference, load) for load in (1.0, LOAD))
-    condition = condition_number(reference.norm_factor[0])
+    condition = float(reference.condition[0])
     return describe(error, verdict, condition, shares, at_rest, under_load, assignment.mechanism.nv)
 
 
@@ -136,19 +138,10 @@ def rounding_shares(reference: Reference, terms: Mapping[str, Array], applied: A
     return {name: move / float(reference.sensitivity[0]) for name, move in moved.items()}
 
 
-def condition_number(norm_factor: Array) -> float:
-    """kappa_s of M = R' R, for R (nv, nv): the condition number of M scaled to unit diagonal."""
-    values = np.linalg.svd(norm_factor / np.linalg.norm(norm_factor, axis=0), compute_uv=False)
-    return float((values[0] / values[-1]) ** 2) if values[-1] > 0 else math.inf
-
-
 def _terms(mechanism: Mechanism, in_body: bool, state: States) -> dict[str, Array]:
     """The terms in float64, by the chart that is most regular at the state."""
-    kernels = [Float64Kernel(program) for program in mechanism.charts(in_body)]
-    inputs = mechanism.inputs(state)
-    with np.errstate(all="ignore"):
-        best = int(np.argmax([np.nan_to_num(kernel.regularity(inputs)[0], nan=-1.0) for kernel in kernels])) if len(kernels) > 1 else 0
-    return kernels[best].terms(inputs)
+    chart = int(Charts(mechanism.charts(in_body)).most_regular(state.q)[0])
+    return float64_kernel(mechanism.charts(in_body)[chart]).terms(mechanism.inputs(state))
 
 
 def _at_rest(
@@ -161,7 +154,7 @@ def _at_rest(
     still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
     held = _terms(assignment.mechanism, in_body, still)
     stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
-    total = stand_in + held["passive"] - held["velocity"] - held["gravity"]
+    total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
     reference = tasks.reference_kernel_of(assignment).evaluate(still)
     error = tasks.judge_of(assignment)(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load

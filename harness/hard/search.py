@@ -33,7 +33,7 @@ from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command
 from harness.results.search import Case, SearchResult
 from harness.study import Part, Rounds
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
 from harness.workers import Crash, Outcome, Task
 
@@ -287,7 +287,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
     """Whether a state is no worse than what is expected of the pair over many states."""
-    return GRAVITY[found.verdict] <= GRAVITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
+    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
 
 
 def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions, solve_symmetric
 from harness.equations.mechanism import Mechanism
+from harness.equations.program import right_hand_side
 
 Expressions = Sequence[Any]
 
@@ -74,8 +75,7 @@ class FirstOrderSystem:
     def accelerations(self, q: Expressions, v: Expressions, time: Any) -> list[Any]:
         """v', (nv)."""
         terms = heyoka_expressions(self.mechanism.charts(linear_velocity_in_body=False)[self.chart], self._inputs(q, v, time))
-        forces = zip(terms["passive"], terms["velocity"], terms["gravity"], strict=True)
-        return solve_symmetric(terms["mass"], [passive - (velocity + gravity) for passive, velocity, gravity in forces])
+        return solve_symmetric(terms["mass"], right_hand_side(terms))
 
     def energies(self, q: Expressions, v: Expressions, time: Any) -> dict[str, Any]:
         """The outputs of the energy program of one number each."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.mechanism import Mechanism
+from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 
 # Below it the chart is left, if another one is more regular.
@@ -56,7 +57,7 @@ class Taylor:
         self._parameters: Array = np.array(mechanism.parameter_values, dtype=floating_point)
         self._systems = [FirstOrderSystem(mechanism, chart) for chart in range(len(mechanism.energy_programs))]
         self._compiled: dict[int, Any] = {}
-        self._regularities: Any = None
+        self._charts = Charts(mechanism.charts(linear_velocity_in_body=False))
 
     def solve(self, q: Array, v: Array, times: Array) -> Solution:
         """The motion from q (nq,) and v (nv,) at ``times`` (n,) [s], increasing; the first is that of the start."""
@@ -90,22 +91,13 @@ class Taylor:
             return None
 
         def goes_on(integrator: Any) -> bool:
-            return self._regularity(integrator.state)[chart] >= LEAST_REGULARITY or self._most_regular(integrator.state) == chart
+            positions = integrator.state[None, : self.mechanism.nq]
+            return bool(self._charts.regularity(positions)[chart, 0] >= LEAST_REGULARITY) or self._most_regular(integrator.state) == chart
 
         return goes_on
 
     def _most_regular(self, state: Array) -> int:
-        return int(np.argmax(self._regularity(state))) if len(self._systems) > 1 else 0
-
-    def _regularity(self, state: Array) -> Array:
-        import heyoka
-
-        if self._regularities is None:
-            q, v = self._systems[0].variables()
-            outputs = [system.energies(q, v, heyoka.time)["regularity"] for system in self._systems]
-            self._regularities = heyoka.cfunc(outputs, vars=q)
-        positions = np.ascontiguousarray(state[: self.mechanism.nq], dtype=np.float64)
-        return np.asarray(np.abs(self._regularities(positions)))
+        return int(self._charts.most_regular(state[None, : self.mechanism.nq])[0])
 
     def _integrator(self, chart: int) -> Any:
         import heyoka

@@ -24,9 +24,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.sampling import ANGLES
-from harness.equations.kernels import Float64Kernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.equations.mechanism_kernel import MechanismKernel
 from harness.motion.first_order import displacement
 from harness.motion.taylor import Solution, Taylor
 
@@ -146,14 +145,12 @@ class Metric:
         return np.asarray(np.where(np.isfinite(larger), larger, np.inf))
 
     def _mass(self, q: Array) -> Array:
-        inputs = self.mechanism.inputs(States.at(q, np.zeros((len(q), self.mechanism.nv)), np.zeros((len(q), self.mechanism.nv))))
-        best = np.argmax([chart.regularity(inputs) for chart in self._charts], axis=0)
-        mass: Array = np.stack([chart.terms(inputs)["mass"] for chart in self._charts])
-        return np.asarray(mass[best, np.arange(len(q))])
+        still = np.zeros((len(q), self.mechanism.nv))
+        return self._kernel.terms(q, still, still)["mass"]
 
     @cached_property
-    def _charts(self) -> list[Float64Kernel]:
-        return [Float64Kernel(program) for program in self.mechanism.charts(linear_velocity_in_body=False)]
+    def _kernel(self) -> MechanismKernel:
+        return self.mechanism.float64()
 
 
 def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) -> Reference:

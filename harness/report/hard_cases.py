@@ -13,7 +13,7 @@ from statistics import median
 from harness.report.summary import Change, changed_versions, counted
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
 from harness.results.records import Run
-from harness.verdict import GRAVITY, Verdict, gravest
+from harness.verdict import SEVERITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.
 SILENT = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
@@ -153,7 +153,7 @@ class HardSummary:
     def sizes(self, subject: str) -> dict[str, int]:
         """Verdict to number of families whose gravest verdict of ``subject`` it is, from agreement to error."""
         verdicts = [family.rows[subject].verdict for family in self.families if subject in family.rows]
-        return {verdict: verdicts.count(verdict) for verdict in GRAVITY if verdict in verdicts}
+        return {verdict: verdicts.count(verdict) for verdict in SEVERITY if verdict in verdicts}
 
     def changed_versions(self, run: Run) -> list[Change]:
         """Versions that the atlas had and ``run`` has not."""

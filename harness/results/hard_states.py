@@ -19,7 +19,7 @@ from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.records import Record, dumps
 from harness.storage import write_atomically
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 FOLDER = "hard_states"
 
@@ -56,8 +56,8 @@ class FoundState:
     def __post_init__(self) -> None:
         if not isinstance(self.state, dict) or list(self.state) != ["q", "v", "tau"] or not all(map(_are_finite, self.state.values())):
             raise ValueError('"state" is not {"q": [...], "v": [...], "tau": [...]} with finite numbers')
-        if self.verdict not in GRAVITY:
-            raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(GRAVITY)}')
+        if self.verdict not in SEVERITY:
+            raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(SEVERITY)}')
         if not (self.backward_error is None or _is_number(self.backward_error)) or not _is_number(self.digits_lost):
             raise ValueError('"backward_error" or "digits_lost" is no number')
         if not all(isinstance(text, str) for text in (self.subject, self.term, self.statement)):
@@ -71,7 +71,7 @@ class FoundState:
     @property
     def severity(self) -> tuple[int, float]:
         """Sorts the worse state behind."""
-        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
 
 
 def path_of(library: Library, system: str) -> Path:
@@ -163,7 +163,7 @@ class RankedCase:
     @property
     def severity(self) -> tuple[int, float]:
         """Sorts the worse case behind."""
-        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
 
 
 def worst_cases(

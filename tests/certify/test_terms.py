@@ -25,6 +25,7 @@ from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, linea
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.kernels import Float64Kernel
 from harness.equations.mechanism import Mechanism
+from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import assemble, upper_triangle
 from harness.equations.states import States
 from harness.equations.system import System
@@ -76,10 +77,11 @@ def judged(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] 
 def test_derivatives_are_those_of_the_compiled_kernel(name: str) -> None:
     """Of tau + passive - velocity - gravity - M a, put together from those of the outputs one by one."""
     mechanism = load_mechanism(BUILT_IN, name)
-    for program in mechanism.charts(linear_velocity_in_body=False):
-        kernel, inputs = Float64Kernel(program), mechanism.inputs(sample(mechanism, 20, 1))
+    charts = Charts(mechanism.charts(linear_velocity_in_body=False))
+    for number, program in enumerate(charts.programs):
+        kernel, states = Float64Kernel(program), sample(mechanism, 20, 1)
         # Beside a chart's singularity its derivatives lose digits by cancellation.
-        inputs = np.ascontiguousarray(inputs[:, kernel.regularity(inputs) > 0.5])
+        inputs = mechanism.inputs(states[charts.regularity(states.q)[number] > 0.5])
         found = jacobians(program, inputs)
         accelerations = np.random.default_rng(2).standard_normal((mechanism.nv, inputs.shape[1]))
         residual = found["passive"] - found["velocity"] - found["gravity"]

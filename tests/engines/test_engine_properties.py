@@ -28,8 +28,9 @@ from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines._pinocchio_forces import ForceElements
 from harness.equations.derivation import load_mechanism
 from harness.equations.euler_angles import sines_and_cosines
-from harness.equations.kernels import BallKernel, Float64Kernel
+from harness.equations.kernels import BallKernel, Float64Kernel, float64_kernel
 from harness.equations.mechanism import Mechanism
+from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, assemble, upper_triangle
 from harness.equations.states import ANGLES, States
 from harness.equations.system import TIME, System
@@ -266,13 +267,12 @@ class Case:
         return ReferenceKernel(self.mechanism, self.linear_velocity_in_body)
 
     @cached_property
-    def _charts(self) -> list[Float64Kernel]:
-        return [Float64Kernel(program) for program in self.mechanism.charts(self.linear_velocity_in_body)]
+    def _charts(self) -> Charts:
+        return Charts(self.mechanism.charts(self.linear_velocity_in_body))
 
     def kernel(self, states: States) -> Float64Kernel:
         """That of the chart whose worst state is best."""
-        inputs = self.mechanism.inputs(states)
-        return max(self._charts, key=lambda chart: chart.regularity(inputs).min())
+        return float64_kernel(self._charts.programs[int(self._charts.regularity(states.q).min(axis=1).argmax())])
 
     @cached_property
     def states(self) -> States:

@@ -18,13 +18,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness import storage
 from harness.equations import derivation
 from harness.equations.derivation import derive_mechanism, load_mechanism, load_system
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
 from harness.errors import InvalidSystem
 from harness.library import Library
-from harness.storage import cache_directory
+from harness.storage import cache_directory, read_entry
 
 NAME = "spring_damper"
 SOURCE = (Library.built_in().systems / f"{NAME}.py").read_text(encoding="utf-8")
@@ -199,10 +200,10 @@ def test_any_flipped_bit_is_noticed(data: st.DataObject) -> None:
     damaged[place] ^= 1 << data.draw(st.integers(0, 7))
     try:
         entry.write_bytes(damaged)
-        assert derivation._read_entry(entry, NAME) is None
+        assert derivation._restored(read_entry(entry), NAME) is None
     finally:
         entry.write_bytes(sound)
-    assert derivation._read_entry(entry, NAME) is not None
+    assert derivation._restored(read_entry(entry), NAME) is not None
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, derivations: list[str]) -> None:
@@ -222,7 +223,7 @@ def test_a_read_only_cache_costs_time_only(cache: Path, derivations: list[str], 
         raise PermissionError(errno.EACCES, "Permission denied")
 
     cache.mkdir()
-    monkeypatch.setattr(derivation.tempfile, "mkstemp", refuse)
+    monkeypatch.setattr(storage.tempfile, "mkstemp", refuse)
     load_mechanism(Library.built_in(), NAME)
     load_mechanism(Library.built_in(), NAME)
     assert derivations == [NAME, NAME]
@@ -259,9 +260,7 @@ def test_an_edited_system_is_another_entry(cache: Path, tmp_path: Path, derivati
     assert len(entries(cache)) == 2
 
 
-WITH_HELPER = SOURCE.replace("from harness.equations.system", "from _values import MASS\nfrom harness.equations.system").replace(
-    "m: (1.5,", "m: (MASS,"
-)
+WITH_HELPER = SOURCE.replace("from harness import", "from _values import MASS\nfrom harness import").replace("m: (1.5,", "m: (MASS,")
 
 
 def test_an_edited_helper_is_another_entry(cache: Path, tmp_path: Path) -> None:

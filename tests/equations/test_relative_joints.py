@@ -11,8 +11,8 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.equations.energies import energy_program_of
-from harness.equations.kernels import BallKernel, Float64Kernel, program_of
+from harness.equations.assembly import energy_program_of, program_of
+from harness.equations.kernels import BallKernel, Float64Kernel
 from harness.equations.lagrange import derive
 from harness.equations.program import StraightLineProgram
 from harness.equations.system import TIME, System

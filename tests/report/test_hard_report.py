@@ -19,7 +19,7 @@ from harness.report.markdown import VOLATILE
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting, StableStep
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
-from harness.verdict import GRAVITY
+from harness.verdict import SEVERITY
 
 RUN = Run(
     started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0"}, machine={"cpus": "4"}, seed=0, profile="atlas", states=8,
@@ -52,7 +52,7 @@ def points(slope: float, decades: int = 9) -> list[HardPoint]:
 
 
 def row(case: str, subject: str, own: list[HardPoint], **more: Any) -> HardRow:
-    verdict = max((point.verdict for point in own), key=GRAVITY.__getitem__)
+    verdict = max((point.verdict for point in own), key=SEVERITY.__getitem__)
     about = {"title": "gyroscope near the pole", "knob": "angle", "unit": "rad", "source": "a book", "remedy": "turn it round"}
     return HardRow(case=case, subject=subject, points=own, verdict=verdict, **(about | more))
 
@@ -200,7 +200,7 @@ def test_text_is_escaped() -> None:
 
 numbers = st.floats() | st.sampled_from([0.0, 1e-3, 5e-324, -1.0])
 names = st.sampled_from(["gimbal", "mujoco/mjcf", "mujoco RK4"]) | st.text(max_size=8)
-verdicts = st.sampled_from(list(GRAVITY))
+verdicts = st.sampled_from(list(SEVERITY))
 
 
 def anything(hint: Any, name: str = "") -> st.SearchStrategy[Any]:

@@ -21,8 +21,9 @@ from harness.check.scene import Scene
 from harness.check.tasks import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.derivation import load_system
-from harness.equations.kernels import Float64Kernel, heyoka_expressions, solve_symmetric
-from harness.equations.program import StraightLineProgram, position_count
+from harness.equations.kernels import heyoka_expressions, solve_symmetric
+from harness.equations.mechanism_kernel import Charts
+from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
 
 # Python needs minutes to derive and to compile more.
@@ -47,10 +48,10 @@ def _lambdified(scene: Scene, modules: str) -> tuple[Callable[..., Any], str]:
         raise Unsupported(f"the equations take {instructions} operations; lambdify is tried up to {MOST_INSTRUCTIONS_PRINTED}")
     system, _ = load_system(scene.library.system_path(mechanism.name))
     joint = in_joint_coordinates(derive(system), list(system.coordinates), system.attitudes, linear_velocity_in_body=False)
-    right_hand_side = joint.passive_forces - joint.velocity_terms - joint.gravity_terms
+    terms = {"passive": joint.passive_forces, "velocity": joint.velocity_terms, "gravity": joint.gravity_terms}
     # Nested lists would hide the subexpressions from ``cse``.
     arguments = [*joint.positions, *joint.velocities, TIME, *system.parameters]
-    expressions = [*joint.mass_matrix, *right_hand_side]
+    expressions = [*joint.mass_matrix, *right_hand_side(terms)]
     function: Callable[..., Any] = sp.lambdify(arguments, expressions, modules=modules, cse=partial(sp.cse, order="none"))
     return function, ONE_CHART if mechanism.attitudes else ""
 
@@ -92,9 +93,8 @@ def compiled_solution(program: StraightLineProgram, number: type) -> Callable[..
     outputs = heyoka_expressions(program, inputs)
     nv = len(outputs["velocity"])
     forces = inputs[position_count(program) + nv :][:nv]
-    terms = zip(forces, outputs["passive"], outputs["velocity"], outputs["gravity"], strict=True)
-    right_hand_side = [force + passive - (velocity + gravity) for force, passive, velocity, gravity in terms]
-    function: Callable[..., Any] = heyoka.cfunc(solve_symmetric(outputs["mass"], right_hand_side), vars=inputs, fp_type=number)
+    solution = solve_symmetric(outputs["mass"], right_hand_side(outputs, forces))
+    function: Callable[..., Any] = heyoka.cfunc(solution, vars=inputs, fp_type=number)
     return function
 
 
@@ -102,15 +102,11 @@ def _machine_code(number: type, scene: Scene, states: States) -> Prepared:
     mechanism = scene.mechanism
     charts = mechanism.charts(linear_velocity_in_body=False)
     inputs = mechanism.inputs(states)
-    best = np.zeros(len(states), dtype=int)
-    if len(charts) > 1:
-        best = np.argmax([Float64Kernel(chart).regularity(inputs) for chart in charts], axis=0)
     parts: list[tuple[Any, Callable[..., Any], Accelerations, Accelerations]] = []
-    for place, chart in enumerate(charts):
-        chosen = np.flatnonzero(best == place)
-        if len(chosen):
-            columns: Accelerations = np.ascontiguousarray(inputs[:, chosen], dtype=number)
-            parts.append((chosen, compiled_solution(chart, number), columns, np.full((mechanism.nv, len(chosen)), np.nan, dtype=number)))
+    for place, chosen in Charts(charts).split(states.q):
+        columns: Accelerations = np.ascontiguousarray(inputs[:, chosen], dtype=number)
+        outputs: Accelerations = np.full((mechanism.nv, len(chosen)), np.nan, dtype=number)
+        parts.append((chosen, compiled_solution(charts[place], number), columns, outputs))
 
     def compute() -> None:
         for _, solve, columns, outputs in parts:

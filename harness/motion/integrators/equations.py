@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.check.scene import Scene
+from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Advance, Integrator
 from harness.motion.integrators._kept import keep
@@ -61,6 +61,7 @@ class Steps:
         self._scheme = scheme
         self._stages = stages
         self._systems = [FirstOrderSystem(scene.mechanism, chart) for chart in range(len(scene.mechanism.energy_programs))]
+        self._charts = Charts(scene.mechanism.charts(linear_velocity_in_body=False))
         self._compiled: dict[tuple[int, int], Any] = {}
         room = MOST_INSTRUCTIONS // (stages * len(scene.mechanism.program.instructions))
         # The chart is chosen before each step where there are several.
@@ -84,17 +85,7 @@ class Steps:
         return keep(start, step, steps, every, self._stages, go)
 
     def _chart(self, state: Array) -> int:
-        if len(self._systems) == 1:
-            return 0
-        return int(np.argmax(np.abs(self._regularity(state[: self._mechanism.nq]))))
-
-    @cached_property
-    def _regularity(self) -> Any:
-        import heyoka
-
-        q, v = self._systems[0].variables()
-        outputs = [system.energies(q, v, heyoka.expression(0.0))["regularity"] for system in self._systems]
-        return heyoka.cfunc(outputs, vars=q)
+        return int(self._charts.most_regular(state[None, : self._mechanism.nq])[0])
 
     def _function(self, chart: int, count: int) -> Callable[[Array], None]:
         """Changes a state in place by ``count`` steps."""
@@ -159,17 +150,15 @@ def _dormand_prince(scene: Scene) -> Advance:
 
     mechanism = scene.mechanism
     nq = mechanism.nq
-    functions, regularities = [], []
+    functions, charts = [], Charts(mechanism.charts(linear_velocity_in_body=False))
     now = heyoka.expression("now")
     for chart in range(len(mechanism.energy_programs)):
         system = FirstOrderSystem(mechanism, chart)
         q, v = system.variables()
         functions.append(system.compiled([*system.position_rates(q, v), *system.accelerations(q, v, now)], [*q, *v, now]))
-        regularities.append(system.energies(q, v, now).get("regularity"))
-    regularity = heyoka.cfunc(regularities, vars=q) if len(functions) > 1 else None
 
     def rates_at(at: float, state: Array) -> Array:
-        chart = 0 if regularity is None else int(np.argmax(np.abs(regularity(state[:nq]))))
+        chart = int(charts.most_regular(state[None, :nq])[0])
         return np.asarray(functions[chart](np.append(state, at)))
 
     def advance(start: Start, tolerance: float, intervals: int, every: int) -> Path:

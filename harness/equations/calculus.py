@@ -1,0 +1,185 @@
+"""Derivatives of straight-line programs, written as further instructions of the same program.
+
+A gradient by reverse accumulation takes a small multiple of the instructions of the function itself, whatever the number of
+variables. The derivative expressions of SymPy lose this factoring, as its products are flattened.
+
+Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., sections 3.1 and 3.2 (forward and reverse mode).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+from harness.equations.program import Assembler, StraightLineProgram, earlier_results, with_operands
+
+Slope = Callable[["ProgramWriter", int, int], int]
+
+# Instruction of df/dx, given those of x and f(x).
+_SLOPES: dict[str, Slope] = {
+    "neg": lambda w, x, f: w.number(-1),
+    "sqrt": lambda w, x, f: w.quotient(w.number(Fraction(1, 2)), f),
+    "sin": lambda w, x, f: w.add("cos", x),
+    "cos": lambda w, x, f: w.negative(w.add("sin", x)),
+    "tan": lambda w, x, f: w.sum(w.number(1), w.product(f, f)),
+    "asin": lambda w, x, f: w.quotient(w.number(1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),
+    "acos": lambda w, x, f: w.quotient(w.number(-1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),
+    "atan": lambda w, x, f: w.quotient(w.number(1), w.sum(w.number(1), w.product(x, x))),
+    "sinh": lambda w, x, f: w.add("cosh", x),
+    "cosh": lambda w, x, f: w.add("sinh", x),
+    "tanh": lambda w, x, f: w.difference(w.number(1), w.product(f, f)),
+    "exp": lambda w, x, f: f,
+    "log": lambda w, x, f: w.quotient(w.number(1), x),
+}
+
+
+class ProgramWriter(Assembler):
+    """A program that grows by derivatives of its instructions; places are indices of instructions.
+
+    Sums and products with 0 and 1, and of numbers, are worked out at once, so that sparse derivatives stay sparse.
+    """
+
+    def __init__(self, program: StraightLineProgram) -> None:
+        super().__init__(program.inputs)
+        places: list[int] = []
+        for instruction in program.instructions:
+            places.append(self._again(*with_operands(instruction, places)))
+        self.outputs = {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
+
+    def number(self, value: Fraction | int) -> int:
+        """The literal ``value``."""
+        value = Fraction(value)
+        return self.add("rational", str(value.numerator), str(value.denominator))
+
+    def sum(self, first: int | None, second: int) -> int:
+        """first + second; None stands for 0."""
+        if first is None or self._value(first) == 0:
+            return second
+        if self._value(second) == 0:
+            return first
+        known = self._value(first), self._value(second)
+        if known[0] is not None and known[1] is not None:
+            return self.number(known[0] + known[1])
+        for one, other in ((first, second), (second, first)):
+            if self.instructions[other][0] == "neg":
+                return self.difference(one, self.instructions[other][1])
+        return self.add("add", *sorted((first, second)))
+
+    def difference(self, first: int, second: int) -> int:
+        if self._value(second) == 0:
+            return first
+        if self._value(first) == 0:
+            return self.negative(second)
+        if first == second:
+            return self.number(0)
+        if self.instructions[second][0] == "neg":
+            return self.sum(first, self.instructions[second][1])
+        return self.add("sub", first, second)
+
+    def negative(self, place: int) -> int:
+        value = self._value(place)
+        if value is not None:
+            return self.number(-value)
+        operation, *operands = self.instructions[place]
+        if operation == "neg":
+            return int(operands[0])
+        return self.add("sub", operands[1], operands[0]) if operation == "sub" else self.add("neg", place)
+
+    def product(self, first: int, second: int) -> int:
+        first, second = sorted((first, second), key=lambda place: self._value(place) is None)
+        factor, other = self._value(first), self._value(second)
+        if factor is not None and other is not None:
+            return self.number(factor * other)
+        if factor == 0 or factor == 1:
+            return first if factor == 0 else second
+        if factor == -1:
+            return self.negative(second)
+        for one, place in ((second, first), (first, second)):
+            if self.instructions[place][0] == "neg":
+                return self.negative(self.product(one, self.instructions[place][1]))
+        operation, *operands = self.instructions[second]
+        if factor is not None and operation in ("mul", "div"):
+            # Twice the half of x is x.
+            for known, rest in (operands, operands[::-1]) if operation == "mul" else (operands[::-1],):
+                value = self._value(known)
+                if value is not None:
+                    return self.product(self.number(factor * value if operation == "mul" else factor / value), rest)
+        return self.add("mul", *((first, second) if factor is not None else sorted((first, second))))
+
+    def quotient(self, first: int, second: int) -> int:
+        return first if self._value(second) == 1 or self._value(first) == 0 else self.add("div", first, second)
+
+    def gradient(self, place: int, variables: Sequence[int]) -> list[int]:
+        """The derivatives of one instruction by inputs, by reverse accumulation."""
+        depends = self.depending_on(variables)
+        adjoint = {place: self.number(1)}
+        for at in range(place, -1, -1):
+            if at in adjoint and depends[at]:
+                for operand, slope in self._partials(at, depends):
+                    adjoint[operand] = self.sum(adjoint.get(operand), self.product(adjoint[at], slope))
+        return [adjoint.get(variable, self.number(0)) for variable in variables]
+
+    def along(self, places: Iterable[int], rates: Mapping[int, int]) -> list[int]:
+        """The derivatives of instructions along a motion, which is given by inputs and their rates."""
+        places = list(places)
+        depends, moved = self.depending_on(rates), dict(rates)
+        for at in range(max(places, default=-1) + 1):
+            if depends[at] and at not in moved:
+                total: int | None = None
+                for operand, slope in self._partials(at, depends):
+                    total = self.sum(total, self.product(slope, moved[operand]))
+                assert total is not None
+                moved[at] = total
+        return [moved.get(place, self.number(0)) for place in places]
+
+    def depending_on(self, inputs: Iterable[int]) -> list[bool]:
+        """For each instruction, whether it rests on one of ``inputs``."""
+        chosen, depends = set(inputs), list[bool]()
+        for instruction in self.instructions:
+            if instruction[0] == "input":
+                depends.append(instruction[1] in chosen)
+            else:
+                depends.append(any(depends[operand] for operand in earlier_results(instruction)))
+        return depends
+
+    def _partials(self, place: int, depends: Sequence[bool]) -> list[tuple[int, int]]:
+        """Operands of an instruction that depend on the variables, each with the derivative by it."""
+        operation, *operands = self.instructions[place]
+        if operation in _SLOPES:
+            slopes = [_SLOPES[operation](self, operands[0], place)]
+        elif operation == "integer_power":
+            base, exponent = operands
+            slopes = [self.product(self.number(exponent), self.add("integer_power", base, exponent - 1))]
+        elif operation == "mul" and operands[0] == operands[1]:
+            slopes = [self.product(self.number(2), operands[0])]
+        else:
+            return [pair for pair in self._of_two(operation, place, *operands) if depends[pair[0]]] if operands[1:] else []
+        return [(operands[0], slopes[0])]
+
+    def _of_two(self, operation: str, place: int, a: int, b: int) -> list[tuple[int, int]]:
+        one = self.number(1)
+        if operation in ("add", "sub"):
+            return [(a, one), (b, one if operation == "add" else self.number(-1))]
+        if operation == "mul":
+            return [(a, b), (b, a)]
+        if operation == "div":
+            divisor = self._value(b)
+            inverse = self.number(1 / divisor) if divisor else self.quotient(one, b)
+            return [(a, inverse), (b, self.negative(self.product(place, inverse)))]
+        if operation == "pow":
+            slope = self.product(b, self.add("pow", a, self.difference(b, one)))
+            return [(a, slope), (b, self.product(place, self.add("log", a)))]
+        square = self.sum(self.product(a, a), self.product(b, b))
+        return [(a, self.quotient(b, square)), (b, self.negative(self.quotient(a, square)))]
+
+    def _again(self, operation: str, *operands: Any) -> int:
+        """An instruction of the program itself, with the identities of 0 and 1."""
+        if operation == "neg":
+            return self.negative(*operands)
+        write = {"add": self.sum, "sub": self.difference, "mul": self.product}.get(operation)
+        return self.add(operation, *operands) if write is None else write(*operands)
+
+    def _value(self, place: int) -> Fraction | None:
+        operation, *operands = self.instructions[place]
+        return Fraction(int(operands[0]), int(operands[1])) if operation == "rational" else None

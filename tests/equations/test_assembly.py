@@ -1,0 +1,99 @@
+"""The equations by derivatives of programs are those that SymPy derives."""
+
+from __future__ import annotations
+
+import flint
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness.certify.forward_mode import jacobians
+from harness.certify.sampling import sample
+from harness.equations.assembly import lagrange_program, program_of
+from harness.equations.calculus import ProgramWriter
+from harness.equations.derivation import load_atlas, load_mechanism
+from harness.equations.kernels import BallKernel
+from harness.equations.lagrange import derive
+from harness.equations.program import UNARY, StraightLineProgram, assemble
+from harness.equations.system import TIME, System
+from harness.library import Library
+
+LIBRARY = Library.built_in()
+PLAIN = [name for name in LIBRARY.system_names() if not load_atlas(LIBRARY.system_path(name))[0][0].attitudes]
+x, y = sp.symbols("x y")
+FUNCTIONS = [getattr(sp, name)(x / 3 + y) for name in sorted(UNARY - {"neg"})]
+EXPRESSIONS = [
+    *FUNCTIONS,
+    -x,
+    x - y,
+    x * y,
+    x / y,
+    x**2,
+    x**5,
+    x**-3,
+    x**y,
+    sp.atan2(x, y),
+    2 * (x + y) / 7,
+    x * (x * y - 1) * sp.cos(x * y),
+]
+
+
+def in_balls(program: StraightLineProgram, row: list[float]) -> list[flint.arb]:
+    with flint.ctx.workprec(200):
+        return list(BallKernel(program, 0).bind(())(*row))
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_programs_by_either_way_certify_the_same_terms(name: str) -> None:
+    system = load_atlas(LIBRARY.system_path(name))[0][0]
+    by_calculus, by_sympy = lagrange_program(system), program_of(system, derive(system))
+    assert by_calculus is not None
+    mechanism = load_mechanism(LIBRARY, name)
+    for row in mechanism.inputs(sample(mechanism, 4, seed=1)).T.tolist():
+        first, second = in_balls(by_calculus, row), in_balls(by_sympy, row)
+        largest = max(float(abs(value)) for value in second)
+        for one, other in zip(first, second, strict=True):
+            assert one.overlaps(other)
+            assert float((one - other).abs_upper()) <= 2.0**-120 * largest
+
+
+@pytest.mark.parametrize("name", ["arm_7r", "puma_560", "stanford_arm"])
+def test_calculus_needs_at_most_two_thirds_of_the_instructions_of_sympy(name: str) -> None:
+    system = load_atlas(LIBRARY.system_path(name))[0][0]
+    by_calculus, by_sympy = lagrange_program(system), program_of(system, derive(system))
+    assert by_calculus is not None
+    assert len(by_calculus.instructions) <= len(by_sympy.instructions) * 2 / 3
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
+def test_gradients_and_derivatives_along_a_motion(expression: sp.Expr) -> None:
+    program = assemble([x, y], {"f": [expression]})
+    writer = ProgramWriter(program)
+    (place,) = writer.outputs["f"]
+    gradient = writer.gradient(place, [0, 1])
+    along = writer.along([place], {0: writer.number(3), 1: writer.number(-2)})
+    values = in_balls(writer.program({"gradient": gradient, "along": along}), [0.375, 0.625])
+    expected = jacobians(program, np.array([[0.375], [0.625]]))["f"][0, :, 0]
+    assert [float(value) for value in values[:2]] == pytest.approx(expected, rel=1e-14)
+    assert float(values[2]) == pytest.approx(3 * expected[0] - 2 * expected[1], rel=1e-13, abs=1e-14)
+
+
+def test_numbers_are_worked_out_while_a_program_is_written() -> None:
+    writer = ProgramWriter(assemble([x, y], {"f": [x], "g": [y]}))
+    (f,), (g,) = writer.outputs.values()
+    before = len(writer.instructions)
+    half = writer.add("div", f, writer.number(2))
+    assert writer.product(writer.number(2), half) == f
+    assert writer.product(writer.number(0), g) == writer.sum(writer.number(2), writer.number(-2)) == writer.difference(g, g)
+    assert writer.negative(writer.negative(f)) == writer.product(writer.number(1), f) == writer.sum(None, f) == f
+    assert {instruction[0] for instruction in writer.instructions[before:]} == {"rational", "div", "neg"}
+
+
+def test_a_kinetic_energy_whose_rates_cancel_by_algebra_alone_is_left_to_sympy() -> None:
+    q = dynamicsymbols("q")
+    rate, m = q.diff(TIME), sp.Symbol("m", positive=True)
+    kinetic = m * rate**2 / 2 + m * ((rate + 1) ** 3 - rate**3 - 3 * rate**2 - 3 * rate - 1) / 6
+    system = System(coordinates={q: "slide"}, kinetic=kinetic, potential=0, parameters={m: (2.0, "kg")}, total_mass=m, ranges={q: (-1, 1)})
+    assert lagrange_program(system) is None
+    assert sp.simplify(derive(system).mass_matrix[0] - m) == 0
