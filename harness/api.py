@@ -195,10 +195,11 @@ def check(
 
     study = CrossCheck(_settings(names, library, mjcf, urdf, subjects, states, seed))
     with Workers(workers, time_limit=time_limit) as pool:
-        records = Records(part.value for part in run_study(study, pool))
+        for _ in run_study(study, pool):
+            pass
     for problem in study.problems:
         raise problem
-    return Records(sorted(records, key=lambda record: (record.system, record.subject)))
+    return Records(study.result().records)
 
 
 def diagnose(
@@ -228,8 +229,9 @@ def diagnose(
     settings = _settings([name], library, mjcf, urdf, subjects, states, seed)
     study = CrossCheck(settings)
     with Workers(workers, time_limit=time_limit) as pool:
-        records = [part.value for part in run_study(study, pool)]
-        return sorted(find_causes(settings, records, pool, crashes=study.crashes), key=lambda cause: cause.subject)
+        for _ in run_study(study, pool):
+            pass
+        return find_causes(settings, study.result().records, pool, crashes=study.crashes)
 
 
 def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, library: str | Path | None = None) -> Comparison:

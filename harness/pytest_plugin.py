@@ -158,7 +158,7 @@ class _Regression:
     def _advance(self, system: str) -> None:
         """Wait for the next record of the cross-check that ``system`` belongs to."""
         _, coming = self._check_of(system)
-        record = next(coming).value
+        [record] = next(coming).value.records
         self._known[record.system, record.subject] = record
 
     def superfluous(self, system: str, subject: str) -> list[SuperfluousPart]:
@@ -287,10 +287,8 @@ class NotAsExpected(Exception):
         self.diagnosis = diagnosis
 
     def __str__(self) -> str:
-        from harness.results.explanation import explain
-
         if self.cause is None:
-            return explain(self.record)
+            return self.record.explanation
         of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
         of_cause.append(f"  the whole diagnosis: {self.diagnosis}")
-        return "\n".join([explain(self.record), *dict.fromkeys(of_cause)])
+        return "\n".join([self.record.explanation, *dict.fromkeys(of_cause)])

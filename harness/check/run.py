@@ -29,28 +29,13 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.models.model_file import ModelFile
-from harness.results.records import Record, SystemCard
-from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
 
 STATES_PER_TASK = 2000
-
-
-@dataclass
-class CrossChecked:
-    """What a cross-check found.
-
-    Attributes:
-        records: one of each pair of system and subject, in the order in which they were completed.
-        cards: what to show of each system.
-        superfluous: parts of models that their scenes do not need.
-    """
-
-    records: list[Record] = field(default_factory=list)
-    cards: list[SystemCard] = field(default_factory=list)
-    superfluous: list[SuperfluousPart] = field(default_factory=list)
 
 
 @dataclass
@@ -118,14 +103,14 @@ class CrossCheck(Rounds):
             for path in settings.library.orphaned_models():
                 self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
         self.crashes: set[tuple[str, str | None]] = set()
-        self._found = CrossChecked()
+        self._found = CrossCheckResult()
         self._systems = {name: self._loading(name) for name in self.names}
 
     @property
     def steps(self) -> int:
         return len(self.names) * len(self.subjects)
 
-    def result(self) -> CrossChecked:
+    def result(self) -> CrossCheckResult:
         return self._found
 
     # Loading: the equations, and each model file.
@@ -330,9 +315,9 @@ class CrossCheck(Rounds):
             del system.pairs[str(pair.subject)]
             record = self._record(system.name, pair)
             self._found.records.append(record)
-            yield Part(f"{record.system} {record.subject}", record)
+            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:
-            self._found.cards.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
+            self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
             system.mechanism, system.batches = None, []
 
     def _record(self, name: str, pair: _Pair) -> Record:

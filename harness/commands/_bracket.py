@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
     from harness.results.records import Run
-    from harness.study import Part, Study
+    from harness.results.study_result import StudyResult
+    from harness.study import Study
     from harness.workers import Scheduler, Workers
 
 
@@ -28,7 +29,7 @@ class Bracket:
 
     Attributes:
         library_path, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has them.
-        run: what the command is; set by ``begin``.
+        run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
     """
 
     library_path: str | None = None
@@ -39,6 +40,7 @@ class Bracket:
     time_limit: float = 60.0
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    number: int | None = None
     _run: Run | None = None
 
     @cached_property
@@ -62,11 +64,13 @@ class Bracket:
         """The options of a command that repeats a part of this one."""
         return ["--library", self.library_path] if self.library_path else []
 
-    def begin(self, states: int, profile: str) -> Run:
-        """Describe the run that starts now."""
+    def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
+        """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
         from harness.check.description import describe_run
 
         self._run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        if kept_as is not None:
+            self.number = self.history.begin(self._run, kept_as)
         return self._run
 
     @cached_property
@@ -96,20 +100,27 @@ class Bracket:
             raise InvalidInput(self.directory, None, problem) from error
         return self._exit.enter_context(History(self.directory / "history.sqlite"))
 
-    def parts(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None) -> Iterator[Part]:
-        """The parts of a study as they are completed, with a progress bar, and with the JSON file rewritten after each.
+    def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
+        """Run a study to the end and return its result: progress, each part into the history, and the JSON file after each.
 
-        ``document`` gives the further arguments of ``harness.results.records.write_json``.
+        ``document`` gives the arguments of ``write_json``. ``kept`` is False for a study whose parts are no part of the run's.
         """
         from harness.commands._terminal import progress
         from harness.study import run_study
 
         with progress(study.steps, study.title) as advance:
             for part in run_study(study, self.pool):
-                yield part
+                if kept:
+                    self.keep(part.value)
                 if document is not None:
                     self.write_json(**document())
                 advance(part.label)
+        return study.result()
+
+    def keep(self, found: StudyResult) -> None:
+        """Add what was found to the run in the history, where the run is kept there."""
+        if self.number is not None:
+            self.history.append(self.number, found)
 
     def write_json(self, records: Sequence[Any] = (), **rest: Any) -> None:
         """Write the JSON file that was asked for, if one was."""

@@ -26,13 +26,11 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     from harness.commands._atlas_tables import print_atlas
     from harness.hard.atlas_study import AtlasSettings, AtlasStudy
     from harness.hard.cases import STATES
+    from harness.results.atlas import Atlas
 
     study = AtlasStudy(AtlasSettings(library=bracket.library, cases=cases, subjects=subjects, motion=motion))
-    history, run = bracket.history, bracket.begin(STATES, "atlas")
-    identifier = history.begin_atlas(run)
-    measured = study.result()
-    for part in bracket.parts(study, lambda: {"further": {"atlas": asdict(measured)}}):
-        history.append_atlas(identifier, part.value)
+    run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
+    bracket.complete(study, lambda: {"further": {"atlas": asdict(measured)}})
     print_atlas(run, measured)
-    write_page(bracket.directory, history, bracket.library.name)
+    write_page(bracket.directory, bracket.history, bracket.library.name)
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -25,16 +25,14 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     from harness.bench.study import BenchmarkStudy
     from harness.commands._benchmark_tables import print_benchmark
     from harness.report.benchmarks import unexpected
+    from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
     bracket.time_limit = study.thoroughness.time_limit
-    history, run = bracket.history, bracket.begin(study.thoroughness.states, profile)
-    identifier = history.begin_benchmark(run)
-    measured = study.result()
-    for part in bracket.parts(study, lambda: {"benchmark": (run, with_cheapest(measured))}):
-        history.append_measurements(identifier, part.value)
+    run, measured = bracket.begin(study.thoroughness.states, profile, Benchmark), study.result()
+    bracket.complete(study, lambda: {"benchmark": (run, with_cheapest(measured))})
     print_benchmark(run, measured)
-    write_page(bracket.directory, history, bracket.library.name)
+    write_page(bracket.directory, bracket.history, bracket.library.name)
     bracket.finish(study.problems, study.crashed, not (measured.problems or any(unexpected(measured))))

@@ -42,7 +42,7 @@ def command(
         replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
     bracket.begin(states, "check")
-    finish(bracket, *cross_check(bracket, settings))
+    finish(bracket, cross_check(bracket, settings))
 
 
 def _parse_state(text: str | None) -> Any:

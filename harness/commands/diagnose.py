@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._cross_check import causes_of, is_as_expected
+from harness.commands._cross_check import causes_of
 from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
@@ -40,9 +40,7 @@ def command(
     )
     bracket.begin(states, "diagnose")
     study = CrossCheck(settings)
-    for _ in bracket.parts(study):
-        pass
-    found = study.result()
+    found = bracket.complete(study)
     found.records.sort(key=lambda record: record.subject)
     causes = causes_of(bracket, study, **({} if evaluations is None else {"evaluations": evaluations}))
     held = find_differences(settings, name, bracket.pool) if causes else []
@@ -57,4 +55,4 @@ def command(
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]
-    bracket.finish(problems, study.crashed, is_as_expected(found))
+    bracket.finish(problems, study.crashed, found.as_expected)

@@ -84,11 +84,9 @@ def command(
         settings = CampaignSettings(kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=bracket.seed, diagnosed=diagnosed)
         study = CampaignStudy(bracket.library, names, settings)
     bracket.begin(states, "faults")
-    for _ in bracket.parts(study, lambda: {"further": {"faults": [row.as_json() for row in study.result()]}}):
-        pass
+    rows = bracket.complete(study, lambda: {"further": {"faults": [row.as_json() for row in study.result()]}})
     for sentence in study.deaths:
         click.echo(f"harness: {sentence}", err=True)
-    rows = study.result()
     if rows:
         if isinstance(study, SmallestStudy):
             print_caught(rows)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -24,16 +22,13 @@ def command(bracket: Bracket, profile: str) -> None:
     """
     from harness.check.settings import Settings
     from harness.hard.worst_cases import ranked
+    from harness.results.cross_check import CrossCheckResult
 
     states = STATES_OF_PROFILE[profile]
     settings = Settings(library=bracket.library, states=states, seed=bracket.seed, replay_options=bracket.replay_options)
-    history = bracket.history
-    run = bracket.begin(states, profile)
-    identifier = history.begin(run)
-    study, causes = cross_check(bracket, settings, functools.partial(history.append, identifier))
-    for cause in causes:
-        history.append(identifier, cause)
+    run = bracket.begin(states, profile, CrossCheckResult)
+    study = cross_check(bracket, settings)
     ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
-    history.append_worst_cases(identifier, ranking)
-    write_page(bracket.directory, history, bracket.library.name, identifier)
-    finish(bracket, study, causes)
+    bracket.keep(CrossCheckResult(worst_cases=ranking))
+    write_page(bracket.directory, bracket.history, bracket.library.name, bracket.number)
+    finish(bracket, study)

@@ -36,10 +36,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
         replay_options=bracket.replay_options,
     )
     bracket.begin(settings.budget, "search")
-    study = Search(settings)
-    for _ in bracket.parts(study):
-        pass
-    result = study.result()
+    result = bracket.complete(Search(settings))
     bracket.write_json(further={"search": result.to_json()})
     for line in as_lines(result):
         click.echo(line)

@@ -23,9 +23,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     bracket.library.select([name])
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
-    for _ in bracket.parts(study):
-        pass
-    exhibit = study.result()
+    exhibit = bracket.complete(study)
     for line in as_text(exhibit):
         click.echo(line)
     if html_path is not None:
@@ -34,4 +32,4 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
 
         write_atomically(html_path, render(exhibit, bracket.library.name))
         click.echo(f"\npage: {click.format_filename(html_path)}")
-    bracket.finish(exhibit.problems, study.crashed, True)
+    bracket.finish(study.problems, study.crashed, True)

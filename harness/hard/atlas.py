@@ -90,40 +90,6 @@ def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
     return load_hard_expectations(PATH, list(hard_cases()), [str(subject) for subject in subjects(engines)])
 
 
-HEADINGS = (
-    "case",
-    "subject",
-    "verdict",
-    "backward error",
-    "digits lost",
-    "kappa_s",
-    "slope",
-    "slope of digits",
-    "theory",
-    "points",
-    "remark",
-)
-
-
-def table(measured: Sequence[HardRow]) -> list[list[str]]:
-    """The rows as text cells under ``HEADINGS``, by case and subject."""
-    return [_cells(row) for row in sorted(measured, key=lambda row: (row.case, row.subject))]
-
-
-def _cells(row: HardRow) -> list[str]:
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in row.verdicts.items())
-    slopes = [(row.theory_growth, "slope"), (row.theory_digits_growth, "of digits")]
-    theory = ", ".join([row.theory_verdict, *(f"{what} {slope:g}" for slope, what in slopes if slope is not None)])
-    digits = max((point.digits_lost for point in row.points if point.digits_lost is not None), default=None)
-    condition = max((point.condition for point in row.points if point.condition is not None), default=None)
-    numbers = map(_text, (row.worst, digits, condition, row.growth, row.digits_growth))
-    return [row.case, row.subject, row.verdict, *numbers, theory, counts, "; ".join(row.problems)]
-
-
-def _text(number: float | None) -> str:
-    return "" if number is None else f"{number:.3g}"
-
-
 @functools.lru_cache(maxsize=4)
 def _truth(case_name: str, in_body: bool) -> list[tuple[Reference, States, Mechanism]]:
     """Reference, states and mechanism with its parameters at each point; a system along the knob is compiled once."""

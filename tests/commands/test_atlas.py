@@ -90,7 +90,7 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
     for words in ("stiff_spring", "chaos", "mujoco RK4", "1 family, 3 subjects, 3 points: every verdict is as expected."):
         assert words in result.output
     with History(tmp_path / "here" / "history.sqlite") as history:
-        found = history.latest_atlas("built-in")
+        found = history.latest(Atlas, "built-in")
     assert found is not None
     run, atlas = found
     assert run.profile == "atlas" and len(atlas.rows) == 3
@@ -127,7 +127,7 @@ def test_a_crash_costs_its_part_alone(stage: Stage, invoke: Callable[..., Result
     result = invoke("stiff_spring")
     assert result.exit_code == 3
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        found = history.latest_atlas("built-in")
+        found = history.latest(Atlas, "built-in")
     assert found is not None
     crashed = next(row for row in found[1].rows if row.subject == "pinocchio/urdf")
     assert crashed.crashed and crashed.points[0].knob == 1e6 and "SIGSEGV" in crashed.points[0].reason
@@ -159,13 +159,13 @@ def test_parts_of_an_atlas_come_back_as_they_were(tmp_path: Path) -> None:
     unfinished = replace(POINT, backward_error=None, unstable_bound=math.inf, verdict="unsupported", reason="refused")
     atlas = Atlas(rows=[row("stiff_spring", "lagrange", POINT, unfinished)], partings=[PARTING], stable_steps=[STEP], problems=["a"])
     with History(tmp_path / "history.sqlite") as history:
-        number = history.begin_atlas(RUN)
-        assert history.latest_atlas("built-in") is None
-        history.append_atlas(number, atlas)
-        assert history.latest_atlas("built-in") == (RUN, atlas)
-        assert history.latest_atlas("another") is None
-        with pytest.raises(ValueError, match="there is no atlas 7"):
-            history.append_atlas(7, atlas)
+        number = history.begin(RUN, Atlas)
+        assert history.latest(Atlas, "built-in") is None
+        history.append(number, atlas)
+        assert history.latest(Atlas, "built-in") == (RUN, atlas)
+        assert history.latest(Atlas, "another") is None
+        with pytest.raises(ValueError, match="there is no study 7"):
+            history.append(7, atlas)
 
 
 def test_one_family_for_real(invoke: Callable[..., Result], tmp_path: Path) -> None:

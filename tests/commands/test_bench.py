@@ -24,6 +24,7 @@ from harness.cli import main
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
+from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.records import Record, Run
 from harness.study import run_study
@@ -201,7 +202,7 @@ def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], measure: Cal
     measure(cost("collar"), then=interrupt)
     assert invoke("collar", "--json", "out.json").exit_code != 0
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        found = history.latest_benchmark("built-in")
+        found = history.latest(Benchmark, "built-in")
     assert found is not None and found[1] == cost("collar")
 
 
@@ -213,7 +214,7 @@ def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     invoke("collar")
     assert "Nothing was cross-checked yet" in page.read_text()
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        history.append(history.begin(RUN), RECORD)
+        history.append(history.begin(RUN, CrossCheckResult), CrossCheckResult(records=[RECORD]))
     measure(cost("collar", 2e-6))
     assert invoke("collar").exit_code == 0
     text = page.read_text()

@@ -269,7 +269,7 @@ def test_report_writes_everything_and_keeps_history(library: Path) -> None:
     assert sorted(path.name for path in out.iterdir()) == ["history.sqlite", "index.html", "report.json", "report.md"]
     assert len(json.loads((out / "report.json").read_text())["records"]) == 10
     with sqlite3.connect(out / "history.sqlite") as connection:
-        assert connection.execute("SELECT count(*) FROM records").fetchone() == (20,)
+        assert connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone() == (20,)
 
 
 SLEEPING_ENGINE = """
@@ -316,6 +316,6 @@ def _recorded(path: Path) -> int:
         return 0
     try:
         with sqlite3.connect(path) as connection:
-            return int(connection.execute("SELECT count(*) FROM records").fetchone()[0])
+            return int(connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone()[0])
     except sqlite3.OperationalError:
         return 0

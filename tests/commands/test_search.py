@@ -19,6 +19,7 @@ from harness.errors import InvalidRequest
 from harness.hard import search
 from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
 from harness.library import MODEL_SUFFIXES, Library
+from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundState, keep, path_of
 from harness.results.history import History
 from harness.results.search import Case, SearchResult
@@ -141,14 +142,15 @@ def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Pa
     result = CliRunner().invoke(main, ["report", "--library", str(library), "--out", str(reports), "--workers", "1"])
     assert result.exit_code == 0, result.output
     with History(reports / "history.sqlite") as history:
-        [(number, _)] = history.runs()
-        cases = {case.subject: case for case in history.worst_cases(number)}
-        records = {record.subject: record for record in history.records(number)}
+        [number] = history.studies(CrossCheckResult)
+        found = history.read(number, CrossCheckResult)
+    cases = {case.subject: case for case in found.worst_cases}
+    records = {record.subject: record for record in found.records}
     assert set(cases) == set(records)
-    for subject, found in cases.items():
-        assert found.backward_error == records[subject].backward_error
-        assert "data roundoffs" in found.statement and found.replay.startswith("harness check simple_pendulum")
-        assert str(library) in found.replay
+    for subject, case in cases.items():
+        assert case.backward_error == records[subject].backward_error
+        assert "data roundoffs" in case.statement and case.replay.startswith("harness check simple_pendulum")
+        assert str(library) in case.replay
     assert cases["lagrange"].reproducer == ""
     for subject in sorted(set(cases) - {"lagrange"}):
         program = cases[subject].reproducer

@@ -145,11 +145,11 @@ def test_only_unsupported_excuses(root: Path) -> None:
     ("verdict", "more", "fragment"),
     [
         ("unsupported", "backward_error = 1.0\n", "no backward_error, for what is unsupported is not compared"),
-        ("unstable", "", "and the number backward_error"),
-        ("unstable", "backward_error = true\n", "and the number backward_error"),
-        ("unsupported", "note = 1\n", "must have exactly the texts"),
+        ("unstable", "", "number 1 must have a backward_error"),
+        ("unstable", "backward_error = true\n", "number 1: Expected `float | null`, got `bool` - at `$.backward_error`"),
+        ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, system"),
         ("unsuported", "", "did you mean 'unsupported'"),
-        ("", "", "none of them empty"),
+        ("", "", "of length >= 1 - at `$.verdict`; expected the texts"),
     ],
 )
 def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, fragment: str) -> None:
