@@ -1,8 +1,10 @@
 """Processes that run tasks and survive an engine which aborts, hangs or exhausts memory.
 
-``Workers`` is all that callers need. ``local`` starts processes on this machine and talks to them through pipes and
-unlinked files, ``program`` is what such a process runs, ``cluster`` hands tasks to a Dask cluster. The package uses the
-standard library, and Dask where a scheduler is named.
+``Workers`` is all that callers need. May use ``errors`` and what is beside it; the standard library, and Dask where a
+scheduler is named.
+
+Start with ``tasks``. ``local`` starts processes on this machine and talks to them through pipes and unlinked files,
+``program`` is what such a process runs, ``cluster`` hands tasks to a Dask cluster.
 """
 
 from __future__ import annotations
