@@ -5,7 +5,7 @@ Engines load on a worker process, so that a model which kills one costs its own 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from harness.errors import InvalidInput, InvalidModel
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
+from harness.results.table import Column, Table
 from harness.show.placement import place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -175,25 +176,22 @@ def number(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def audit_rows(exhibit: Exhibit) -> list[list[str]]:
-    """Headings, what the system says, and a row per subject."""
+def audit_table(exhibit: Exhibit) -> Table:
+    """The system's own joints, gravity and mass, and a row of them per subject."""
     mechanism = exhibit.mechanism
-    joints = ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in mechanism.joint_sizes.items())
-    rows = [
-        ["", "joints with nq/nv", "gravity", "moving mass", ""],
-        ["the system", joints, f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0", _sum(mechanism.total_mass), ""],
-    ]
+    gravity = f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0"
+    rows = [["the system", _joints(mechanism.joint_sizes), gravity, _sum(mechanism.total_mass), ""]]
     for holding in exhibit.holdings:
         held = ["", "", ""]
-        if holding.loaded is not None:
-            held = [
-                ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in holding.loaded.joints.items()),
-                # An engine that feels none may say so by a negative zero.
-                " ".join(number(component + 0.0) for component in holding.loaded.gravity),
-                _sum(holding.loaded.total_mass),
-            ]
+        if (loaded := holding.loaded) is not None:
+            # An engine that feels none may say so by a negative zero.
+            held = [_joints(loaded.joints), " ".join(number(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
         rows.append([str(holding.subject), *held, holding.remark])
-    return rows
+    return Table(["", "joints with nq/nv", "gravity", "moving mass", ""], rows, style="plain")
+
+
+def _joints(sizes: Mapping[str, tuple[int, int]]) -> str:
+    return ", ".join(f"{joint} {nq}/{nv}" for joint, (nq, nv) in sizes.items())
 
 
 def _sum(mass: float) -> str:
@@ -210,20 +208,16 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
     return soundness(rows, rounded)
 
 
-def joint_table(exhibit: Exhibit) -> list[list[str]]:
-    """Headings, and for each joint a row per format; columns that are empty throughout are left out."""
+def joint_table(exhibit: Exhibit) -> Table:
+    """For each joint a row per format; columns that are empty throughout are left out."""
     rows = [
-        [model_format, *(str(getattr(row, name)) for name in COLUMNS)] for pair in exhibit.joints.values() for model_format, row in pair
+        ["" if place else row.joint, model_format, *(str(getattr(row, name)) for name in COLUMNS[1:])]
+        for pair in exhibit.joints.values()
+        for place, (model_format, row) in enumerate(pair)
     ]
-    headings = ["model", *COLUMNS]
-    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
-    # The joint comes first, once.
-    order = [1, 0, *(place for place in kept if place > 1)]
-    table = [[headings[place] for place in order], *([row[place] for place in order] for row in rows)]
-    for previous, row in zip(rows, table[2:], strict=False):
-        if row[0] == previous[1]:
-            row[0] = ""
-    return table
+    filled = {name for place, name in enumerate(COLUMNS[1:], start=2) if any(row[place] for row in rows)}
+    titles = [COLUMNS[0], "model", *COLUMNS[1:]]
+    return Table(titles, rows, style="plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
 
 
 def as_text(exhibit: Exhibit) -> Iterator[str]:
@@ -231,35 +225,40 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     mechanism = exhibit.mechanism
     yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
     yield "\nEquations of motion (' is d/dt, tau the applied force):"
-    yield from (f"  {line}" for line in (mechanism.equations_text or TOO_LONG).splitlines())
+    yield from _indented(mechanism.equations_text or TOO_LONG)
     yield "\nParameters:"
-    yield from _columns([[symbol, number(value), unit] for symbol, value, unit in mechanism.parameters])
+    yield from _indented(str(parameter_table(mechanism)))
     yield "\nCoordinates:"
-    yield from _columns(coordinates(mechanism))
+    yield from _indented(str(coordinate_table(mechanism)))
     yield "\nModels:"
     yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
     if not exhibit.models:
         yield "  none" if exhibit.reasons else "  none that can be read"
     if exhibit.joints:
         yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
-        yield from _columns(joint_table(exhibit))
+        yield from _indented(str(joint_table(exhibit)))
     yield from (f"  {model_format}, {text}" for model_format, text in exhibit.springs)
     yield "\nAfter loading:"
-    yield from _columns(audit_rows(exhibit))
+    yield from _indented(str(audit_table(exhibit)))
     if compared := comparison_of_holdings(exhibit):
         yield "\nHeld of each joint and body, in the world's frame with every joint at zero:"
         yield from (f"  {line}" for line in compared)
 
 
-def coordinates(mechanism: Mechanism) -> list[list[str]]:
-    """Coordinate, joint and sampled range of each coordinate."""
-    return [
-        [coordinate, f"joint {joint}", "any angle" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"]
+def parameter_table(mechanism: Mechanism) -> Table:
+    """Symbol, value and unit of each parameter."""
+    rows = [[symbol, number(value), unit] for symbol, value, unit in mechanism.parameters]
+    return Table(["parameter", Column("value", "plain"), "unit"], rows)
+
+
+def coordinate_table(mechanism: Mechanism) -> Table:
+    """Joint and sampled range of each coordinate."""
+    rows = [
+        [coordinate, joint, "any angle" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"]
         for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
     ]
+    return Table(["coordinate", "joint", "sampled"], rows)
 
 
-def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield ("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True))).rstrip()
+def _indented(text: str) -> Iterator[str]:
+    return (f"  {line}" for line in text.splitlines())

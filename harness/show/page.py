@@ -8,7 +8,15 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from harness.report.html import equations
-from harness.show.exhibit import Exhibit, audit_rows, comparison_of_holdings, coordinates, joint_table, number, whereabouts
+from harness.show.exhibit import (
+    Exhibit,
+    audit_table,
+    comparison_of_holdings,
+    coordinate_table,
+    joint_table,
+    parameter_table,
+    whereabouts,
+)
 from harness.show.picture import draw
 from harness.show.views import choose_view
 
@@ -16,7 +24,7 @@ from harness.show.views import choose_view
 def render(exhibit: Exhibit, library: str) -> str:
     """The whole page."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"number": number, "equations": equations, "whereabouts": whereabouts}
+    environment.filters |= {"equations": equations, "whereabouts": whereabouts}
     package = files("harness")
     pictures: list[Markup] = []
     view = None
@@ -32,8 +40,9 @@ def render(exhibit: Exhibit, library: str) -> str:
         style=Markup("\n".join(package.joinpath(*path).read_text("utf-8") for path in (("report", "style.css"), ("show", "show.css")))),
         pictures=pictures,
         view=view,
-        joints=joint_table(exhibit) if exhibit.joints else [],
-        audit=audit_rows(exhibit),
+        joints=joint_table(exhibit),
+        audit=audit_table(exhibit),
         held=comparison_of_holdings(exhibit),
-        coordinates=coordinates(exhibit.mechanism),
+        parameters=parameter_table(exhibit.mechanism),
+        coordinates=coordinate_table(exhibit.mechanism),
     )

@@ -1,6 +1,6 @@
 """A mechanism as an SVG drawing: joints, links and centres of mass, seen along one direction.
 
-Classes get their looks from the page that holds the drawing (``templates/show.css``), so that it follows
+Classes get their looks from the page that holds the drawing (``show.css``), so that it follows
 a dark scheme.
 """
 
