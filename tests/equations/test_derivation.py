@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import pickle
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,7 @@ from hypothesis import strategies as st
 
 from harness import storage
 from harness.equations import derivation
-from harness.equations.derivation import derive_mechanism, load_mechanism, load_system
+from harness.equations.derivation import degrees_of_freedom, derive_mechanism, load_mechanism, load_system
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
 from harness.errors import InvalidSystem
@@ -380,3 +381,24 @@ def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
         return json.loads(process.stdout)
 
     assert derived("1") == derived("2")
+
+
+def test_listing_derives_nothing(cache: Path, derivations: list[str]) -> None:
+    library = Library.built_in()
+    listed = {name: degrees_of_freedom(library, name) for name in library.system_names()}
+    assert derivations == []
+    mechanism = load_mechanism(library, NAME)
+    assert listed[NAME] == (mechanism.nv, mechanism.description.splitlines()[0]) == degrees_of_freedom(library, NAME)
+
+
+def test_listing_costs_at_most_six_imports_of_sympy(tmp_path: Path) -> None:
+    """CPU seconds of processes on one machine, the library from an empty cache."""
+
+    def cpu_seconds(*arguments: str) -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        environment = {**os.environ, "HARNESS_CACHE": str(tmp_path)}
+        subprocess.run([sys.executable, *arguments], check=True, capture_output=True, env=environment, cwd=tmp_path)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    assert cpu_seconds("-m", "harness", "list") <= 6 * cpu_seconds("-c", "import sympy.physics.mechanics")
