@@ -1,27 +1,70 @@
-"""Certified cross-checks of rigid-body dynamics: textbook Lagrangians against physics engines."""
+"""Certified cross-checks of rigid-body dynamics: textbook Lagrangians against physics engines.
+
+Read a mechanism, and evaluate its certified accelerations:
+
+    pendulum = harness.load("double_pendulum")
+    pendulum.M, pendulum.C, pendulum.g, pendulum.latex      # SymPy; a notebook shows the equations of ``pendulum`` itself
+    truth = pendulum.accelerations(q=[0.3, -0.2], v=[1.0, 0.5])
+    truth.value, truth.error_bound                           # the truth is certainly within the bound
+
+Hold engines, model files, or your own program against that truth:
+
+    harness.check("double_pendulum")                         # a table of records
+    harness.check("double_pendulum", mjcf="mine.xml")
+    harness.diagnose("double_pendulum", mjcf="mine.xml")     # which line is wrong, and the value that explains it
+    harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
+
+Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``. The command line is
+``harness --help``. Everything is loaded on first use.
+"""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.version import __version__
 
-_PUBLIC = {
-    "Attitude": "harness.equations.euler_angles",
-    "System": "harness.equations.system",
-    "TIME": "harness.equations.system",
-    "body_rates": "harness.equations.euler_angles",
-    "rotation": "harness.equations.euler_angles",
+if TYPE_CHECKING:
+    from harness.api import check, compare, diagnose, load
+    from harness.equations.euler_angles import Attitude, body_rates, rotation
+    from harness.equations.system import TIME, System
+    from harness.library import Library
+    from harness.results.records import Record, Records
+    from harness.verdict import Verdict
+
+_HOMES = {
+    "harness.api": ("check", "compare", "diagnose", "load"),
+    "harness.equations.euler_angles": ("Attitude", "body_rates", "rotation"),
+    "harness.equations.system": ("TIME", "System"),
+    "harness.library": ("Library",),
+    "harness.results.records": ("Record", "Records"),
+    "harness.verdict": ("Verdict",),
 }
-__all__ = ["__version__", *_PUBLIC]
+__all__ = [
+    "TIME",
+    "Attitude",
+    "Library",
+    "Record",
+    "Records",
+    "System",
+    "Verdict",
+    "__version__",
+    "body_rates",
+    "check",
+    "compare",
+    "diagnose",
+    "load",
+    "rotation",
+]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PUBLIC[name]), name)
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

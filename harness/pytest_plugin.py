@@ -7,7 +7,6 @@ the same for a project's own runs. No engine is imported when this module loads.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,9 +21,15 @@ if TYPE_CHECKING:
     from harness.results.causes import Cause
     from harness.results.records import Record
     from harness.results.superfluous import SuperfluousPart
+    from harness.study import Part
     from harness.workers import Workers
 
 _DEFAULT_STATES = 1000
+_TLS_FILES = {
+    "ca-file": "certificate of the authority that a tls:// cluster trusts",
+    "cert": "certificate to show to a tls:// cluster",
+    "key": "key of that certificate",
+}
 
 
 def _above_zero(text: str) -> int:
@@ -54,7 +59,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
     group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
-    group.addoption("--harness-scheduler", metavar="ADDRESS", help="use the dask.distributed cluster at this address")
+    group.addoption(
+        "--harness-scheduler",
+        metavar="ADDRESS",
+        help="use the dask.distributed cluster at this address. Who can reach the scheduler can run code as you; "
+        "use tls:// on shared machines",
+    )
+    for file, content in _TLS_FILES.items():
+        group.addoption(f"--harness-tls-{file}", metavar="FILE", help=content)
     group.addoption(
         "--harness-time-limit",
         type=_seconds,
@@ -102,10 +114,9 @@ class _Regression:
         self.chosen = chosen
         self._workers: Workers | None = None
         self._diagnosing: Workers | None = None
-        self._diagnosing_seconds = 0.0
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
-        self._checks: dict[str, tuple[CrossCheck, Iterator[Record]]] = {}
+        self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
@@ -140,44 +151,51 @@ class _Regression:
 
     def record(self, system: str, subject: str) -> Record:
         """The record of one pair, running the cross-check until it comes."""
-        _, coming = self._check_of(system)
         while (system, subject) not in self._known:
-            record = next(coming)
-            self._known[record.system, record.subject] = record
+            self._advance(system)
         return self._known[system, subject]
+
+    def _advance(self, system: str) -> None:
+        """Wait for the next record of the cross-check that ``system`` belongs to."""
+        _, coming = self._check_of(system)
+        [record] = next(coming).value.records
+        self._known[record.system, record.subject] = record
 
     def superfluous(self, system: str, subject: str) -> list[SuperfluousPart]:
         """Superfluous parts of the model of a pair whose record is known."""
         check, _ = self._check_of(system)
-        return [finding for finding in check.superfluous if (finding.system, finding.subject) == (system, subject)]
+        return [part for part in check.result().superfluous if (part.system, part.subject) == (system, subject)]
 
     def cause(self, system: str, subject: str) -> tuple[Cause | None, str]:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
-        check, coming = self._check_of(system)
+        check, _ = self._check_of(system)
         if system not in self._causes:
-            from harness.diagnose.causes import LEAST_SECONDS, SECONDS, SECONDS_IN_ALL, find_causes
+            from harness.diagnose.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
+            from harness.diagnose.model_side import EVALUATIONS
 
-            # Who is wrong is told by who is right.
+            # The party at fault follows from those that agree.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
-                record = next(coming)
-                self._known[record.system, record.subject] = record
+                self._advance(system)
             records = [record for record in self._known.values() if record.system == system]
             if self._diagnosing is None:
                 # Not the workers of the check, on which other records are still to come.
                 self._diagnosing = self._started_workers()
-            begun = time.monotonic()
-            seconds = SECONDS if self._diagnosing_seconds < SECONDS_IN_ALL else LEAST_SECONDS
-            found = find_causes(check.settings, records, self._diagnosing, seconds=seconds, crashes=check.crashes)
+            diagnosed = sum(map(len, self._causes.values()))
+            evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
+            found = find_causes(check.settings, records, self._diagnosing, evaluations=evaluations, crashes=check.crashes)
             self._causes[system] = {cause.subject: cause for cause in found}
-            self._diagnosing_seconds += time.monotonic() - begun
         return self._causes[system].get(subject), check.settings.diagnosis(system)
 
-    def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Record]]:
+    def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
+        from harness.study import run_study
+
         group = system if self._distributed else ""
         if group not in self._checks:
             check = self._start([system] if self._distributed else self._wanted[0])
-            self._checks[group] = check, check.records()
+            if self._workers is None:
+                self._workers = self._started_workers()
+            self._checks[group] = check, run_study(check, self._workers)
         return self._checks[group]
 
     def _start(self, names: list[str]) -> CrossCheck:
@@ -193,16 +211,16 @@ class _Regression:
             seed=option("--harness-seed"),
             replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
         )
-        if self._workers is None:
-            self._workers = self._started_workers()
-        return CrossCheck(settings, self._workers)
+        return CrossCheck(settings)
 
     def _started_workers(self) -> Workers:
-        from harness.workers import Workers
+        from harness.workers import Scheduler, Workers
 
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
-        return Workers(count, option("--harness-scheduler"), option("--harness-time-limit")).__enter__()
+        address = option("--harness-scheduler")
+        scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
+        return Workers(count, scheduler, option("--harness-time-limit")).__enter__()
 
 
 class SystemFile(pytest.File):
@@ -269,10 +287,8 @@ class NotAsExpected(Exception):
         self.diagnosis = diagnosis
 
     def __str__(self) -> str:
-        from harness.results.explanation import explain
-
         if self.cause is None:
-            return explain(self.record)
+            return self.record.explanation
         of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
         of_cause.append(f"  the whole diagnosis: {self.diagnosis}")
-        return "\n".join([explain(self.record), *dict.fromkeys(of_cause)])
+        return "\n".join([self.record.explanation, *dict.fromkeys(of_cause)])

@@ -10,7 +10,7 @@ AGREEMENT = 64.0
 
 
 class Verdict(StrEnum):
-    """What a comparison says; in ascending order of gravity."""
+    """What a comparison says; in ascending order of severity."""
 
     AGREES = "agrees"
     UNDECIDED = "undecided"
@@ -20,9 +20,9 @@ class Verdict(StrEnum):
     ERROR = "error"
 
 
-GRAVITY = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
+SEVERITY = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
 
 
 def gravest(verdicts: Iterable[str]) -> str:
     """The gravest of ``verdicts``; "agrees" for none."""
-    return max(verdicts, key=GRAVITY.__getitem__, default=Verdict.AGREES.value)
+    return max(verdicts, key=SEVERITY.__getitem__, default=Verdict.AGREES.value)

@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+import pytest
+from click.testing import CliRunner
+
+from harness.check.run import CrossCheck
+from harness.check.settings import Settings
+from harness.cli import main
 from harness.library import MODEL_SUFFIXES, Library
+from harness.results.records import Record
+from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
 
 BUILT_IN = Library.built_in()
@@ -39,6 +51,12 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
 class InThisProcess(Workers):
     """Runs tasks here and now, for engines that do not crash."""
 
+    def __enter__(self) -> InThisProcess:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
     def __len__(self) -> int:
         return 1
 
@@ -48,6 +66,83 @@ class InThisProcess(Workers):
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
             except Exception as error:
                 yield Outcome(task, exception=error)
+
+
+@dataclass(frozen=True)
+class Done:
+    """What became of a command: exit status, standard output and standard error."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def harness(*arguments: str, cwd: Path | None = None) -> Done:
+    """A ``harness`` command in this process, with ``InThisProcess`` for its workers; ``harness_in_a_process`` runs the real thing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.workers.Workers", InThisProcess)
+        patch.setattr("sys.argv", ["harness", *arguments])
+        if cwd is not None:
+            patch.chdir(cwd)
+        result = CliRunner().invoke(main, arguments)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Done(result.exit_code, result.stdout, result.stderr)
+
+
+def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """A ``harness`` command as users run it."""
+    command = [sys.executable, "-m", "harness", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+
+
+@dataclass
+class Stage:
+    """Stands in for ``Workers``: remembers the rounds of tasks and with what it was made, and answers from ``answers``."""
+
+    answers: Callable[[Task], Outcome]
+    rounds: list[list[Task]] = field(default_factory=list)
+    made_with: list[dict[str, Any]] = field(default_factory=list)
+
+    def __call__(self, count: int | None = None, scheduler: str | None = None, time_limit: float = 0.0, **rest: Any) -> Stage:
+        self.made_with.append({"count": count, "time_limit": time_limit})
+        return self
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    @property
+    def tasks(self) -> list[Task]:
+        return [task for tasks in self.rounds for task in tasks]
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        self.rounds.append([])
+        for task in tasks:
+            self.rounds[-1].append(task)
+            yield self.answers(task)
+
+
+def where(task: Task) -> tuple[Any, ...]:
+    """The key of a study's task without the method that takes its outcome."""
+    return tuple(task.key[1:])
+
+
+def completed(study: Study, workers: Any) -> Any:
+    """The result of a study after it has run to the end."""
+    for _ in run_study(study, workers):
+        pass
+    return study.result()
+
+
+def cross_checked(settings: Settings, workers: Any = None) -> tuple[list[Record], CrossCheck]:
+    """Every record of a cross-check, by default in this process, and the cross-check."""
+    study = CrossCheck(settings)
+    records: list[Record] = list(completed(study, workers or InThisProcess()).records)
+    assert len(records) == study.steps
+    return records, study
 
 
 class Page(HTMLParser):

@@ -1,4 +1,4 @@
-"""What README and CONTRIBUTING promise: two commands, and a walk-through that ends green."""
+"""What README and CONTRIBUTING promise: two commands, a Python API, and a walk-through that ends green."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ LINK = re.compile(r"\]\((?!https?://|#)([^)#]+)")
 def walk_through(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with every file that CONTRIBUTING spells out."""
     folder = tmp_path_factory.mktemp("walk-through")
-    [new] = [command for command in SHELL_BLOCK.findall(CONTRIBUTING) if command.startswith("harness new")]
-    subprocess.run([sys.executable, "-m", *new.split()], cwd=folder, check=True, timeout=60)
-    assert sorted(path.name for path in folder.rglob("inverted_bar.*")) == ["inverted_bar.py", "inverted_bar.urdf", "inverted_bar.xml"]
+    for command in SHELL_BLOCK.findall(CONTRIBUTING):
+        if command.startswith("harness new"):
+            subprocess.run([sys.executable, "-m", *command.split()], cwd=folder, check=True, timeout=60)
+    made = ["crba.py", "inverted_bar.py", "inverted_bar.urdf", "inverted_bar.xml"]
+    assert sorted(path.name for path in folder.rglob("*.*")) == made
     for block in NAMED_BLOCK.finditer(CONTRIBUTING):
         path = folder / block["path"]
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -45,6 +47,23 @@ def test_readme_has_two_commands_of_one_line_and_marks_the_one_that_tests() -> N
     assert tests.rstrip().endswith("pytest")
     assert README.count(f"<!-- test command -->\n```sh\n{tests}```\n") == 1
     assert README.count("<!-- test command -->") == 1
+
+
+def test_readme_comes_to_the_commands_soon() -> None:
+    assert len(README.partition("## Run it")[0].split()) <= 200
+
+
+def test_readme_s_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    [block] = re.findall(r"^<!-- python api -->\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    exec(compile(block, "README.md", "exec"), {"__name__": "readme"})
+    assert "agrees" in capsys.readouterr().out
+
+
+def test_every_module_on_the_way_of_a_state_is_there() -> None:
+    [block] = re.findall(r"^<!-- way of a state -->\n```text\n(.*?)^```$", CONTRIBUTING, re.MULTILINE | re.DOTALL)
+    modules = re.findall(r"\b[\w/]+\.py\b", block)
+    assert len(modules) > 5
+    assert [module for module in modules if not (REPOSITORY / "harness" / module).is_file()] == []
 
 
 @pytest.mark.parametrize("text", [README, CONTRIBUTING], ids=["README", "CONTRIBUTING"])

@@ -19,7 +19,7 @@ Note = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Profile:
+class Thoroughness:
     """How thorough a benchmark is.
 
     Attributes:
@@ -42,12 +42,12 @@ class Profile:
     time_limit: float
 
 
-PROFILES = {
-    "quick": Profile(
+THOROUGHNESS = {
+    "quick": Thoroughness(
         states=1000, minimum_seconds=0.05, sizes=(1, 2, 4, 8, 16), steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5,
         long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
     ),
-    "nightly": Profile(
+    "nightly": Thoroughness(
         states=10_000, minimum_seconds=0.5, sizes=(1, 2, 4, 8, 16, 32), horizon=10.0, seconds=30.0,
         steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
     ),
@@ -55,7 +55,7 @@ PROFILES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class BenchmarkSettings:
     """What to measure.
 
     Attributes:
@@ -63,7 +63,7 @@ class Settings:
         names: systems; all for none.
         methods: names of methods and integrators; all for none.
         motion: whether to measure motion too.
-        profile: name of one of ``PROFILES``.
+        profile: name of one of ``THOROUGHNESS``.
         seed: of the sampled states.
     """
 
@@ -79,14 +79,14 @@ class Settings:
 class Request:
     """What a part measures: with which settings, methods and integrators, on which scene, None for the library itself."""
 
-    settings: Settings
+    settings: BenchmarkSettings
     methods: Sequence[str]
     integrators: Sequence[str]
     scene: Scene | None
 
     @property
-    def profile(self) -> Profile:
-        return PROFILES[self.settings.profile]
+    def profile(self) -> Thoroughness:
+        return THOROUGHNESS[self.settings.profile]
 
     @property
     def place(self) -> Scene:
@@ -97,7 +97,7 @@ class Request:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class BenchmarkPart:
     """One part of a benchmark.
 
     Attributes:
@@ -160,10 +160,10 @@ def _figures(request: Request, note: Note) -> Benchmark:
 
 
 PARTS = (
-    Part(name="accelerations", measure=_accelerations, moving=False, timed=True),
-    Part(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
-    Part(name="motion", measure=_motion, moving=True, timed=True),
-    Part(name="long runs", measure=_drifts, moving=True, timed=False),
-    Part(name="stationary action", measure=_stationarity, moving=True, timed=False),
-    Part(name="figures of the text", measure=_figures, moving=True, timed=False, system=SYSTEM),
+    BenchmarkPart(name="accelerations", measure=_accelerations, moving=False, timed=True),
+    BenchmarkPart(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
+    BenchmarkPart(name="motion", measure=_motion, moving=True, timed=True),
+    BenchmarkPart(name="long runs", measure=_drifts, moving=True, timed=False),
+    BenchmarkPart(name="stationary action", measure=_stationarity, moving=True, timed=False),
+    BenchmarkPart(name="figures of the text", measure=_figures, moving=True, timed=False, system=SYSTEM),
 )

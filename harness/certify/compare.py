@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, energy_norm
-from harness.verdict import AGREEMENT, GRAVITY, Verdict
+from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Comparison:
     @property
     def worst(self) -> int:
         """Index of the answer that decides: the gravest verdict, then the largest backward error."""
-        gravity = np.array([GRAVITY[verdict] for verdict in self.verdicts.tolist()])
+        severity = np.array([SEVERITY[verdict] for verdict in self.verdicts.tolist()])
         error = np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf)
-        return int(np.lexsort((error, gravity))[-1])
+        return int(np.lexsort((error, severity))[-1])
 
 
 def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> Comparison:

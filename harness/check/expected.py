@@ -11,12 +11,35 @@ import math
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import msgspec
 
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
-_TEXTS = ("system", "subject", "verdict", "reason", "link")
+Text = Annotated[str, msgspec.Meta(min_length=1)]
+
+
+class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One ``[[expected]]`` table; those of a file say in further fields what they are about."""
+
+    subject: Text
+    verdict: Text
+    reason: Text
+    link: Text
+    backward_error: float | None = None
+
+
+class PairEntry(Entry, frozen=True, kw_only=True):
+    """A table about a system."""
+
+    system: Text
+
+
+_Entry = TypeVar("_Entry", bound=Entry)
 
 
 @dataclass(frozen=True)
@@ -29,6 +52,44 @@ class Expectation:
     backward_error: float = math.inf
 
 
+def read_entries(
+    path: Path, kind: type[_Entry], known: Mapping[str, Collection[str]], key: Collection[str], compared: Collection[str]
+) -> dict[tuple[str, ...], _Entry]:
+    """The ``[[expected]]`` tables of a file by the fields ``key``, which no two of them share.
+
+    ``known`` holds the values that a field may have; an entry has a ``backward_error`` where its verdict is one of ``compared``.
+
+    Raises:
+        InvalidInput: the file is malformed, or an entry names what does not exist.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InvalidInput(path, None, f"cannot be read as TOML: {error}") from error
+    tables = data.pop("expected", [])
+    if data or not isinstance(tables, list):
+        raise InvalidInput(path, None, "holds something other than [[expected]] tables")
+    entries: dict[tuple[str, ...], _Entry] = {}
+    for number, table in enumerate(tables, start=1):
+        where = f"[[expected]] number {number}"
+        try:
+            entry = msgspec.convert(table, kind)
+        except msgspec.ValidationError as error:
+            texts = ", ".join(name for name in kind.__struct_fields__ if name != "backward_error")
+            raise InvalidInput(path, None, f"{where}: {error}; expected the texts {texts}, none empty, and a backward_error") from error
+        for name, values in known.items():
+            if (value := getattr(entry, name)) not in values:
+                raise InvalidInput(path, None, f"{where} names {name} {value!r}, which does not exist; {nearest(value, values)}")
+        if (entry.backward_error is None) == (entry.verdict in compared):
+            rest = "a backward_error" if entry.backward_error is None else f"no backward_error, for what is {entry.verdict} is not compared"
+            raise InvalidInput(path, None, f"{where} must have {rest}")
+        identity = tuple(getattr(entry, name) for name in key)
+        if identity in entries:
+            raise InvalidInput(path, None, f"{where} repeats {', '.join(identity)}")
+        entries[identity] = entry
+    return entries
+
+
 def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tuple[str, str], Expectation]:
     """Expectations by (system, subject); a pair without an entry is expected to agree.
 
@@ -36,42 +97,25 @@ def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tu
         InvalidInput: the file is malformed, or an entry names a system or subject that does not exist
             any more.
     """
-    path = library.expected_verdicts
-    if not path.is_file():
+    if not library.expected_verdicts.is_file():
         return {}
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InvalidInput(path, None, f"cannot be read as TOML: {error}") from error
-    systems = library.system_names()
-    expectations: dict[tuple[str, str], Expectation] = {}
-    entries = data.pop("expected", [])
-    if data or not isinstance(entries, list):
-        raise InvalidInput(path, None, "holds something other than [[expected]] tables")
-    for number, entry in enumerate(entries, start=1):
-        where = f"[[expected]] number {number}"
-        texts = [entry.get(key) for key in _TEXTS] if isinstance(entry, dict) else []
-        if not (texts and all(isinstance(text, str) and text for text in texts)):
-            raise InvalidInput(path, None, f"{where} must have the texts {', '.join(_TEXTS)}, none of them empty")
-        for key, known in (("system", systems), ("subject", subjects), ("verdict", GRAVITY)):
-            if entry[key] not in known:
-                raise InvalidInput(path, None, f"{where} names {key} {entry[key]!r}, which does not exist; {nearest(entry[key], known)}")
-        compared = entry["verdict"] != Verdict.UNSUPPORTED
-        most = entry.get("backward_error") if compared else math.inf
-        if set(entry) != {*_TEXTS, *(["backward_error"] if compared else [])} or type(most) not in (int, float):
-            rest = "the number backward_error" if compared else f"no backward_error, for what is {Verdict.UNSUPPORTED} is not compared"
-            raise InvalidInput(path, None, f"{where} must have exactly the texts {', '.join(_TEXTS)} and {rest}")
-        pair = entry["system"], entry["subject"]
-        if pair in expectations:
-            raise InvalidInput(path, None, f"{where} repeats the pair {pair[0]}, {pair[1]}")
-        expectations[pair] = Expectation(entry["verdict"], entry["reason"], entry["link"], float(most))
-    return expectations
+    known = {"system": library.system_names(), "subject": subjects, "verdict": SEVERITY}
+    compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
+    entries = read_entries(library.expected_verdicts, PairEntry, known, ("system", "subject"), compared).values()
+    return {
+        (entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, _limit(entry.backward_error))
+        for entry in entries
+    }
+
+
+def _limit(backward_error: float | None) -> float:
+    return math.inf if backward_error is None else backward_error
 
 
 def why_no_model(
     library: Library, system: str, subject: str, model_format: str, expectations: Mapping[tuple[str, str], Expectation]
 ) -> str:
-    """Why a subject has no model of a system to read: its entry's reason, where that says ``unsupported``.
+    """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
 
     "" where the model exists, where ``model_format`` needs none, and where no entry excuses that it is missing.
     """

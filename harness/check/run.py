@@ -1,97 +1,96 @@
-"""The loop: (system, subject, states) to records, on worker processes.
+"""The cross-check: every subject of every system at the same states as the truth.
 
-``CrossCheck.records()`` yields each record as soon as it is complete; whatever goes wrong with one
-system, model or engine costs the records that depend on it and nothing else.
+Of each system first the equations and the model files are loaded; then one batch of states is certified and every subject
+asked there; then come the other batches, the search by hypothesis, and the superfluous parts of the models. All of it runs
+on worker processes. Whatever goes wrong with one system, model or engine costs the records that depend on it and nothing
+else: where a process dies, the subject that was being asked is set aside, and the others are asked again without it.
 """
 
 from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference
 from harness.certify.sampling import sample
-from harness.check import tasks
+from harness.check import hypothesis_search, tasks
 from harness.check.description import describe_system
 from harness.check.expected import Expectation, load_expectations, why_no_model
-from harness.check.judgement import Answers, judge
+from harness.check.judgement import Evidence, judge
 from harness.check.settings import DEFAULT_STATES, Settings
+from harness.check.stages import Answers, ask_one_by_one, compare_all
 from harness.check.stored_states import stored_states
-from harness.engines import (
-    EQUATIONS,
-    Subject,
-    Unsupported,
-    installed_version,
-    is_native,
-    linear_velocity_in_body,
-    load_engine,
-    select_subjects,
-    subjects,
-)
+from harness.check.tasks import Assignment
+from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects, subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.models.model_file import ModelFile
-from harness.results.records import Record, SystemCard
-from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record
+from harness.study import Part, Rounds
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task, Workers
+from harness.workers import Outcome, Task
 
-STATES_PER_TASK = 20_000
-STATES_REPLAYED_AFTER_CRASH = 2000
+STATES_PER_TASK = 2000
 
 
 @dataclass
 class _Pair:
-    """A (system, subject) while its answers come in."""
+    """A subject on a system while its answers come in; ``pending`` counts the tasks that are still to answer for it."""
 
     subject: Subject
-    answers: dict[int, Any] = field(default_factory=dict)
-    found: tasks.Found | None = None
-    seconds: list[float] = field(default_factory=list)
-    failure: str = ""
-    failed_at: dict[str, list[float]] | None = None
-    unsupported: bool = False
+    assignment: Assignment | None = None
+    evidence: Evidence = field(default_factory=Evidence)
     pending: int = 0
+
+    def fail(self, failure: str, unsupported: bool = False) -> None:
+        """The first failure is the one that is reported."""
+        if not self.evidence.failure:
+            self.evidence.failure, self.evidence.unsupported = failure, unsupported
+
+
+Pairs = Sequence[_Pair]
+
+
+def answering(pairs: Iterable[_Pair]) -> list[_Pair]:
+    """The pairs that can be asked and have not failed."""
+    return [pair for pair in pairs if pair.assignment is not None and not pair.evidence.failure]
 
 
 @dataclass
 class _System:
-    """A system while its references come in."""
+    """A system while it is compared; ``loading`` counts the files that are still to be read."""
 
-    mechanism: Mechanism
-    bulk: list[States]
-    frames: set[bool]
-    references: dict[tuple[bool, int], Reference] = field(default_factory=dict)
+    name: str
+    pairs: dict[str, _Pair]
+    loading: int
+    mechanism: Mechanism | None = None
+    models: dict[str, ModelFile | str] = field(default_factory=dict)
+    batches: list[States] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     compilation_seconds: float | None = None
-    failure: str = ""
-    pairs: dict[Subject, _Pair] = field(default_factory=dict)
 
 
-class CrossCheck:
-    """One cross-check of a library, system by system and subject by subject.
+class CrossCheck(Rounds):
+    """One cross-check of a library, system by system and subject by subject; a ``harness.study.Study``.
 
     Attributes:
-        problems: systems, models and engines that could not be used, in the order found.
         crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
-        superfluous: parts of models that their scenes do not need; those of a pair are there before its record.
-        cards: what to show of each system, complete when ``records()`` is exhausted.
-        expected_records: how many records ``records()`` will yield.
 
     Raises:
         InvalidInput: the library or its expected verdicts cannot be used at all.
         InvalidRequest: a system or subject that does not exist.
     """
 
-    def __init__(self, settings: Settings, workers: Workers) -> None:
+    title = "cross-check"
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
         self.settings = settings
-        self.workers = workers
         self.names = settings.library.select(settings.names)
         self.subjects = select_subjects(settings.library, settings.subjects)
         every_subject = [str(subject) for subject in subjects(settings.library)]
@@ -100,49 +99,87 @@ class CrossCheck:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")
-        self.problems: list[InvalidInput] = []
         if not settings.names:
-            self.problems += [
-                InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it")
-                for path in settings.library.orphaned_models()
-            ]
+            for path in settings.library.orphaned_models():
+                self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
         self.crashes: set[tuple[str, str | None]] = set()
-        self.superfluous: list[SuperfluousPart] = []
-        self.cards: list[SystemCard] = []
+        self._found = CrossCheckResult()
+        self._systems = {name: self._loading(name) for name in self.names}
 
     @property
-    def expected_records(self) -> int:
+    def steps(self) -> int:
         return len(self.names) * len(self.subjects)
 
-    def records(self) -> Iterator[Record]:
-        """Every record once, as it is completed."""
-        mechanisms: dict[str, Mechanism] = {}
-        models: dict[tuple[str, str], ModelFile | str] = {}
-        paths = {
-            (name, subject.format): self._model_path(name, subject.format)
-            for name in self.names
-            for subject in self.subjects
-            if subject.format != EQUATIONS and not self._why_no_model(name, subject)
-        }
-        work = [Task((name, None), tasks.derive, (self.settings.library, name)) for name in self.names]
-        work += [Task(key, tasks.read, (path, key[1])) for key, path in paths.items()]
-        for outcome in self.workers.run(work):
-            name, model_format = outcome.task.key
-            failure = self._failure_of(outcome)
-            if outcome.crash is not None:
-                path = self.settings.library.system_path(name) if model_format is None else paths[name, model_format]
-                self.problems.append(InvalidInput(path, None, failure))
-            if model_format is not None:
-                models[name, model_format] = failure or outcome.value
-            elif failure:
-                for subject in self.subjects:
-                    yield self._told(Answers(failure=failure), name, subject)
-            else:
-                mechanisms[name] = outcome.value
-        yield from self._compare({name: mechanisms[name] for name in self.names if name in mechanisms}, models)
+    def result(self) -> CrossCheckResult:
+        return self._found
 
-    def _model_path(self, name: str, model_format: str) -> Path:
-        return self.settings.stand_ins.get(model_format) or self.settings.library.model_path(name, model_format)
+    # Loading: the equations, and each model file.
+
+    def _loading(self, name: str) -> _System:
+        library = self.settings.library
+        work = [Task((self._loaded, name, None, library.system_path(name)), tasks.derive, (library, name), name)]
+        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format != EQUATIONS):
+            if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in self.subjects):
+                path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
+                work.append(Task((self._loaded, name, model_format, path), tasks.read, (path, model_format), name))
+        self._next += work
+        return _System(name, {str(subject): _Pair(subject) for subject in self.subjects}, loading=len(work))
+
+    def _loaded(self, outcome: Outcome, name: str, model_format: str | None, path: Path) -> Iterator[Part]:
+        system, failure = self._systems[name], self.failure(outcome)
+        system.loading -= 1
+        if outcome.crash is not None:
+            self.crashes.add((name, model_format))
+            self.report(InvalidInput(path, None, failure))
+        if model_format is not None:
+            system.models[model_format] = failure or outcome.value
+        elif failure:
+            for pair in system.pairs.values():
+                pair.fail(failure)
+        else:
+            system.mechanism = outcome.value
+        if not system.loading:
+            if system.mechanism is not None:
+                self._begin(system, system.mechanism)
+            yield from self._completed(system)
+
+    def _begin(self, system: _System, mechanism: Mechanism) -> None:
+        """Choose the states, and ask for the first batch of them."""
+        state = self.settings.state
+        if state is not None and (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
+            given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
+            raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
+        try:
+            states = self._states(mechanism)
+        except InvalidInput as error:
+            self.report(error)
+            for pair in system.pairs.values():
+                pair.fail(str(error))
+            return
+        system.batches = [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
+        for pair in system.pairs.values():
+            self._assign(system, mechanism, pair)
+        self._compare(system, 0, answering(system.pairs.values()))
+
+    def _states(self, mechanism: Mechanism) -> States:
+        if self.settings.state is not None:
+            return self.settings.state
+        sampled = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+        stored = stored_states(self.settings.library, mechanism)
+        return sampled if stored is None else States.concatenate([stored, sampled])
+
+    def _assign(self, system: _System, mechanism: Mechanism, pair: _Pair) -> None:
+        """Give a pair what it is asked with, or the reason why it cannot be asked."""
+        engine = load_engine(self.settings.library, pair.subject.engine)
+        model = system.models.get(pair.subject.format)
+        if reason := self._why_no_model(system.name, pair.subject):
+            pair.fail(reason, unsupported=True)
+        elif isinstance(model, str):
+            pair.fail(model)
+        elif installed_version(engine) is None:
+            pair.fail(f"{engine.requires[1]} is not installed", unsupported=True)
+        else:
+            pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
 
     def _why_no_model(self, name: str, subject: Subject) -> str:
         """The reason of the entry that excuses a missing model; a stand-in is a model."""
@@ -150,165 +187,148 @@ class CrossCheck:
             return ""
         return why_no_model(self.settings.library, name, str(subject), subject.format, self.expectations)
 
-    def _compare(self, mechanisms: Mapping[str, Mechanism], models: Mapping[tuple[str, str], ModelFile | str]) -> Iterator[Record]:
-        systems: dict[str, _System] = {}
-        work: list[Task] = []
-        for name, mechanism in mechanisms.items():
-            state = self.settings.state
-            if state is not None and (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
-                given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
-                raise InvalidRequest(f"--state has {given}; {name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
-            frames = {self._in_body(mechanism, subject) for subject in self.subjects}
-            try:
-                bulk = self._bulk(mechanism)
-            except InvalidInput as error:
-                self.problems.append(error)
-                for subject in self.subjects:
-                    yield self._told(Answers(failure=str(error)), name, subject)
-                continue
-            system = systems[name] = _System(mechanism, bulk, frames)
-            for in_body in sorted(frames):
-                work += [
-                    Task((name, None, (in_body, index)), tasks.certify, (mechanism, in_body, states))
-                    for index, states in enumerate(system.bulk)
-                ]
-        for name, system in systems.items():
-            for subject in self.subjects:
-                pair = system.pairs[subject] = _Pair(subject)
-                engine = load_engine(self.settings.library, subject.engine)
-                model = models.get((name, subject.format))
-                if reason := self._why_no_model(name, subject):
-                    pair.unsupported, pair.failure = True, reason
-                elif isinstance(model, str):
-                    pair.failure = model
-                elif installed_version(engine) is None:
-                    pair.unsupported, pair.failure = True, f"{engine.requires[1]} is not installed"
-                else:
-                    work += self._tasks(name, pair, system, model)
-        for name, system in systems.items():
-            yield from self._completed(name, system)
-        for outcome in self._outcomes(work):
-            name, subject, index = outcome.task.key
-            system = systems[name]
-            if subject is None:
-                self._take_reference(system, index, outcome)
-            elif outcome.task.function is tasks.find_superfluous:
-                self._take_superfluous(system.pairs[subject], outcome)
-            else:
-                self._take_answer(system.pairs[subject], index, outcome)
-            yield from self._completed(name, system)
-        self.cards += [describe_system(system.mechanism, system.seconds, system.compilation_seconds) for system in systems.values()]
+    # Comparing: a batch of states is certified once, and every subject is asked there.
 
-    def _in_body(self, mechanism: Mechanism, subject: Subject) -> bool:
-        """Whether a subject's answers need the reference with linear velocities in the body's frame."""
-        return bool(mechanism.charts_in_body) and linear_velocity_in_body(load_engine(self.settings.library, subject.engine))
+    def _compare(self, system: _System, index: int, pairs: Pairs) -> None:
+        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], index=index)
 
-    def _bulk(self, mechanism: Mechanism) -> list[States]:
-        if self.settings.state is not None:
-            return [self.settings.state]
-        states = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
-        found = stored_states(self.settings.library, mechanism)
-        states = states if found is None else States.concatenate([found, states])
-        return [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
-
-    def _tasks(self, name: str, pair: _Pair, system: _System, model: ModelFile | None) -> list[Task]:
-        assignment = tasks.Assignment(self.settings.library, pair.subject, system.mechanism, model)
-        work = [Task((name, pair.subject, index), tasks.accelerate, (assignment, states)) for index, states in enumerate(system.bulk)]
-        if self.settings.searched:
-            examples = self.settings.examples and (
-                self.settings.examples.absolute() / self.settings.library.name / name / str(pair.subject).replace("/", "-")
-            )
-            work.append(Task((name, pair.subject, None), tasks.search, (assignment, self.settings.searched, self.settings.seed, examples)))
-        # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
-        if model is not None and self.settings.state is None and is_native(self.settings.library, pair.subject):
-            work.append(Task((name, pair.subject, None), tasks.find_superfluous, (assignment,)))
-        pair.pending = len(work)
-        return work
-
-    def _outcomes(self, work: list[Task]) -> Iterator[Outcome]:
-        """Outcomes of ``work``; a crash at a batch of states is told after a replay has found the state."""
-        crashes: list[Outcome] = []
-        for outcome in self.workers.run(work):
-            if outcome.crash is not None and outcome.task.function is tasks.accelerate:
-                crashes.append(outcome)
-            else:
-                yield outcome
-        replays = [Task(crash, tasks.accelerate_one_by_one, crash.task.arguments) for crash in crashes]
-        for replay in self.workers.run(replays):
-            crash = replay.task.key.crash
-            yield Outcome(replay.task.key.task, crash=replace(crash, note=replay.crash.note if replay.crash else ""))
-
-    def _take_reference(self, system: _System, place: tuple[bool, int], outcome: Outcome) -> None:
-        failure = self._failure_of(outcome)
-        if failure:
-            system.failure = f"the reference failed: {failure}"
-        else:
-            system.references[place], seconds, compilation_seconds = outcome.value
+    def _compared(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system = self._systems[name]
+        if self._is_answered(outcome, system, pairs, "the reference", system.batches[index]):
+            seconds, compilation_seconds, answers = outcome.value
             system.seconds.append(seconds)
             system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
-
-    def _take_answer(self, pair: _Pair, index: int | None, outcome: Outcome) -> None:
-        pair.pending -= 1
-        failure = self._failure_of(outcome)
-        if failure:
-            pair.failure = failure
-            pair.unsupported = isinstance(outcome.exception, Unsupported)
-            if outcome.crash is not None and outcome.crash.note:
-                pair.failed_at = json.loads(outcome.crash.note)
-        elif index is None:
-            pair.found = outcome.value
+            for pair in pairs:
+                self._take(pair, index, system.batches[index], answers[str(pair.subject)])
+            if index == 0:
+                self._go_on(system)
         else:
-            pair.answers[index], seconds = outcome.value
-            pair.seconds.append(seconds)
+            self._compare(system, index, answering(pairs))
+        yield from self._completed(system)
 
-    def _take_superfluous(self, pair: _Pair, outcome: Outcome) -> None:
+    def _take(self, pair: _Pair, index: int, states: States, answers: Answers) -> None:
+        if answers.problem is not None:
+            self.report(answers.problem)
+        if answers.failure:
+            pair.fail(answers.failure, answers.unsupported)
+        if answers.comparison is not None and answers.seconds is not None:
+            pair.evidence.bulk[index] = states, answers.comparison
+            pair.evidence.seconds.append(answers.seconds)
+
+    def _go_on(self, system: _System) -> None:
+        """After the first batch: everything else, for the subjects that answered."""
+        pairs = answering(system.pairs.values())
+        for index in range(1, len(system.batches)):
+            self._compare(system, index, pairs)
+        if self.settings.searched:
+            self._search(system, pairs)
+        for pair in pairs:
+            # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
+            if pair.subject.format != EQUATIONS and self.settings.state is None and is_native(self.settings.library, pair.subject):
+                self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
+
+    # Searching: hypothesis looks for the state at which each subject does worst.
+
+    def _search(self, system: _System, pairs: Pairs) -> None:
+        folder = self.settings.examples and self.settings.examples.absolute() / self.settings.library.name / system.name
+        assignments = [pair.assignment for pair in pairs]
+        self._ask(self._searched, system, pairs, hypothesis_search.search, assignments, self.settings.searched, self.settings.seed, folder)
+
+    def _searched(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system = self._systems[name]
+        if self._is_answered(outcome, system, pairs, "the search"):
+            for pair in pairs:
+                found = outcome.value[str(pair.subject)]
+                if isinstance(found, Answers):
+                    self._take(pair, index, system.batches[index], found)
+                else:
+                    pair.evidence.found = found
+        else:
+            self._search(system, answering(pairs))
+        yield from self._completed(system)
+
+    def _examined(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system, [pair] = self._systems[name], pairs
         pair.pending -= 1
-        failure = self._failure_of(outcome)
-        if failure:
-            # What is wrong with the model as it is, the pair's own answers tell.
-            pair.failure = pair.failure or f"looking for superfluous parts failed: {failure}"
+        if outcome.crash is not None:
+            self.crashes.add((name, str(pair.subject)))
+        if failure := self.failure(outcome):
+            # Errors of the model itself are already in the pair's own answers.
+            pair.fail(f"looking for superfluous parts failed: {failure}")
         else:
             # Engines that read the same file find the same parts.
-            self.superfluous += [finding for finding in outcome.value if finding not in self.superfluous]
+            self._found.superfluous += [part for part in outcome.value if part not in self._found.superfluous]
+        yield from self._completed(system)
 
-    def _failure_of(self, outcome: Outcome) -> str:
-        """Why a task gave no value, "" if it did; what the caller must fix is added to ``problems``."""
+    # Where a process dies: the subject that was being asked is set aside.
+
+    def _ask(
+        self,
+        taker: Callable[..., Iterator[Part]],
+        system: _System,
+        pairs: Pairs,
+        function: Callable[..., Any],
+        *arguments: Any,
+        index: int = 0,
+    ) -> None:
+        """Ask for the next round one task that answers for ``pairs``."""
+        if pairs:
+            for pair in pairs:
+                pair.pending += 1
+            self._next.append(Task((taker, system.name, pairs, index), function, arguments, system.name))
+
+    def _is_answered(self, outcome: Outcome, system: _System, pairs: Pairs, what: str, states: States | None = None) -> bool:
+        """Whether a task gave a value; where its process died, the culprit and the state it died at are noted."""
+        for pair in pairs:
+            pair.pending -= 1
+        failure = self.failure(outcome)
+        if not failure:
+            return True
+        note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
+        culprit = system.pairs.get(note.get("subject", ""))
         if outcome.crash is not None:
-            name, what, *_ = outcome.task.key
-            self.crashes.add((name, None if what is None else str(what)))
-            return str(outcome.crash)
-        if isinstance(outcome.exception, InvalidInput):
-            if str(outcome.exception) not in map(str, self.problems):
-                self.problems.append(outcome.exception)
-            return str(outcome.exception)
-        if isinstance(outcome.exception, Unsupported):
-            return str(outcome.exception)
-        return f"{type(outcome.exception).__name__}: {outcome.exception}" if outcome.exception is not None else ""
+            self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
+        if culprit is None:
+            for pair in pairs:
+                pair.fail(f"{what} failed: {failure}")
+            return False
+        culprit.fail(failure)
+        states = States.at(**note["states"]) if "states" in note else states
+        if states is not None and culprit.evidence.failed_at is None:
+            self._ask(self._replayed, system, [culprit], ask_one_by_one, culprit.assignment, states)
+        return False
 
-    def _completed(self, name: str, system: _System) -> Iterator[Record]:
-        """Records of the pairs that have all they wait for, and forget them."""
-        if len(system.references) < len(system.bulk) * len(system.frames) and not system.failure:
+    def _replayed(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system, [pair] = self._systems[name], pairs
+        pair.pending -= 1
+        if outcome.crash is not None and outcome.crash.note:
+            pair.evidence.failed_at = json.loads(outcome.crash.note)
+        yield from self._completed(system)
+
+    # Records.
+
+    def _completed(self, system: _System) -> Iterator[Part]:
+        """Records of the pairs that have all they wait for, and forget them; with the last one goes the system."""
+        if system.loading:
             return
         for pair in [pair for pair in system.pairs.values() if not pair.pending]:
-            del system.pairs[pair.subject]
-            yield self._record(name, system, pair)
+            del system.pairs[str(pair.subject)]
+            record = self._record(system.name, pair)
+            self._found.records.append(record)
+            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
+        if not system.pairs and system.mechanism is not None:
+            self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
+            system.mechanism, system.batches = None, []
 
-    def _record(self, name: str, system: _System, pair: _Pair) -> Record:
-        in_body = self._in_body(system.mechanism, pair.subject)
-        bulk = [(index, answers) for index, answers in sorted(pair.answers.items()) if (in_body, index) in system.references]
-        parts = [(system.bulk[index], compare(system.references[in_body, index], answers)) for index, answers in bulk]
-        answers = Answers(parts, pair.found, pair.seconds, pair.failure or system.failure, pair.unsupported, pair.failed_at)
-        return self._told(answers, name, pair.subject)
-
-    def _told(self, answers: Answers, name: str, subject: Subject) -> Record:
+    def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((name, str(subject)), Expectation())
-        record = judge(name, str(subject), answers, expectation)
+        expectation = self.expectations.get((name, str(pair.subject)), Expectation())
+        record = judge(name, str(pair.subject), pair.evidence, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
-            record = judge(name, str(subject), answers, Expectation())
-        command = ["harness", "check", name, "--subject", str(subject), *self.settings.replay_options]
+            record = judge(name, str(pair.subject), pair.evidence, Expectation())
+        command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
         if record.worst_state is not None:
             command += ["--state", json.dumps(record.worst_state)]
         else:

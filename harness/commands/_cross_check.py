@@ -1,90 +1,53 @@
-"""A cross-check as a command runs it: progress, JSON as it grows, and the exit status."""
+"""A cross-check as a command runs it, with the causes of what is not as expected."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from harness.commands._options import AS_EXPECTED, CRASHED, NOT_AS_EXPECTED, tell
-from harness.errors import InvalidRequest
+from harness.commands._bracket import Bracket
 
 if TYPE_CHECKING:
     from harness.check.run import CrossCheck
     from harness.check.settings import Settings
     from harness.results.causes import Cause
-    from harness.results.records import Record, Run
-    from harness.workers import Workers
 
 
-def cross_check_all(
-    settings: Settings,
-    run: Run,
-    workers: int | None,
-    scheduler: str | None,
-    time_limit: float,
-    json_path: str | None,
-    keep: Callable[[Record], Any] = lambda record: None,
-    keep_rest: Callable[[CrossCheck], Any] = lambda cross_check: None,
-) -> tuple[CrossCheck, list[Record], list[Cause]]:
-    """Run to the end, keeping each record as it comes, find why some are not as expected, and write the JSON file as it grows.
-
-    ``keep_rest`` is given the cross-check once all records are there, before causes are looked for.
-    """
+def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
+    """Run to the end, and find why some records are not as expected; the causes are added to the result."""
     from harness.check.run import CrossCheck
-    from harness.commands._terminal import progress
-    from harness.results.records import write_json
-    from harness.workers import Workers
+    from harness.results.cross_check import CrossCheckResult
 
-    records: list[Record] = []
-    pool = Workers(workers, scheduler, time_limit)
-    cross_check = CrossCheck(settings, pool)
-    try:
-        with pool:
-            with progress(cross_check.expected_records) as advance:
-                for record in cross_check.records():
-                    keep(record)
-                    records.append(record)
-                    if json_path:
-                        write_json(json_path, run, records, superfluous=cross_check.superfluous)
-                    advance(f"{record.system} {record.subject}")
-            keep_rest(cross_check)
-            causes = causes_of(cross_check, records, pool)
-    except OSError as error:
-        raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
-    records.sort(key=lambda record: (record.system, record.subject))
-    if json_path:
-        further = {"causes": [cause.as_json() for cause in causes]} if causes else None
-        write_json(json_path, run, records, superfluous=cross_check.superfluous, further=further)
-    return cross_check, records, causes
+    study = CrossCheck(settings)
+    found = study.result()
+    bracket.complete(study, lambda: {"records": found.records, "superfluous": found.superfluous})
+    found.records.sort(key=lambda record: (record.system, record.subject))
+    found.causes += causes_of(bracket, study)
+    bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, causes=found.causes))
+    further = {"causes": [cause.as_json() for cause in found.causes]} if found.causes else None
+    bracket.write_json(found.records, superfluous=found.superfluous, further=further)
+    return study
 
 
-def causes_of(cross_check: CrossCheck, records: list[Record], pool: Workers, **limits: float) -> list[Cause]:
-    """Why those of ``records`` are wrong that are not as expected, by system and subject; ``limits`` as for ``find_causes``."""
+def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
+    """Why those records are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+    records = study.result().records
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.commands._terminal import progress
-    from harness.diagnose.causes import find_causes, wrong_records
+    from harness.diagnose.causes import Diagnoses
 
-    causes: list[Cause] = []
-    with progress(len(wrong_records(records)), "diagnosis") as advance:
-        for cause in find_causes(cross_check.settings, records, pool, crashes=cross_check.crashes, **limits):
-            causes.append(cause)
-            advance(f"{cause.system} {cause.subject}")
-    return sorted(causes, key=lambda cause: (cause.system, cause.subject))
+    diagnoses = Diagnoses(study.settings, records, crashes=study.crashes, **limits)
+    bracket.complete(diagnoses, kept=False)
+    return diagnoses.result()
 
 
-def finish(cross_check: CrossCheck, records: list[Record], causes: list[Cause]) -> None:
-    """Print the table and what is not as expected; exit with the status the run has earned, invalid input first."""
+def finish(bracket: Bracket, study: CrossCheck) -> None:
+    """Print the table and what is not as expected, and exit."""
     from harness.commands._terminal import print_causes, print_superfluous, print_table, print_unexpected
 
-    print_table(records)
-    print_unexpected(records)
-    print_superfluous(cross_check.superfluous)
-    print_causes(causes, cross_check.settings)
-    tell(cross_check.problems)
-    if cross_check.crashes:
-        sys.exit(CRASHED)
-    as_expected = all(record.as_expected for record in records) and not cross_check.superfluous
-    sys.exit(AS_EXPECTED if as_expected else NOT_AS_EXPECTED)
+    found = study.result()
+    print_table(found.records)
+    print_unexpected(found.records)
+    print_superfluous(found.superfluous)
+    print_causes(found.causes, study.settings)
+    bracket.finish(study.problems, study.crashed, found.as_expected)

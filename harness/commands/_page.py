@@ -17,14 +17,16 @@ def write_page(directory: Path, history: History, library: str, run_id: int | No
     Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
     """
     from harness.report import build, build_measured, write
+    from harness.results.atlas import Atlas
+    from harness.results.benchmark import Benchmark
+    from harness.results.cross_check import CrossCheckResult
 
-    benchmark, atlas = history.latest_benchmark(library), history.latest_atlas(library)
-    number = history.latest_run(library) if run_id is None else run_id
+    benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
+    runs = history.studies(CrossCheckResult, library)
+    number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None) if run_id is None else run_id
     if number is not None:
-        run = dict(history.runs(-1))[number]
-        records, cards, findings = history.records(number), history.systems(number), history.findings(number)
-        found = findings, benchmark, atlas, history.worst_cases(number), history.causes(number)
-        files = build(run, cards, records, history.earlier(number), *found)
+        found = history.read(number, CrossCheckResult)
+        files = build(runs[number], found, history.earlier(number), benchmark, atlas)
     elif benchmark is not None or atlas is not None:
         files = build_measured(benchmark, atlas)
     else:

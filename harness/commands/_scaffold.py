@@ -1,7 +1,7 @@
-"""A new mechanism's three files: a working example that agrees, with the places to edit marked ``EDIT:``.
+"""New files of a library: a mechanism or an engine that agrees from the start, with the places to edit marked ``EDIT:``.
 
-The example is a chain of plates on pins. Each file has a template of its own in ``templates/``, written from
-the plates' numbers; no file is made from another.
+The mechanism is a chain of plates on pins. Each of its three files has a template of its own in ``templates/``, written
+from the plates' numbers; no file is made from another. The engine wraps Pinocchio.
 """
 
 from __future__ import annotations
@@ -51,30 +51,25 @@ def chain(count: int) -> list[Plate]:
     ]
 
 
-def write_example(name: str, degrees_of_freedom: int, directory: Path) -> list[Path]:
-    """Write system, MJCF and URDF of ``name`` into the library ``directory``, made where it is missing; their paths.
+def write_example(directory: Path, name: str | None = None, degrees_of_freedom: int = 1, engine: str | None = None) -> list[Path]:
+    """Write the mechanism ``name``, ``engine`` or both into the library ``directory``, made where it is missing; their paths.
 
     Raises:
-        InvalidRequest: the name is none a mechanism can have.
-        InvalidInput: a file exists, or cannot be written; then none is written.
+        InvalidRequest: a name is none that a mechanism or an engine can have.
+        InvalidInput: a file exists or cannot be written, or there is no mechanism to check the engine with; then none is written.
     """
-    root = directory.resolve()
-    _check_directory(directory, root)
-    _check_name(name)
-    plates = chain(degrees_of_freedom)
-    texts = {
-        root / "systems" / f"{name}.py": _render("system.py.jinja", name, plates),
-        **{
-            root / model_format / f"{name}{suffix}": _render(f"model{suffix}.jinja", name, plates)
-            for model_format, suffix in MODEL_SUFFIXES.items()
-        },
-    }
+    root = _checked_root(directory)
+    texts: dict[Path, str] = {}
+    if name is not None:
+        texts |= _mechanism(root, name, degrees_of_freedom)
+    if engine is not None:
+        texts |= _engine(root, engine)
+        if name is None and not any((root / "systems").glob("*.py")):
+            problem = f"holds no mechanism to check an engine with; write both: harness new NAME --engine {engine}"
+            raise InvalidInput(directory, None, problem)
     for path in texts:
         if path.exists() or path.is_symlink():
             raise InvalidInput(path, None, "exists already and is left alone; choose another name, or remove the file")
-    path = root / "systems" / f"{name}.py"
-    if member_of(path) is not None or name in (Library.at(root).system_names() if path.parent.is_dir() else []):
-        raise InvalidRequest(f"the library has a system called {name!r} already; choose another name")
     written: list[Path] = []
     try:
         for path, text in texts.items():
@@ -89,31 +84,49 @@ def write_example(name: str, degrees_of_freedom: int, directory: Path) -> list[P
     return written
 
 
-def _check_directory(directory: Path, root: Path) -> None:
-    built_in = Library.built_in()
+def _checked_root(directory: Path) -> Path:
+    """The folder of the library, which may be missing."""
+    root, built_in = directory.resolve(), Library.built_in()
     if root == built_in.models or root.is_relative_to(built_in.systems.parent):
-        raise InvalidInput(
-            directory, None, "belongs to the harness itself; make the mechanism in a library of your own, named by --library DIR"
-        )
+        raise InvalidInput(directory, None, "belongs to the harness itself; write to a library of your own, named by --library DIR")
     if root.exists() and not root.is_dir():
         raise InvalidInput(directory, None, "is not a directory; expected a library, or the folder that is to become one")
     if not root.exists() and str(directory) in installed_libraries():
         raise InvalidInput(directory, None, "is an installed library, which is not to be edited; name a folder")
+    return root
 
 
-def _check_name(name: str) -> None:
-    """Refuse what cannot be the name of a Python file that others may import beside it."""
-    if name.startswith("_"):
-        raise InvalidRequest(f"{name!r} begins with an underscore, which marks helpers; begin with a letter")
-    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
-        raise InvalidRequest(f"{name!r} cannot be the name of a mechanism; expected a Python identifier of ASCII letters, digits and _")
+def _mechanism(root: Path, name: str, degrees_of_freedom: int) -> dict[Path, str]:
+    _check_name(name, "a mechanism")
     # The folder of systems is on Python's path while one of them is loaded.
     specification = None if name in sys.stdlib_module_names else importlib.util.find_spec(name)
     if name in sys.stdlib_module_names or (specification is not None and specification.origin is not None):
         raise InvalidRequest(f"{name!r} is a Python module, which systems/{name}.py would hide from its neighbours; choose another name")
+    system = root / "systems" / f"{name}.py"
+    taken = member_of(system) is not None or (system.parent.is_dir() and name in Library.at(root).system_names())
+    if taken and not system.exists():
+        raise InvalidRequest(f"the library has a system called {name!r} already; choose another name")
+    plates = chain(degrees_of_freedom)
+    models = {root / kind / f"{name}{suffix}": _render(f"model{suffix}.jinja", name, plates) for kind, suffix in MODEL_SUFFIXES.items()}
+    return {system: _render("system.py.jinja", name, plates)} | models
 
 
-def _render(template: str, name: str, plates: Sequence[Plate]) -> str:
+def _engine(root: Path, name: str) -> dict[Path, str]:
+    _check_name(name, "an engine")
+    if (Library.built_in().engines / f"{name}.py").is_file():
+        raise InvalidRequest(f"the harness has an engine called {name!r}, which this one would hide; choose another name")
+    return {root / "engines" / f"{name}.py": _render("engine.py.jinja", name)}
+
+
+def _check_name(name: str, kind: str) -> None:
+    """Refuse what cannot be the name of a Python file that others may import beside it."""
+    if name.startswith("_"):
+        raise InvalidRequest(f"{name!r} begins with an underscore, which marks helpers; begin with a letter")
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        raise InvalidRequest(f"{name!r} cannot name {kind}; expected a Python identifier of ASCII letters, digits and _")
+
+
+def _render(template: str, name: str, plates: Sequence[Plate] = ()) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)

@@ -1,27 +1,25 @@
-"""What the command line prints: a progress bar, the table of records, and what is not as expected."""
+"""Output of the command line: a progress bar, the table of records, and what is not as expected."""
 
 from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
 
-from harness.results.explanation import explain
-from harness.results.records import Record
+from harness.results.records import Record, Records
+from harness.results.table import Cell, Column, Table
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
     from harness.check.settings import Settings
+    from harness.diagnose.faults.smallest import SmallestChange
     from harness.diagnose.faults.summary import KindOfFault
-    from harness.diagnose.faults.walk import Caught
     from harness.diagnose.held import Difference
     from harness.results.causes import Cause
     from harness.results.superfluous import SuperfluousPart
@@ -52,50 +50,25 @@ def console(stderr: bool = False) -> Console:
     return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
 
 
-def print_table(records: list[Record]) -> None:
+def print_table(records: Sequence[Record]) -> None:
     """One row per record on standard output."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("system", "subject"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("states", "verdict", "backward error", "relative error", "time per state"):
-        table.add_column(heading, justify="left" if heading == "verdict" else "right")
-    for record in records:
-        style = "green" if record.as_expected else "bold red"
-        verdict = record.verdict if record.as_expected else f"{record.verdict} (expected {record.expected})"
-        seconds = "" if record.seconds_per_state is None else f"{record.seconds_per_state * 1e9:,.0f} ns"
-        table.add_row(
-            record.system,
-            record.subject,
-            f"{record.states:,}",
-            Text(verdict, style),
-            _number(record.backward_error),
-            _number(record.relative_error),
-            seconds,
-        )
-    console().print(table)
+    console().print(Records(records).brief().terminal())
 
 
-def print_unexpected(records: list[Record]) -> None:
-    """What is not as expected, and how many records are."""
+def print_titled(title: str, table: Table) -> None:
+    """A table under its title; nothing without rows."""
+    if table.rows:
+        click.echo(f"\n{title}")
+        console().print(table.terminal())
+
+
+def print_unexpected(records: Sequence[Record]) -> None:
+    """Each unexpected record, and the number of expected ones."""
     unexpected = [record for record in records if not record.as_expected]
     for record in unexpected:
-        click.echo("\n" + explain(record))
+        click.echo("\n" + record.explanation)
     agreeing = len(records) - len(unexpected)
     click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
-
-
-def print_rows(title: str, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """A table under its title; nothing without rows."""
-    rows = list(rows)
-    if not rows:
-        return
-    click.echo(f"\n{title}")
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for head in heads:
-        table.add_column(head, overflow="fold")
-    for row in rows:
-        table.add_row(*map(str, row))
-    console().print(table, markup=False)
 
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
@@ -107,7 +80,7 @@ def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
-    """For each system who is at fault; for each wrong subject which terms are, and the first line of its diagnosis.
+    """The party at fault in each system; for each wrong subject its wrong terms and the first line of its diagnosis.
 
     Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
@@ -125,7 +98,7 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
-    """For each system who is at fault, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
+    """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
     for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
         click.echo(f"\n{system}: {inference}")
         for difference in held:
@@ -139,26 +112,20 @@ def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None
                     click.echo(f"  {line}")
 
 
-def print_caught(caught: Sequence[Caught]) -> None:
+def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
-    from harness.diagnose.faults.walk import MOST_ABOVE_THEORY
+    from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("system", "subject", "where", "number"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("value", "smallest caught", "theory", "ratio"):
-        table.add_column(heading, justify="right")
+    rows: list[list[object]] = []
     for found in caught:
-        number = found.number
-        what = f"{number.element} {number.attribute}".strip() + (f"[{number.index}]" if number.index else "")
-        together = " and its neighbours" if len(found.changed) > 1 else ""
-        ratio = Text(f"{found.ratio:.2f}", "" if found.as_promised else "bold red")
-        figures = [f"{number.value:g}", f"{found.smallest:.2g}", f"{found.theory:.2g}"]
-        table.add_row(found.system, found.subject, f"{found.file}:{number.line}", what + together, *figures, ratio)
+        ratio = Cell(found.ratio, tone="" if found.as_in_theory else "surprise")
+        where = f"{found.file}:{found.place.line}"
+        rows.append([found.system, found.subject, where, found.number, found.value, found.smallest, found.theory, ratio])
     if not caught:
         click.echo("no live numbers: no model was walked")
         return
-    console().print(table)
+    figures = [Column("value", "given"), Column("smallest caught", "error"), Column("theory", "error"), Column("ratio", "rounded")]
+    console().print(Table(["system", "subject", "where", "number", *figures], rows).terminal())
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     click.echo(
@@ -168,23 +135,18 @@ def print_caught(caught: Sequence[Caught]) -> None:
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     """One row per kind of fault of a campaign, and one for all."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("kind", no_wrap=True)
-    for heading in ("planted", "live", "caught", "judged", "named first", "in class", "blamed", "smallest", "theory", "seconds", "longest"):
-        table.add_column(heading, justify="right")
+    rows: list[list[object]] = []
     for one in kinds:
         shares = [f"{count / one.judged:.0%}" if one.judged else "" for count in (one.named, one.in_class)]
-        counts = [str(count) for count in (one.planted, one.live, one.caught, one.judged)]
-        table.add_row(one.kind, *counts, *shares, str(one.blamed), *map(_number, (one.smallest, one.theory, one.seconds, one.longest)))
+        numbers = [one.smallest, one.theory, one.seconds, one.longest]
+        rows.append([one.kind, one.planted, one.live, one.caught, one.judged, *shares, one.blamed, *numbers])
     if not kinds:
         click.echo("no faults: no model was found to plant them in")
         return
-    console().print(table)
+    counts = [Column(title, "count") for title in ("planted", "live", "caught", "judged", "named first", "in class", "blamed")]
+    numbers_shown = [Column("smallest", "error"), Column("theory", "error"), Column("seconds", "error"), Column("longest", "error")]
+    console().print(Table(["kind", *counts, *numbers_shown], rows).terminal())
     judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""
     click.echo(f"\n{live} faults that change the dynamics, {caught} caught; {judged} of them judged{named}")
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g}"

@@ -2,76 +2,35 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 
-from harness.commands._options import (
-    AS_EXPECTED,
-    CRASHED,
-    NOT_AS_EXPECTED,
-    directory_option,
-    json_option,
-    library_option,
-    long_time_limit_option,
-    make_folder,
-    told,
-    workers_option,
-)
+from harness.commands._bracket import Bracket, computing
+from harness.commands._options import subjects_option
 from harness.commands._page import write_page
 
 
 @click.command("atlas")
 @click.argument("cases", nargs=-1, metavar="[CASE]...")
-@click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
+@subjects_option
 @click.option("--motion", is_flag=True, help="Measure too when engines part in chaos, and the largest stable steps.")
-@directory_option
-@library_option
-@json_option
-@workers_option
-@long_time_limit_option
-@told
-def command(
-    cases: tuple[str, ...],
-    subjects: tuple[str, ...],
-    motion: bool,
-    directory: Path,
-    library_path: str | None,
-    json_path: str | None,
-    workers: int | None,
-    time_limit: float,
-) -> None:
-    """Ask every subject along the hard CASEs, or along all of them, and add it to the report."""
-    from harness.check.description import describe_run
-    from harness.commands._atlas_tables import print_atlas
-    from harness.commands._terminal import progress
-    from harness.hard.atlas_run import AtlasRun, AtlasSettings
-    from harness.hard.cases import STATES
-    from harness.library import Library
-    from harness.results.atlas import Atlas
-    from harness.results.history import History
-    from harness.results.records import write_json
-    from harness.workers import Workers
+@computing(time_limit=600.0, scheduler=True, directory=True, seed=False)
+def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], motion: bool) -> None:
+    """Check every subject along families of hard cases.
 
-    library = Library.at(library_path)
-    atlas_run = AtlasRun(AtlasSettings(library=library, cases=cases, subjects=subjects, motion=motion))
-    make_folder(directory)
-    run = describe_run(library, STATES, 0, "atlas", ["harness", *sys.argv[1:]])
-    measured = Atlas()
-    with History(directory / "history.sqlite") as history:
-        identifier = history.begin_atlas(run)
-        pool = Workers(workers, time_limit=time_limit)
-        with pool, progress(atlas_run.expected_parts, "atlas") as advance:
-            for part, found in atlas_run.parts(pool):
-                history.append_atlas(identifier, found)
-                measured.extend(found)
-                if json_path:
-                    write_json(json_path, run, [], further={"atlas": asdict(measured)})
-                advance(part)
-        print_atlas(run, measured)
-        write_page(directory, history, library.name)
-    if atlas_run.crashed:
-        sys.exit(CRASHED)
-    sys.exit(NOT_AS_EXPECTED if measured.unexpected or measured.problems else AS_EXPECTED)
+    Measures all CASEs unless some are named, and adds them to the report.
+
+    Example: harness atlas far_base --subject mujoco/mjcf
+    """
+    from harness.commands._atlas_tables import print_atlas
+    from harness.hard.atlas_study import AtlasSettings, AtlasStudy
+    from harness.hard.cases import STATES
+    from harness.results.atlas import Atlas
+
+    study = AtlasStudy(AtlasSettings(library=bracket.library, cases=cases, subjects=subjects, motion=motion))
+    run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
+    bracket.complete(study, lambda: {"further": {"atlas": asdict(measured)}})
+    print_atlas(run, measured)
+    write_page(bracket.directory, bracket.history, bracket.library.name)
+    bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -4,72 +4,45 @@ from __future__ import annotations
 
 import json
 import math
-import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from harness.commands._cross_check import cross_check_all, finish
-from harness.commands._options import (
-    PROFILES,
-    json_option,
-    library_option,
-    scheduler_option,
-    seed_option,
-    time_limit_option,
-    told,
-    workers_option,
-)
+from harness.commands._bracket import Bracket, computing
+from harness.commands._cross_check import cross_check, finish
+from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
 @click.command("check")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--states", type=click.IntRange(min=1), default=PROFILES["quick"], show_default=True, help="States per system.")
-@seed_option
-@click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
-@library_option
-@click.option("--mjcf", type=click.Path(), help="Stands in for the one system's MJCF model.")
-@click.option("--urdf", type=click.Path(), help="Stands in for the one system's URDF model.")
+@states_option
+@subjects_option
+@stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
-@json_option
-@workers_option
-@scheduler_option
-@time_limit_option
-@told
+@computing(time_limit=60.0, scheduler=True)
 def command(
-    names: tuple[str, ...],
-    states: int,
-    seed: int,
-    subjects: tuple[str, ...],
-    library_path: str | None,
-    mjcf: str | None,
-    urdf: str | None,
-    state: str | None,
-    json_path: str | None,
-    workers: int | None,
-    scheduler: str | None,
-    time_limit: float,
+    bracket: Bracket, names: tuple[str, ...], states: int, subjects: tuple[str, ...], stand_ins: Mapping[str, Path], state: str | None
 ) -> None:
-    """Cross-check NAMEs, or every mechanism, and print a table."""
-    from harness.check.description import describe_run
-    from harness.check.settings import Settings
-    from harness.library import Library
+    """Cross-check NAMEs, or every mechanism, and print a table.
 
-    stand_ins = {name: Path(path) for name, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
-    options = [("--library", library_path), ("--mjcf", mjcf), ("--urdf", urdf)]
+    Example: harness check double_pendulum --mjcf edited.xml
+    """
+    from harness.check.settings import Settings
+
     settings = Settings(
-        library=Library.at(library_path),
+        library=bracket.library,
         names=names,
         subjects=subjects,
         states=states,
-        seed=seed,
+        seed=bracket.seed,
         stand_ins=stand_ins,
         state=_parse_state(state),
-        replay_options=[word for option, value in options if value for word in (option, value)],
+        replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
-    run = describe_run(settings.library, states, seed, "check", ["harness", *sys.argv[1:]])
-    finish(*cross_check_all(settings, run, workers, scheduler, time_limit, json_path))
+    bracket.begin(states, "check")
+    finish(bracket, cross_check(bracket, settings))
 
 
 def _parse_state(text: str | None) -> Any:

@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
-from harness.commands._options import (
-    AS_EXPECTED,
-    CRASHED,
-    NOT_AS_EXPECTED,
-    PROFILES,
-    json_option,
-    library_option,
-    scheduler_option,
-    seed_option,
-    tell,
-    told,
-    workers_option,
-)
+from harness.commands._bracket import Bracket, computing
+from harness.commands._options import states_option, subjects_option
 
 if TYPE_CHECKING:
     from harness.diagnose.faults.summary import Fault
-    from harness.results.records import Run
-    from harness.workers import Task
 
-
-# What only a campaign does.
+# Options of a campaign alone.
 _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
 
 
@@ -44,7 +28,7 @@ _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnose
     type=click.FloatRange(min=0, max=1, min_open=True),
     help="Relative size of a changed number; repeatable. Decades from 1e-12 to 1 by default.",
 )
-@click.option("--states", type=click.IntRange(min=1), default=PROFILES["quick"], show_default=True, help="States per system.")
+@states_option
 @click.option(
     "--diagnoses",
     type=click.IntRange(min=0),
@@ -54,17 +38,10 @@ _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnose
 )
 @click.option("--every-diagnosis", is_flag=True, help="Diagnose every fault, which takes hours for the whole catalogue.")
 @click.option("--smallest", is_flag=True, help="Only each number, and the smallest change of it that is caught, beside theory.")
-@seed_option
-@click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="With --smallest: only this subject; repeatable.")
-@library_option
-@json_option
-@workers_option
-@scheduler_option
-@click.option(
-    "--time-limit", type=click.FloatRange(min=0, min_open=True), default=36000.0, show_default=True, help="Seconds one model may take."
-)
-@told
+@subjects_option
+@computing(time_limit=36000.0, scheduler=True)
 def command(
+    bracket: Bracket,
     names: tuple[str, ...],
     kinds: tuple[str, ...],
     sizes: tuple[float, ...],
@@ -72,27 +49,22 @@ def command(
     diagnoses: int,
     every_diagnosis: bool,
     smallest: bool,
-    seed: int,
     subjects: tuple[str, ...],
-    library_path: str | None,
-    json_path: str | None,
-    workers: int | None,
-    scheduler: str | None,
-    time_limit: float,
 ) -> None:
-    """Plant every kind of fault in the models of NAMEs, and print what is caught and what is named.
+    """Plant faults in the models and count what is caught.
 
+    Plants every kind of fault in the models of NAMEs, or of every mechanism, and prints what is caught and named.
     Exit status 0 where every fault is caught that changes the dynamics, 95 % of those diagnosed are named first or in
-    their class, and nobody sound is blamed.
+    their class, and nobody sound is blamed. With --smallest, --subject chooses whose answers are asked.
+
+    Example: harness faults arm_2r --kind axis
     """
-    from harness.check.description import describe_run
     from harness.commands._terminal import print_caught, print_kinds
-    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, campaigns, kinds_of_faults, run_campaign, without_campaign
-    from harness.diagnose.faults.summary import broken_bars, by_kind
-    from harness.diagnose.faults.walk import unwalkable, walk, walkable
+    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
+    from harness.diagnose.faults.study import CampaignStudy, SmallestStudy
+    from harness.diagnose.faults.summary import by_kind
     from harness.errors import InvalidRequest
-    from harness.library import Library, nearest
-    from harness.workers import Task, Workers
+    from harness.library import nearest
 
     if subjects and not smallest:
         raise InvalidRequest("--subject belongs to --smallest; a campaign plants its faults for every subject that reads the file")
@@ -104,74 +76,30 @@ def command(
         if kind not in kinds_of_faults():
             known = "".join(f"\n  {name}: {title}" for name, title in kinds_of_faults().items())
             raise InvalidRequest(f"no fault is of kind {kind!r}; {nearest(kind, kinds_of_faults())} of{known}")
-    library = Library.at(library_path)
-    run = describe_run(library, states, seed, "faults", ["harness", *sys.argv[1:]])
-    pool = Workers(workers, scheduler, time_limit)
+    study: CampaignStudy | SmallestStudy
     if smallest:
-        tasks = [Task(pair, walk, (library, *pair, states, seed)) for pair in walkable(library, names, subjects)]
-        caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
-        caught.sort(key=lambda number: (number.system, number.subject, number.number.start))
-        if caught:
-            print_caught(caught)
-        _print_left_out({(name, str(subject)): reason for (name, subject), reason in unwalkable(library, names, subjects).items()})
-        broken = [] if all(number.as_promised for number in caught) else [""]
+        study = SmallestStudy(bracket.library, names, subjects, states, bracket.seed)
     else:
-        settings = CampaignSettings(
-            kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=seed, diagnosed=None if every_diagnosis else diagnoses
-        )
-        tasks = [Task(pair, run_campaign, (library, *pair, settings)) for pair in campaigns(library, names)]
-        caught, problems, crashed = _run(pool, tasks, scheduler, lambda rows: _write(json_path, run, rows))
-        caught.sort(key=lambda fault: (fault.system, fault.format, fault.kind))
-        if caught:
-            print_kinds(by_kind(caught))
-        elif tasks and not problems and not crashed:
-            click.echo("no faults: mistakes of these kinds can be made nowhere in the models")
-        _print_left_out(without_campaign(library, names))
-        _print_faults(caught)
-        cleared = sorted({fault.cleared for fault in caught if fault.cleared})
-        if cleared:
-            count = sum(bool(fault.cleared) for fault in caught)
-            click.echo(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")
-        broken = broken_bars(caught)
-        for sentence in broken:
+        diagnosed = None if every_diagnosis else diagnoses
+        settings = CampaignSettings(kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=bracket.seed, diagnosed=diagnosed)
+        study = CampaignStudy(bracket.library, names, settings)
+    bracket.begin(states, "faults")
+    rows = bracket.complete(study, lambda: {"further": {"faults": [row.as_json() for row in study.result()]}})
+    for sentence in study.deaths:
+        click.echo(f"harness: {sentence}", err=True)
+    if rows:
+        if isinstance(study, SmallestStudy):
+            print_caught(rows)
+        else:
+            print_kinds(by_kind(rows))
+    elif study.steps and not study.problems and not study.crashed and not smallest:
+        click.echo("no faults: mistakes of these kinds can be made nowhere in the models")
+    _print_left_out(study.left_out)
+    if isinstance(study, CampaignStudy):
+        _print_faults(rows)
+        for sentence in study.broken():
             click.echo(sentence)
-    _write(json_path, run, caught)
-    tell(problems)
-    if crashed:
-        sys.exit(CRASHED)
-    sys.exit(NOT_AS_EXPECTED if broken else AS_EXPECTED)
-
-
-def _run(
-    pool: Any, tasks: Sequence[Task], scheduler: str | None, write: Callable[[list[Any]], None]
-) -> tuple[list[Any], list[Exception], bool]:
-    """Everything the tasks return, what went wrong, and whether a process died; what is there is written after each."""
-    from harness.commands._terminal import progress
-    from harness.errors import InvalidInput, InvalidRequest
-
-    rows: list[Any] = []
-    problems: list[Exception] = []
-    crashed = False
-    try:
-        with pool, progress(len(tasks), "faults") as advance:
-            for outcome in pool.run(tasks):
-                name, what = outcome.task.key
-                rows += outcome.value or []
-                if outcome.crash is not None:
-                    crashed = True
-                    noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
-                    click.echo(f"harness: {name}, {what}: {outcome.crash}{noted}", err=True)
-                elif outcome.exception is not None:
-                    problem = outcome.exception
-                    problem = problem if isinstance(problem, InvalidInput) else InvalidRequest(f"{name}, {what}: {problem}")
-                    # Both models of a system may come upon the same.
-                    if str(problem) not in map(str, problems):
-                        problems.append(problem)
-                write(rows)
-                advance(f"{name} {what}")
-    except OSError as error:
-        raise InvalidRequest(f"no cluster at {scheduler}: {error}; start one or drop --scheduler") from error
-    return rows, problems, crashed
+    bracket.finish(study.problems, study.crashed, not study.broken())
 
 
 def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
@@ -182,7 +110,7 @@ def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
 
 
 def _print_faults(faults: Sequence[Fault]) -> None:
-    """A line for each fault that was not caught, not named, or blamed on somebody sound."""
+    """A line for each fault that was not caught, not named, or blamed on somebody sound; and how many one reader alone feels."""
     for fault in faults:
         if not fault.live:
             continue
@@ -197,14 +125,7 @@ def _print_faults(faults: Sequence[Fault]) -> None:
             what = f"{fault.kind}{size}: {fault.statement}" if fault.statement else f"{fault.kind}{size}"
             answer = f"; {fault.answer}" if fault.answer else ""
             click.echo(f"{fault.system}/{fault.format}:{line}: <{element} {attribute}> {what}: {', '.join(wrong)}{answer}")
-
-
-def _write(path: str | None, run: Run, rows: list[Any]) -> None:
-    """{"harness": versions, "run", "faults": [...]}."""
-    from harness.results.records import dumps
-    from harness.storage import write_atomically
-
-    if path:
-        about = asdict(run)
-        faults = [row.as_json() for row in rows]
-        write_atomically(path, dumps({"harness": about.pop("versions"), "run": about, "faults": faults}, indent=2) + "\n")
+    cleared = sorted({fault.cleared for fault in faults if fault.cleared})
+    if cleared:
+        count = sum(bool(fault.cleared) for fault in faults)
+        click.echo(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")

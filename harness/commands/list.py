@@ -6,16 +6,19 @@ import json
 
 import click
 
-from harness.commands._options import library_option, tell, told
+from harness.commands._options import json_option, library_option, report_errors, reporting_errors
 from harness.errors import InvalidInput
 
 
 @click.command("list")
 @library_option
-@click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write the list to this file.")
-@told
+@json_option
+@reporting_errors
 def command(library_path: str | None, json_path: str | None) -> None:
-    """Mechanisms with their degrees of freedom, and the engines available."""
+    """List mechanisms, engines and installed libraries.
+
+    Example: harness list --library mine
+    """
     from harness.engines import engine_names, installed_version, load_engine
     from harness.equations.derivation import degrees_of_freedom
     from harness.library import Library, installed_libraries
@@ -48,4 +51,4 @@ def command(library_path: str | None, json_path: str | None) -> None:
     for name, engine in engines.items():
         click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
     click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
-    tell(problems)
+    report_errors(problems)

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import click
 
-from harness.commands._options import told
+from harness.commands._options import reporting_errors
 
 
 @click.command("new")
-@click.argument("name")
+@click.argument("name", required=False)
 @click.option(
     "--dof", type=click.IntRange(1, 12), default=1, show_default=True, help="Degrees of freedom: plates of the chain that is the example."
 )
+@click.option("--engine", metavar="ENGINE", help="Write the adapter of an engine of this name, which reads URDF, into engines/.")
 @click.option(
     "--library",
     "library_path",
@@ -22,11 +23,20 @@ from harness.commands._options import told
     default=".",
     help="Folder of the library, made where it is missing; the current one by default.",
 )
-@told
-def command(name: str, dof: int, library_path: str) -> None:
-    """Write the three files of a mechanism NAME: a working example with the places to edit marked."""
+@reporting_errors
+def command(name: str | None, dof: int, engine: str | None, library_path: str) -> None:
+    """Write a working mechanism NAME, or an engine, to edit.
+
+    A mechanism is a system file, an MJCF and a URDF; an engine is one Python file. Both agree from the start, and the
+    places to edit are marked EDIT:.
+
+    Example: harness new my_arm --dof 2 --engine my_engine --library mine
+    """
     from harness.commands._scaffold import write_example
 
-    for path in write_example(name, dof, Path(library_path)):
+    if name is None and engine is None:
+        raise click.UsageError("name a mechanism to write, or an engine with --engine")
+    for path in write_example(Path(library_path), name, dof, engine):
         click.echo(f"written: {click.format_filename(path)}")
-    click.echo(f"edit what is marked EDIT:, and watch it with\n  {shlex.join(['harness', 'check', name, '--library', library_path])}")
+    watch = ["harness", "check", *([name] if name else []), "--library", library_path]
+    click.echo(f"edit what is marked EDIT:, and watch it with\n  {shlex.join(watch)}")

@@ -2,80 +2,33 @@
 
 from __future__ import annotations
 
-import functools
-import sys
-from pathlib import Path
-
 import click
 
-from harness.commands._cross_check import cross_check_all, finish
-from harness.commands._options import (
-    PROFILES,
-    directory_option,
-    json_option,
-    library_option,
-    make_folder,
-    scheduler_option,
-    seed_option,
-    time_limit_option,
-    told,
-    workers_option,
-)
+from harness.commands._bracket import Bracket, computing
+from harness.commands._cross_check import cross_check, finish
+from harness.commands._options import STATES_OF_PROFILE
 from harness.commands._page import write_page
 
 
 @click.command("report")
-@click.option("--profile", type=click.Choice(sorted(PROFILES)), default="quick", show_default=True, help="How many states per system.")
-@directory_option
-@seed_option
-@library_option
-@json_option
-@workers_option
-@scheduler_option
-@time_limit_option
-@told
-def command(
-    profile: str,
-    directory: Path,
-    seed: int,
-    library_path: str | None,
-    json_path: str | None,
-    workers: int | None,
-    scheduler: str | None,
-    time_limit: float,
-) -> None:
-    """Cross-check everything and write the discrepancy report."""
-    from harness.check.description import describe_run
-    from harness.check.run import CrossCheck
+@click.option(
+    "--profile", type=click.Choice(sorted(STATES_OF_PROFILE)), default="quick", show_default=True, help="How many states per system."
+)
+@computing(time_limit=60.0, scheduler=True, directory=True)
+def command(bracket: Bracket, profile: str) -> None:
+    """Cross-check everything and write the report.
+
+    Example: harness report --profile nightly --out night
+    """
     from harness.check.settings import Settings
     from harness.hard.worst_cases import ranked
-    from harness.library import Library
-    from harness.results.history import History
-    from harness.workers import Workers
+    from harness.results.cross_check import CrossCheckResult
 
-    make_folder(directory)
-    settings = Settings(
-        library=Library.at(library_path),
-        states=PROFILES[profile],
-        seed=seed,
-        replay_options=["--library", library_path] if library_path else [],
-    )
-    run = describe_run(settings.library, PROFILES[profile], seed, profile, ["harness", *sys.argv[1:]])
-    with History(directory / "history.sqlite") as history:
-        identifier = history.begin(run)
-        keep = functools.partial(history.append, identifier)
-
-        def keep_rest(cross_check: CrossCheck) -> None:
-            for card in cross_check.cards:
-                history.append_system(identifier, card)
-            for finding in cross_check.superfluous:
-                history.append_finding(identifier, finding)
-
-        cross_check, records, causes = cross_check_all(settings, run, workers, scheduler, time_limit, json_path, keep, keep_rest)
-        for cause in causes:
-            history.append_cause(identifier, cause)
-        with Workers(workers, scheduler, time_limit) as pool:
-            options = settings.replay_options
-            history.append_worst_cases(identifier, ranked(settings.library, run, records, pool, replay_options=options))
-        write_page(directory, history, settings.library.name, identifier)
-    finish(cross_check, records, causes)
+    states = STATES_OF_PROFILE[profile]
+    settings = Settings(library=bracket.library, states=states, seed=bracket.seed, replay_options=bracket.replay_options)
+    run = bracket.begin(states, profile, CrossCheckResult)
+    study = cross_check(bracket, settings)
+    ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
+    bracket.keep(CrossCheckResult(worst_cases=ranking))
+    write_page(bracket.directory, bracket.history, bracket.library.name, bracket.number)
+    finish(bracket, study)

@@ -1,4 +1,4 @@
-"""Why a record is red: who is at fault, which term, which line, and the value that explains it.
+"""The diagnosis of a record that is not as expected: the party at fault, the term, the line, and the value that explains it.
 
 May use ``check`` and what is below it.
 

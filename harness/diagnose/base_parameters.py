@@ -1,7 +1,7 @@
-"""What accelerations determine of a model's values: classes that none tells apart, and the combinations that all feel.
+"""Base parameters: the classes of a model's values that no acceleration distinguishes, and the combinations they determine.
 
-Values whose perturbation columns are parallel are told apart by no acceleration. Of k columns of rank r, accelerations
-feel r combinations only: the base parameters of identification theory.
+No acceleration distinguishes values whose perturbation columns are parallel. Of k columns of rank r, accelerations depend
+on r combinations only: the base parameters of identification theory.
 
 Sources: Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8
 (1991); Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 9.
@@ -23,7 +23,7 @@ SAFETY = 4.0
 
 
 def are_parallel(first: Column, second: Column) -> bool:
-    """Whether no acceleration tells the two values apart, to the noise of the columns."""
+    """True where no acceleration distinguishes the two values, to the noise of the columns."""
     cosine = float(first.direction @ second.direction)
     sine = float(np.linalg.norm(first.direction - cosine * second.direction))
     return sine <= SAFETY * (first.noise + second.noise)
@@ -31,7 +31,7 @@ def are_parallel(first: Column, second: Column) -> bool:
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """What k columns determine.
+    """The rank and the dependencies of k columns.
 
     Attributes:
         rank: number of combinations of the k values that accelerations feel.

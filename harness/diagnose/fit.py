@@ -1,20 +1,24 @@
-"""Fit of one value by Gauss and Newton's method: the value at which a residual is least in the square.
+"""Fit of one value to a residual, and the order in which values are fitted.
 
-The derivative is brought up to date by what each step did (the secant, which for one value is Broyden's method), and
-computed anew where that fails. A step that does not lessen the residual, or that is refused, is shortened.
+Screening compares the derivative of the residual by each value with the residual: a value whose best linear change leaves
+little is fitted first. The fit is Gauss and Newton's method. The derivative is updated by the secant of each step, which
+for one value is Broyden's method, and computed anew where that fails. A step that does not lessen the residual, or that is
+refused, is shortened.
 
-Source: Nocedal, Wright, Numerical Optimization, 2nd ed., sections 3.1 and 10.3.
+Sources: Nocedal, Wright, Numerical Optimization, 2nd ed., sections 3.1 and 10.3; Golub, Van Loan, Matrix Computations,
+4th ed., section 5.3, on the residual of a least-squares fit.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.verdict import AGREEMENT
 
 # A residual in data roundoffs is a sound engine's from here on.
 SMALL_ENOUGH = 1.0
@@ -29,21 +33,12 @@ SHORTEST_SECANT = 1e-7
 LEAST_GAIN = 0.9
 # A shorter decimal explains as well as the fitted value up to this residual, or this many times the fit's own.
 AS_WELL, TIMES_AS_WELL = 8.0, 4.0
-
-
-@dataclass(frozen=True)
-class Deadline:
-    """A moment on the monotonic clock; called, it says whether that has come."""
-
-    moment: float
-
-    @classmethod
-    def after(cls, seconds: float) -> Deadline:
-        """The moment ``seconds`` from now."""
-        return cls(time.monotonic() + seconds)
-
-    def __call__(self) -> bool:
-        return time.monotonic() >= self.moment
+# The best that are fitted in any case, and the number that are fitted where something explains already.
+LEAST_FITTED, FITTED_FOR_CLASS = 8, 16
+# A candidate whose column leaves more than this [data roundoffs, root mean square] is not fitted because of it.
+NOT_WORTH_FITTING = 1e3 * AGREEMENT
+# A step of a tenth of the scale may turn a column into any other.
+BEND = 10.0
 
 
 def fit(
@@ -52,7 +47,7 @@ def fit(
     start: float,
     column: Array | None,
     scale: float,
-    out_of_time: Callable[[], bool] = lambda: False,
+    is_spent: Callable[[], bool] = lambda: False,
 ) -> float | None:
     """The value near ``start`` at which ``residual`` is least in the square; None where it has no finite value at ``start``.
 
@@ -61,7 +56,7 @@ def fit(
         derivative: of the residuals by the value, as ``residual``.
         column: the derivative at ``start``; None to have it computed.
         scale: natural size of the value, above 0.
-        out_of_time: asked between evaluations; the best so far is given.
+        is_spent: true where no evaluation is left; the best so far is given.
     """
     value, here = start, residual(start)
     if here is None or not np.isfinite(here).all():
@@ -70,13 +65,13 @@ def fit(
     slope = derivative(value) if column is None else column
     fresh = True
     for _ in range(MOST_STEPS):
-        if slope is None or not np.isfinite(slope).all() or not slope.any() or out_of_time():
+        if slope is None or not np.isfinite(slope).all() or not slope.any() or is_spent():
             break
         if float(np.linalg.norm(here, axis=1).max()) <= SMALL_ENOUGH:
             break
         longest = LONGEST * max(abs(value), scale)
         step = float(np.clip(-np.vdot(slope, here) / np.vdot(slope, slope), -longest, longest))
-        taken = _lessened(residual, value, step, size, out_of_time)
+        taken = _lessened(residual, value, step, size, is_spent)
         if taken is None:
             if fresh:
                 break
@@ -95,12 +90,12 @@ def fit(
 
 
 def _lessened(
-    residual: Callable[[float], Array | None], value: float, step: float, size: float, out_of_time: Callable[[], bool]
+    residual: Callable[[float], Array | None], value: float, step: float, size: float, is_spent: Callable[[], bool]
 ) -> tuple[float, Array, float] | None:
     """(value, residual, its norm) after the longest of the shortened steps that lessens the residual; None where none does."""
     for _ in range(MOST_SHORTENED):
         reached = value + step
-        if reached == value or out_of_time():
+        if reached == value or is_spent():
             return None
         there = residual(reached)
         with np.errstate(over="ignore"):
@@ -131,3 +126,43 @@ def settled(value: float, slope: Array | None, left: float, tolerance: float, le
     limit = min(tolerance, max(AS_WELL, TIMES_AS_WELL * left))
     short = shortest_decimal(value, 2 * limit / steepest, lambda at: left_at(at) <= limit)
     return short, left if short == value else left_at(short)
+
+
+@dataclass(frozen=True)
+class Screened:
+    """The linear estimate of a fit, from a column.
+
+    Attributes:
+        place: in the sequence screened.
+        unexplained: the share of the residual's norm that the best change leaves if all were linear.
+        worth: true where that, or the bend of so long a step, allows it to explain.
+    """
+
+    place: int
+    unexplained: float
+    worth: bool
+
+
+def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[Screened]:
+    """The estimates of all columns, (n, nv) each, for a residual (n, nv), the best first; none where the residual is zero or not finite."""
+    size = float(np.linalg.norm(here))
+    if not 0 < size < math.inf:
+        return []
+    screened = []
+    for place, (column, scale) in enumerate(zip(columns, scales, strict=True)):
+        square, along = float(np.vdot(column, column)), float(np.vdot(column, here))
+        share, step = (along**2 / square / size**2, abs(along) / square) if square else (0.0, 0.0)
+        unexplained = math.sqrt(max(0.0, 1 - share))
+        worth = unexplained <= BEND * step / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
+        screened.append(Screened(place, unexplained, worth))
+    return sorted(screened, key=lambda one: one.unexplained)
+
+
+def fit_in_order(
+    screened: Sequence[Screened], fit: Callable[[int], None], in_class: Callable[[int], bool], explained: Callable[[], bool]
+) -> None:
+    """Fit the first few, then those that are worth it; once something explains, no more than a few beside its class."""
+    for rank, one in enumerate(screened):
+        enough = rank >= FITTED_FOR_CLASS and explained() and not in_class(one.place)
+        if rank < LEAST_FITTED or (one.worth and not enough):
+            fit(one.place)

@@ -1,6 +1,6 @@
 """The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
 
-Every joint stands at zero. ``harness.diagnose.held_quantities`` says what is compared, and in which ulps differences are told.
+Every joint stands at zero. ``harness.diagnose.held_quantities`` says what is compared, and in which ulps differences are measured.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ _MOVES = (quantities.JOINT, quantities.ANCHOR, quantities.AXIS, quantities.FRAME
 
 
 def held_by(model: Model) -> HeldModel | None:
-    """What a loaded model holds; None where its engine does not say."""
+    """The quantities of a loaded model; None where its engine does not offer them."""
     held = getattr(model, "held", None)
     return None if held is None else held()
 
@@ -92,7 +92,7 @@ def soundness(rows: Sequence[Difference], rounded: Sequence[Difference]) -> list
 
 
 def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str, ModelFile], above: float = SOUND) -> list[Difference]:
-    """What the subjects of one system do not hold alike, causes before what may follow from them, then from the root outwards.
+    """The quantities that subjects of one system do not hold alike, causes before what may follow from them, then from the root.
 
     ``held`` is by subject; ``models`` are the files by format, for their lines. Rows have more than ``above`` ulps, or than that
     many times (d / 8)^2 where the deepest joint concerned is the d-th from the root, d > 8.

@@ -1,6 +1,6 @@
 """The quantities that a static audit compares, each with its value as plain data and the measure of its differences.
 
-A difference is told in ulps: divided by the spacing of float64 at the natural magnitude of the quantity, which is the
+A difference is measured in ulps: divided by the spacing of float64 at the natural magnitude of the quantity, which is the
 largest value or norm that is compared; for points at least the mechanism's length, the farthest of its points from the
 origin, since a point that engines reach by adding offsets is rounded like the offsets; for an inertia its largest principal
 moment; for an axis 1.

@@ -1,7 +1,7 @@
-"""Who is at fault, from which subjects of one system agree with the reference and which do not.
+"""The party at fault, inferred from the subjects of one system that agree with the reference and those that do not.
 
 Each party that can be at fault makes certain subjects wrong and no others. A party is blamed where these are the wrong ones
-exactly, among the subjects that were judged. Subjects that did not say abstain: ``undecided`` and ``unsupported`` ones, and
+exactly, among the subjects that were judged. Subjects without an answer abstain: ``undecided`` and ``unsupported`` ones, and
 ``unstable`` ones, which lost digits and show nothing of a model.
 
 Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), for a single fault.
@@ -23,7 +23,7 @@ _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 
 @dataclass(frozen=True)
 class Inference:
-    """What the pattern of agreement says.
+    """The conclusion from the pattern of agreement.
 
     Attributes:
         party: "nothing", "model FORMAT", "engine NAME", "reader ENGINE/FORMAT", "equations", "kernel", "system" or "undecided".
@@ -42,7 +42,7 @@ class Rule:
 
     Attributes:
         party: its name, after the engine and format of a wrong subject.
-        spoils: whether the party that is named after the first subject makes the second wrong.
+        spoils: true where the party that is named after the first subject makes the second wrong.
         sentence: the conclusion, after ``right`` and ``wrong`` subjects.
         part_of: a wider party, which is named in its stead where they make the same subjects wrong.
     """
@@ -163,7 +163,7 @@ def _parties(wrong: Collection[Subject], right: Collection[Subject], everyone: C
 
 
 def _deciding(parties: Collection[_Party], askable: Collection[Subject], wrong: Collection[Subject]) -> list[Subject]:
-    """The fewest further subjects found that tell as many of ``parties`` apart as can be; first those that read a suspected file."""
+    """The fewest further subjects found that distinguish most of ``parties``; first those that read a suspected file."""
     formats = {subject.format for subject in wrong}
     left = sorted(askable, key=lambda subject: (subject.format not in formats, subject))
     asked: list[Subject] = []

@@ -78,7 +78,7 @@ def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> S
 
 
 def held_out(count: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which of ``count`` states fits do not see, (count,)."""
+    """The states of ``count`` that fits do not see, (count,) bool."""
     return np.asarray(np.arange(count) % HELD_OUT_OF == HELD_OUT_OF - 1)
 
 
@@ -113,19 +113,19 @@ def backward_errors(residual: Array) -> Array:
         return np.asarray(np.linalg.norm(residual, axis=1))
 
 
-def derivative(watch: Watch, text: Callable[[float], str], at: float, step: float) -> Array | None:
-    """Derivative (n, nv) of the accelerations by the value of ``text``.
+def derivative(answer: Callable[[str], Array | None], text: Callable[[float], str], at: float, step: float) -> Array | None:
+    """Derivative (n, nv) by the value of ``text`` of the accelerations that ``answer`` gives for a text, None where it is refused.
 
     By central differences; where one direction is refused, by three points in the other; None where both are.
     """
-    up, down = (watch.accelerations(text(at + sign * step)) for sign in (1.0, -1.0))
+    up, down = (answer(text(at + sign * step)) for sign in (1.0, -1.0))
     if up is not None and down is not None:
         return (up - down) / (2 * step)
     near, sign = (up, 1.0) if up is not None else (down, -1.0)
-    here = None if near is None else watch.accelerations(text(at))
+    here = None if near is None else answer(text(at))
     if near is None or here is None:
         return None
-    far = watch.accelerations(text(at + 2 * sign * step))
+    far = answer(text(at + 2 * sign * step))
     return sign * ((near - here) / step if far is None else (4 * near - 3 * here - far) / (2 * step))
 
 
@@ -154,22 +154,26 @@ class Column:
 
 
 def find_columns(
-    watch: Watch, reference: Reference, candidates: Iterable[Candidate], out_of_time: Callable[[], bool] = lambda: False
+    answer: Callable[[str], Array | None],
+    reference: Reference,
+    candidates: Iterable[Candidate],
+    is_spent: Callable[[], bool] = lambda: False,
 ) -> list[Column]:
-    """Columns of all candidates with a free value that some acceleration feels, where the model is as it is.
+    """Columns of all candidates with a free value on which some acceleration depends, at the model as it is.
 
-    Of candidates of one statement and place, later ones stand in for those that are refused in both directions.
+    ``answer`` gives the accelerations (n, nv) of a text, None where it is refused. Of candidates of one statement and place,
+    later ones stand in for those that are refused in both directions.
     """
     whitening = Whitening(reference)
     found: list[Column] = []
     answered: set[tuple[str, Place]] = set()
     for candidate in candidates:
-        if out_of_time():
+        if is_spent():
             break
         identity = candidate.hypothesis, candidate.place
         if candidate.start is None or (candidate.hypothesis == NUMBER and identity in answered):
             continue
-        column = find_column(watch, whitening, candidate)
+        column = find_column(answer, whitening, candidate)
         if column is not None:
             answered.add(identity)
             if column.norm > 0:
@@ -177,11 +181,11 @@ def find_columns(
     return found
 
 
-def find_column(watch: Watch, whitening: Whitening, candidate: Candidate) -> Column | None:
+def find_column(answer: Callable[[str], Array | None], whitening: Whitening, candidate: Candidate) -> Column | None:
     """The column of one candidate: zero where nothing feels it, None where the reader refuses every change."""
     assert candidate.start is not None
     step = DIFFERENCE * candidate.scale
-    slope = derivative(watch, candidate.text, candidate.start, step)
+    slope = derivative(answer, candidate.text, candidate.start, step)
     if slope is None:
         return None
     values = whitening.change(slope)

@@ -1,4 +1,4 @@
-"""What a diagnosis found, as plain data and as sentences.
+"""The result of a diagnosis, as plain data and as sentences.
 
 The same shape serves changes of a model file and of a textbook parameter.
 """
@@ -17,8 +17,8 @@ from harness.models.text import Place, find_elements
 PARAMETER = "parameter"
 
 
-class Finding(StrEnum):
-    """How a diagnosis ended."""
+class Conclusion(StrEnum):
+    """The conclusion of a diagnosis."""
 
     SOUND = "nothing to explain"
     EXPLAINED = "explained"
@@ -29,8 +29,8 @@ class Finding(StrEnum):
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """What one change makes of the discrepancy.
+class TriedChange:
+    """One change and the error that it leaves.
 
     Attributes:
         hypothesis: its name, "number" for one number of the file and "parameter" for one of the textbook's.
@@ -38,7 +38,7 @@ class Explanation:
         value: the value that explains, or explains best; None for a change without a free value.
         tag: how the place is written now, as ``<inertial mass="1.01">``. shown: what would stand there; "" without a value.
         residual: largest backward error left over all states, also those no fit has seen [data roundoffs].
-        explains: whether that agrees.
+        explains: true where that agrees.
     """
 
     hypothesis: str
@@ -52,7 +52,7 @@ class Explanation:
 
     @property
     def change(self) -> str:
-        """What is found there and what would explain it, as one phrase."""
+        """The text found there and the one that would explain it, as one phrase."""
         remark = f": {self.statement}" if self.statement else ""
         return f"{self.tag} with {self.shown}{remark}" if self.shown else f"{self.tag}{remark}"
 
@@ -73,40 +73,40 @@ class Explanation:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """What a diagnosis found.
+    """The result of a diagnosis.
 
     Attributes:
-        file: path of the model or system file. finding: how it ended.
+        file: path of the model or system file. conclusion: how it ended.
         before: largest backward error as the file is [data roundoffs]; inf where an answer is not finite.
         tried: what was tried and made it less, best first; what explains comes before what does not.
-        seconds: what it was given [s]. stopped: whether that ended it.
+        evaluations: the number it was given. stopped: true where the search used them up.
         live, rank: number of numbers of the file that accelerations feel, and of their combinations that these determine; 0
-            where time ran out before they were counted.
+            where the evaluations ran out before they were counted.
         together: the values whose changes together do what a change of the first does, as the file has them.
     """
 
     file: Path
-    finding: Finding
+    conclusion: Conclusion
     before: float
-    tried: tuple[Explanation, ...] = ()
-    seconds: float = 0.0
+    tried: tuple[TriedChange, ...] = ()
+    evaluations: int = 0
     stopped: bool = False
     live: int = 0
     rank: int = 0
     together: tuple[str, ...] = ()
 
     @property
-    def first(self) -> Explanation | None:
+    def first(self) -> TriedChange | None:
         """The best there is, whether it explains or not."""
         return self.tried[0] if self.tried else None
 
     @property
-    def explaining(self) -> tuple[Explanation, ...]:
-        """Everything that explains: what no acceleration tells apart here."""
+    def explaining(self) -> tuple[TriedChange, ...]:
+        """The changes that explain, which no acceleration distinguishes here."""
         return tuple(explanation for explanation in self.tried if explanation.explains)
 
     @property
-    def runner_up(self) -> Explanation | None:
+    def runner_up(self) -> TriedChange | None:
         """The best that does not explain, at another place than the first's."""
         others = (other for other in self.tried if self.first and other.place.key != self.first.place.key)
         return next((other for other in others if not other.explains), None)
@@ -120,7 +120,7 @@ class Diagnosis:
     def first_line(self) -> str:
         """One sentence: the place and the value, or why there is none."""
         file, first = shown_path(self.file), self.first
-        if self.finding == Finding.EXPLAINED and first is not None:
+        if self.conclusion == Conclusion.EXPLAINED and first is not None:
             left = f"(residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
             if first.hypothesis == PARAMETER:
                 instead = f"instead of {first.place.found}"
@@ -129,14 +129,14 @@ class Diagnosis:
             said = f"explains it with {first.shown}{remark}" if first.shown else f"explains it: {first.statement}"
             return f"{file}:{first.place.line}: {first.tag} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
         reason = {
-            Finding.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
-            Finding.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
+            Conclusion.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
+            Conclusion.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
             "factorisation loses: the digits are the engine's",
-            Finding.NOT_FINITE: "some answers are not finite, which no fit can explain",
-            Finding.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
-        }.get(self.finding, f"no single change explains it{self._best()}")
-        time = f"; stopped after {self.seconds:g} s" if self.stopped and self.finding == Finding.UNEXPLAINED else ""
-        return f"{file}: {reason}{time}"
+            Conclusion.NOT_FINITE: "some answers are not finite, which no fit can explain",
+            Conclusion.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
+        }.get(self.conclusion, f"no single change explains it{self._best()}")
+        spent = f"; stopped after {self.evaluations} evaluations" if self.stopped and self.conclusion == Conclusion.UNEXPLAINED else ""
+        return f"{file}: {reason}{spent}"
 
     def _best(self) -> str:
         if self.first is None:
@@ -146,7 +146,7 @@ class Diagnosis:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The whole of it: the first line, what cannot be told apart, the runner-up, and what is known of the file's values."""
+        """All sentences: the first line, the changes that explain as well, the runner-up, and the file's base parameters."""
         return (self.first_line, *self._class_lines(), *self._remarks())
 
     def _class_lines(self) -> Iterable[str]:
@@ -165,11 +165,11 @@ class Diagnosis:
         if self.live:
             yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
         if self.stopped:
-            yield f"stopped after {self.seconds:g} s; what was not tried by then may explain it as well"
+            yield f"stopped after {self.evaluations} evaluations; what was not tried by then may explain it as well"
 
     @staticmethod
-    def _one_of_each_place(explanations: Sequence[Explanation]) -> list[Explanation]:
-        best: dict[tuple[int, str, str], Explanation] = {}
+    def _one_of_each_place(explanations: Sequence[TriedChange]) -> list[TriedChange]:
+        best: dict[tuple[int, str, str], TriedChange] = {}
         for explanation in explanations:
             best.setdefault(explanation.place.key, explanation)
         return list(best.values())
@@ -178,7 +178,7 @@ class Diagnosis:
         """Plain data; infinite numbers as None."""
         return {
             "file": str(self.file),
-            "finding": self.finding.value,
+            "finding": self.conclusion.value,
             "before": self.before if self.before < float("inf") else None,
             "explaining": [explanation.as_json() for explanation in self.explaining],
             "first": None if self.first is None else self.first.as_json(),
@@ -186,19 +186,19 @@ class Diagnosis:
             "live": self.live,
             "rank": self.rank,
             "together": list(self.together),
-            "seconds": self.seconds,
+            "evaluations": self.evaluations,
             "stopped": self.stopped,
             "text": list(self.lines),
         }
 
 
 def digits_of(value: float | None) -> int:
-    """How many decimal digits a value needs."""
+    """The number of decimal digits that a value needs."""
     return 0 if value is None else len(repr(abs(value)).partition("e")[0].replace(".", "").strip("0"))
 
 
 def to_four_digits(value: float, start: float) -> float:
-    """The value with four digits, or as many more as tell it from ``start``: more say nothing of what does not explain."""
+    """The value with four digits, or as many more as distinguish it from ``start``: further ones mean nothing where it does not explain."""
     return next(
         (short for digits in range(4, 17) if abs((short := float(f"{value:.{digits}g}")) - value) <= 0.01 * abs(value - start)), value
     )

@@ -1,4 +1,4 @@
-"""Which term of an engine's equations is wrong, in which entries or coordinates, and since which kind of state.
+"""The terms of an engine's equations that are wrong: entries or coordinates, and the first kind of state that shows it.
 
 The same positions are asked for three times: at rest, moving, and moving under applied forces. A wrong gravity shows at
 rest, a damper once it moves. A term may show nothing while the accelerations do: then it is the solution, or a force
@@ -64,7 +64,7 @@ class TermFinding:
     Attributes:
         term: "mass", "velocity", "gravity", "passive" or "applied".
         verdict: "agrees", "disagrees", "undecided", or "error" for an answer that is not finite.
-        backward_error: the largest [data roundoffs]; None where none could be told, or some answer is not finite.
+        backward_error: the largest [data roundoffs]; None where none is certified, or some answer is not finite.
         since: the first kind of state at which it does not agree, "at rest", "moving" or "loaded"; "" where it agrees.
         wrong, states: at how many states it does not agree, of how many of that kind and of later ones.
         places: what is wrong, the worst first.
@@ -121,7 +121,7 @@ class TermComparison:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is wrong, a sentence for each term; one sentence where no term is."""
+        """A sentence for each term that is wrong; one sentence where none is."""
         if self.wrong:
             return tuple(finding.sentence for finding in self.wrong)
         if not self.accelerations_since:
@@ -236,7 +236,7 @@ def _places(parts: Array, names: Sequence[str]) -> tuple[WrongPlace, ...]:
 
 
 def coordinate_names(mechanism: Mechanism) -> list[str]:
-    """What people call each velocity: its joint, and the axis along or about which a joint of several moves."""
+    """The name of each velocity: its joint, and the axis along or about which a joint of several moves."""
     turning = {place + axis: _AXES[axis] for place in mechanism.attitudes for axis in range(3)}
     firsts: Mapping[str, int] = {joint: mechanism.joints.index(joint) for joint in mechanism.joints}
     names = []

@@ -2,6 +2,10 @@
 
 An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, and imports the program
 it wraps only inside its methods, so that finding engines costs nothing.
+
+Knows no equation. May use ``models`` and what is below it.
+
+Start with ``Engine`` and ``Model``, the protocol, then with ``pinocchio``, which follows it.
 """
 
 from __future__ import annotations
@@ -132,7 +136,8 @@ class Model(Protocol):
     """A mechanism loaded into an engine.
 
     An engine may also offer ``terms(q, v, tau) -> Terms``, arguments and columns as in ``forward_dynamics``, and
-    ``held() -> HeldModel``; what it does not offer is not judged.
+    ``held() -> HeldModel``; what it does not offer is not judged. For a picture it may offer ``place(positions, steps) ->
+    Placement``: joints of one position at ``positions``, then moved by ``steps`` along their velocities.
     """
 
     def loaded(self) -> LoadedModel | None:

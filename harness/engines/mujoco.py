@@ -9,14 +9,15 @@ Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_placement, _mujoco_urdf, require_model
+from harness.engines._placement import Placement
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -44,6 +45,9 @@ class MujocoModel:
 
     def held(self) -> HeldModel:
         return _mujoco_held.held(self.model)
+
+    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
+        return _mujoco_placement.place(self.model, positions, steps)
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:

@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, _pinocchio_placement, require_model
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import joint_places
+from harness.engines._placement import Placement
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -54,6 +55,9 @@ class PinocchioModel:
         from harness.engines import _pinocchio_held
 
         return _pinocchio_held.held(self.model, self.places, self.force_elements)
+
+    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
+        return _pinocchio_placement.place(self.model, self.force_elements, positions, steps)
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:

@@ -21,14 +21,15 @@ def printed(equations: EquationsOfMotion) -> tuple[str, str]:
     ``q'`` is a rate and ``q''`` an acceleration; inertia comes first, the applied force tau stands on the
     right.
     """
-    rows = list(_rows(equations))
-    text = "\n".join(f"{sp.sstr(row.lhs, order='none')} = {sp.sstr(row.rhs)}" for row in rows)
-    blocks = (_accented(mathml(row, printer="presentation")) for row in rows)
+    written = list(rows(equations))
+    text = "\n".join(f"{sp.sstr(row.lhs, order='none')} = {sp.sstr(row.rhs)}" for row in written)
+    blocks = (_accented(mathml(row, printer="presentation")) for row in written)
     elements = (f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">{block}</math>' for block in blocks)
     return _ACCENTED.sub(lambda match: match[2] + _ACCENTS[match[1]][0], text), "\n".join(elements)
 
 
-def _rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
+def rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
+    """The equations as SymPy equalities, one per coordinate: inertia and the rest on the left, the applied force on the right."""
     names = [q.name for q in equations.coordinates]
     dotted = dict(zip(equations.rates, (sp.Symbol(rf"\dot{{{name}}}") for name in names), strict=True))
     accelerations = [sp.Symbol(rf"\ddot{{{name}}}") for name in names]

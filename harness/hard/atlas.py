@@ -32,14 +32,14 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
+from harness.hard.expected import PATH, HardExpectation, Key, load_hard_expectations
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import Verdict, gravest
 
 if TYPE_CHECKING:
-    from harness.workers import Outcome, Workers
+    from harness.workers import Outcome
 
 Note = Callable[[str], None]
 
@@ -81,33 +81,6 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
     )
 
 
-def rows(
-    cases: Sequence[str], chosen: Sequence[Subject], engines: Library, workers: Workers, expected: Mapping[Key, HardExpectation]
-) -> Iterator[HardRow]:
-    """Every case, or all for none, with every ``chosen`` subject as it is completed, with what is not as expected of it.
-
-    ``expected`` is what ``expectations`` gives.
-
-    Raises:
-        ValueError: there is no such case.
-    """
-    from harness.workers import Task
-
-    known = hard_cases()
-    for name in cases:
-        if name not in known:
-            raise ValueError(f"no hard case is called {name!r}")
-    tasks = [Task((name, subject), measure, (name, subject, engines)) for name in cases or known for subject in chosen]
-    for outcome in workers.run(tasks):
-        name, subject = outcome.task.key
-        case = known[name]
-        if outcome.exception is None and outcome.crash is None:
-            row: HardRow = outcome.value
-        else:
-            row = _failed(case, subject, outcome)
-        yield judged(row, expected)
-
-
 def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
     """What is expected along the harness's own hard cases, for subjects of ``engines``.
 
@@ -115,40 +88,6 @@ def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
         harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
     """
     return load_hard_expectations(PATH, list(hard_cases()), [str(subject) for subject in subjects(engines)])
-
-
-HEADINGS = (
-    "case",
-    "subject",
-    "verdict",
-    "backward error",
-    "digits lost",
-    "kappa_s",
-    "slope",
-    "slope of digits",
-    "theory",
-    "points",
-    "remark",
-)
-
-
-def table(measured: Sequence[HardRow]) -> list[list[str]]:
-    """The rows as text cells under ``HEADINGS``, by case and subject."""
-    return [_cells(row) for row in sorted(measured, key=lambda row: (row.case, row.subject))]
-
-
-def _cells(row: HardRow) -> list[str]:
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in row.verdicts.items())
-    slopes = [(row.theory_growth, "slope"), (row.theory_digits_growth, "of digits")]
-    theory = ", ".join([row.theory_verdict, *(f"{what} {slope:g}" for slope, what in slopes if slope is not None)])
-    digits = max((point.digits_lost for point in row.points if point.digits_lost is not None), default=None)
-    condition = max((point.condition for point in row.points if point.condition is not None), default=None)
-    numbers = map(_text, (row.worst, digits, condition, row.growth, row.digits_growth))
-    return [row.case, row.subject, row.verdict, *numbers, theory, counts, "; ".join(row.problems)]
-
-
-def _text(number: float | None) -> str:
-    return "" if number is None else f"{number:.3g}"
 
 
 @functools.lru_cache(maxsize=4)
@@ -286,8 +225,8 @@ def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
-    """The row of a task that gave none; the point at which it died is told by its last note."""
+def failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
+    """The row of a task that gave none; its last note says at which point it died."""
     crash = outcome.crash
     reason = str(crash) if crash else f"{type(outcome.exception).__name__}: {outcome.exception}"
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}

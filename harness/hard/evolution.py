@@ -9,7 +9,6 @@ evolution strategy with increasing population size, CEC 2005; the package ``cma`
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
 from dataclasses import dataclass
@@ -20,10 +19,12 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.sampling import HUGE_ANGLES
-from harness.check import tasks
+from harness.check import hypothesis_search, tasks
+from harness.check.hypothesis_search import note_of, objective
+from harness.check.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4
 # Spread of the first population, where 1 is half of a range.
@@ -33,8 +34,6 @@ FIRST_SPREAD = 0.3
 DECADES = 8
 # How far a free angle goes on a plain scale [half turns].
 PLAIN_HALF_TURNS = 2.0
-# log10 of an error that is not finite, and of the smallest that is told from none.
-WORST, LEAST = 400.0, -20.0
 _FAILURES = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.ERROR.value)
 
 
@@ -72,7 +71,7 @@ def evolve(
         while left >= population and not strategy.stop():
             points = strategy.ask()
             batch = space.decode(np.array(points))
-            note(as_note(batch))
+            note(note_of(str(assignment.subject), batch))
             comparison = judge(batch)
             strategy.tell(points, (-objective(comparison)).tolist())
             left -= population
@@ -83,8 +82,8 @@ def evolve(
 
 
 def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.Note) -> Hunt:
-    """The same by hypothesis, whose draws hold the special values; see ``harness.check.tasks.explore``."""
-    found = tasks.explore(assignment, states, seed, note)
+    """The same by hypothesis, whose draws hold the special values; see ``harness.check.hypothesis_search``."""
+    found = hypothesis_search.explore(assignment, states, seed, note)
     return Hunt(
         found.states[worst_index(found.comparison) :][:1],
         float(found.comparison.backward_error[worst_index(found.comparison)]),
@@ -93,23 +92,10 @@ def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.No
     )
 
 
-def as_note(states: States) -> str:
-    """States as JSON that ``States.at`` reads back, for what must survive a crash."""
-    return json.dumps({"q": states.q.tolist(), "v": states.v.tolist(), "tau": states.tau.tolist()})
-
-
 def worst_index(comparison: Comparison) -> int:
     """Index of the answer that shows most: the gravest verdict that is the engine's, then the largest backward error."""
-    gravity = np.array([GRAVITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
-    return int(np.lexsort((objective(comparison), gravity))[-1])
-
-
-def objective(comparison: Comparison) -> Array:
-    """(n,) log10 of the backward error; ``WORST`` where the answer is not finite, ``LEAST`` where nothing is certified."""
-    with np.errstate(divide="ignore"):
-        logarithm = np.clip(np.log10(comparison.backward_error), LEAST, WORST)
-    missing = np.where(comparison.verdicts == Verdict.ERROR.value, WORST, LEAST)
-    return np.asarray(np.where(np.isnan(comparison.backward_error), missing, logarithm))
+    severity = np.array([SEVERITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
+    return int(np.lexsort((objective(comparison), severity))[-1])
 
 
 def _undecided(comparison: Comparison) -> int:
@@ -160,11 +146,8 @@ class StateSpace:
     """
 
     def __init__(self, mechanism: Mechanism, decades: int = DECADES) -> None:
-        positions = list(mechanism.position_ranges)
-        for place in reversed(mechanism.attitudes):
-            positions[place : place + 3] = [(-1.0, 1.0)] * 4
-        self._quaternions = [place + order for order, place in enumerate(mechanism.attitudes)]
-        ranges = [*positions, *mechanism.rate_ranges, *mechanism.force_ranges]
+        self._mechanism = mechanism
+        ranges = row_ranges(mechanism)
         huge = max(HUGE_ANGLES)
         self._low, self._high = np.array([bounds or (-huge, huge) for bounds in ranges]).T
         reach = np.array([math.pi if bounds is None else max(abs(bounds[0]), abs(bounds[1])) for bounds in ranges])
@@ -175,14 +158,11 @@ class StateSpace:
         free = np.array([bounds is None for bounds in ranges])
         furthest = 1.0 + math.log(huge / math.pi) / self._steepness if decades else PLAIN_HALF_TURNS
         self.bound = np.where(free, furthest, 1.0)
-        self._sizes = np.cumsum([mechanism.nq, mechanism.nv])
 
     def decode(self, points: Array) -> States:
         """The states at ``points``, (n, m)."""
         scaled = np.sinh(self._steepness * points) / math.sinh(self._steepness) if self._steepness else points
         values = np.clip(self._centre + self._reach * scaled, self._low, self._high)
-        for first in self._quaternions:
-            quaternion = values[:, first : first + 4]
-            length = np.linalg.norm(quaternion, axis=1, keepdims=True)
-            values[:, first : first + 4] = np.where(length > 0, quaternion / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0, 0.0])
-        return States.at(*np.split(values, self._sizes, axis=1))
+        for columns in quaternion_columns(self._mechanism):
+            values[:, columns] = unit_quaternions(values[:, columns])
+        return states_of(self._mechanism, values)

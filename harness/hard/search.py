@@ -11,27 +11,31 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
 from harness.check import tasks
 from harness.check.expected import Expectation, load_expectations, why_no_model
+from harness.check.hypothesis_search import note_of
+from harness.check.shrinking import shrink
+from harness.check.stages import ask_one_by_one
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
-from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
 from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
-from harness.hard.shrinking import shrink
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command
 from harness.results.search import Case, SearchResult
-from harness.verdict import GRAVITY, Verdict
+from harness.study import Part, Rounds
+from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
-from harness.workers import Crash, Outcome, Task, Workers
+from harness.workers import Crash, Outcome, Task
 
 # Measured: with it each of ten seeds passes the best of every one of ten samples of 10,000 random states on the
 # two-link pendulums; a half of it passes that of the sample with its own seed.
@@ -73,60 +77,157 @@ def hunts(budget: int) -> list[tuple[int, int]]:
     return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= evolution.SMALLEST_POPULATION)]
 
 
-def run_search(settings: SearchSettings, workers: Workers, progress: Callable[[str], None] = lambda text: None) -> SearchResult:
-    """Search one system on workers whose context the caller has entered; ``progress`` is told what is done.
+class Search(Rounds):
+    """One search of a system; a ``harness.study.Study`` whose parts are steps without a value.
 
     Raises:
-        InvalidInput: the system, a model, the expected verdicts or the stored states cannot be used.
+        InvalidInput: the expected verdicts or the stored states cannot be used; from ``take``, the system or a model.
         InvalidRequest: a system or subject that does not exist, or an engine that cannot express the system.
     """
-    (name,) = settings.library.select([settings.name])
-    expectations = load_expectations(settings.library, [str(subject) for subject in subjects(settings.library)])
-    result = SearchResult(place=path_of(settings.library, name))
-    mechanism: Mechanism = _value(next(workers.run([Task(None, tasks.derive, (settings.library, name))])))
-    progress("equations")
-    assignments = _assignments(settings, mechanism, workers, expectations)
-    hunted: dict[Subject, list[States]] = {assignment.subject: [] for assignment in assignments}
-    work = [
-        Task((assignment, number), hunt, (assignment, states, population, settings.seed))
-        for number, (states, population) in enumerate(hunts(settings.budget))
-        for assignment in assignments
-    ]
-    crashes: list[tuple[tasks.Assignment, Crash]] = []
-    worst: dict[tuple[Subject, int], States] = {}
-    for outcome in workers.run(work):
-        assignment, number = outcome.task.key
-        progress(f"{assignment.subject} {_describe(*hunts(settings.budget)[number])}")
+
+    title = "search"
+
+    def __init__(self, settings: SearchSettings) -> None:
+        super().__init__()
+        self.settings = settings
+        (self.name,) = settings.library.select([settings.name])
+        self._expectations = load_expectations(settings.library, [str(subject) for subject in subjects(settings.library)])
+        self._subjects = self._select()
+        self._result = SearchResult(place=path_of(settings.library, self.name))
+        self._hunts = hunts(settings.budget)
+        self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
+        self._loaded: dict[str, Any] = {}
+        self._worst: dict[tuple[Subject, int], States] = {}
+        # One crash of a subject is enough: each costs a process.
+        self._crashes: dict[Subject, Crash] = {}
+        self._found: list[tuple[FoundState, str]] = []
+
+    def rounds(self) -> Iterator[list[Task]]:
+        library = self.settings.library
+        formats = sorted({subject.format for subject in self._subjects} - {EQUATIONS})
+        yield [
+            Task((self._load, "equations"), tasks.derive, (library, self.name)),
+            *(Task((self._load, one), tasks.read, (library.model_path(self.name, one), one)) for one in formats),
+        ]
+        assignments = {
+            subject: tasks.Assignment(library, subject, self._loaded["equations"], self._loaded.get(subject.format))
+            for subject in self._subjects
+        }
+        yield [
+            Task((self._take_hunt, assignment, number), hunt, (assignment, states, population, self.settings.seed))
+            for number, (states, population) in enumerate(self._hunts)
+            for assignment in assignments.values()
+        ]
+        hunted: dict[Subject, list[States]] = {}
+        for (subject, _), states in sorted(self._worst.items(), key=lambda item: (str(item[0][0]), item[0][1])):
+            hunted.setdefault(subject, []).append(states)
+        yield [
+            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], States.concatenate(states)))
+            for subject, states in hunted.items()
+        ]
+        yield [
+            Task((self._replayed, assignments[subject], crash), ask_one_by_one, (assignments[subject], _noted(crash)))
+            for subject, crash in self._crashes.items()
+        ]
+        yield self._next
+        self._conclude()
+
+    def result(self) -> SearchResult:
+        return self._result
+
+    def _select(self) -> list[Subject]:
+        """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
+        library, chosen = self.settings.library, []
+        for subject in select_subjects(library, self.settings.subjects, native_only=True):
+            reason = why_no_model(library, self.name, str(subject), subject.format, self._expectations)
+            engine = load_engine(library, subject.engine)
+            if not reason and installed_version(engine) is None:
+                reason = f"{engine.requires[1]} is not installed"
+            if reason and self.settings.subjects:
+                raise InvalidRequest(f"{subject} cannot be searched on {self.name}: {reason}")
+            if not reason:
+                chosen.append(subject)
+        if not chosen:
+            raise InvalidRequest(f"no subject can be searched on {self.name}")
+        return chosen
+
+    def _load(self, outcome: Outcome, what: str) -> Iterator[Part]:
+        if outcome.exception is not None:
+            raise outcome.exception
         if outcome.crash is not None:
-            crashes.append((assignment, outcome.crash))
-        elif taken := _taken(outcome, assignment.subject, result):
-            worst[assignment.subject, number] = taken.worst
-    for (subject, _), states in sorted(worst.items(), key=lambda item: (str(item[0][0]), item[0][1])):
-        hunted[subject].append(states)
-    # One crash of a subject is enough: each costs a process.
-    first = {assignment.subject: (assignment, crash) for assignment, crash in reversed(crashes)}
-    found: list[tuple[FoundState, str]] = [_crashed(assignment, crash, workers, result) for assignment, crash in first.values()]
-    examinations = [
-        Task(assignment, examine, (assignment, States.concatenate(hunted[assignment.subject])))
-        for assignment in assignments
-        if hunted[assignment.subject]
-    ]
-    for outcome in workers.run(examinations):
-        assignment = outcome.task.key
-        progress(f"{assignment.subject} explained")
+            raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
+        self._loaded[what] = outcome.value
+        if what == "equations":
+            yield Part(what, None)
+
+    def _take_hunt(self, outcome: Outcome, assignment: tasks.Assignment, number: int) -> Iterator[Part]:
+        subject, result = assignment.subject, self._result
+        states, population = self._hunts[number]
+        yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
+        if isinstance(outcome.exception, InvalidInput):
+            raise outcome.exception
+        if isinstance(outcome.exception, Unsupported):
+            raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
+        if self._has_failed(outcome, subject):
+            return
+        taken: evolution.Hunt = outcome.value
+        self._worst[subject, number] = taken.worst
+        for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
+            counts[str(subject)] = counts.get(str(subject), 0) + count
+        error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
+        result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
+
+    def _take_examination(self, outcome: Outcome, assignment: tasks.Assignment) -> Iterator[Part]:
+        yield Part(f"{assignment.subject} explained", None)
+        if not self._has_failed(outcome, assignment.subject):
+            self._found += outcome.value
+
+    def _has_failed(self, outcome: Outcome, subject: Subject) -> bool:
+        failure = self.failure(outcome)
         if outcome.crash is not None:
-            found.append(_crashed(assignment, outcome.crash, workers, result))
-        elif outcome.exception is not None:
-            result.failures[str(assignment.subject)] = _reason(outcome)
+            self._result.crashed = True
+            self._crashes.setdefault(subject, outcome.crash)
+        elif failure:
+            self._result.failures[str(subject)] = failure
+        return bool(failure)
+
+    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> Iterator[Part]:
+        """The state at which the engine died; without one if it does not die again."""
+        if outcome.crash is None or not outcome.crash.note:
+            failure = f"{crash}; no single state repeats it: lower --budget or raise --time-limit"
+            self._result.failures[str(assignment.subject)] = failure
         else:
-            found += outcome.value
-    for one, program in sorted(_distinct(found), key=lambda pair: pair[0].severity, reverse=True):
-        expectation = expectations.get((name, one.subject), Expectation())
-        replay = replay_command(name, one.subject, one.state, settings.replay_options)
-        expected = _is_expected(one, expectation)
-        result.cases.append(Case(found=one, expected=expectation.verdict, as_expected=expected, replay=replay, reproducer=program))
-    _store(settings, name, result)
-    return result
+            state = json.loads(outcome.crash.note)
+            # Neither loading nor certifying asks the engine at that state.
+            self._next.append(Task((self._programmed, assignment, crash, state), _program, (assignment, States.at(**state))))
+        yield from ()
+
+    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> Iterator[Part]:
+        found = FoundState(
+            state=state,
+            subject=str(assignment.subject),
+            backward_error=None,
+            digits_lost=0.0,
+            verdict=Verdict.ERROR.value,
+            term="none",
+            statement=str(crash),
+            versions=_versions(assignment),
+            date=datetime.now(UTC).date().isoformat(),
+        )
+        self._found.append((found, outcome.value or ""))
+        yield from ()
+
+    def _conclude(self) -> None:
+        """Rank what was found, and store it."""
+        distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
+        for one, program in sorted(distinct.values(), key=lambda pair: pair[0].severity, reverse=True):
+            expectation = self._expectations.get((self.name, one.subject), Expectation())
+            replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
+            as_expected = _is_expected(one, expectation)
+            self._result.cases.append(
+                Case(found=one, expected=expectation.verdict, as_expected=as_expected, replay=replay, reproducer=program)
+            )
+        _store(self.settings, self.name, self._result)
 
 
 def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> list[tuple[FoundState, str]]:
@@ -134,11 +235,10 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
     judge = tasks.judge_of(assignment)
 
     def noted(batch: States) -> Any:
-        note(evolution.as_note(batch))
+        note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
-    engine = load_engine(assignment.library, assignment.subject.engine)
-    versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
+    versions = _versions(assignment)
     worst: dict[tuple[str, str], FoundState] = {}
     for index in range(len(states)):
         state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
@@ -168,91 +268,17 @@ def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, 
     return evolution.explore(assignment, states, seed, note)
 
 
-def _describe(states: int, population: int) -> str:
-    return f"{states:,} states by {f'a population of {population}' if population else 'hypothesis'}"
-
-
-def _assignments(settings: SearchSettings, mechanism: Mechanism, workers: Workers, expectations: Any) -> list[tasks.Assignment]:
-    """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
-    chosen: list[Subject] = []
-    for subject in select_subjects(settings.library, settings.subjects, native_only=True):
-        reason = why_no_model(settings.library, mechanism.name, str(subject), subject.format, expectations)
-        engine = load_engine(settings.library, subject.engine)
-        if not reason and installed_version(engine) is None:
-            reason = f"{engine.requires[1]} is not installed"
-        if reason and settings.subjects:
-            raise InvalidRequest(f"{subject} cannot be searched on {mechanism.name}: {reason}")
-        if not reason:
-            chosen.append(subject)
-    if not chosen:
-        raise InvalidRequest(f"no subject can be searched on {mechanism.name}")
-    formats = sorted({subject.format for subject in chosen} - {EQUATIONS})
-    paths = {model_format: settings.library.model_path(mechanism.name, model_format) for model_format in formats}
-    reading = [Task(model_format, tasks.read, (path, model_format)) for model_format, path in paths.items()]
-    models = {outcome.task.key: _value(outcome) for outcome in workers.run(reading)}
-    return [tasks.Assignment(settings.library, subject, mechanism, models.get(subject.format)) for subject in chosen]
-
-
-def _value(outcome: Outcome) -> Any:
-    if outcome.exception is not None:
-        raise outcome.exception
-    if outcome.crash is not None:
-        raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
-    return outcome.value
-
-
-def _taken(outcome: Outcome, subject: Subject, result: SearchResult) -> evolution.Hunt | None:
-    if isinstance(outcome.exception, InvalidInput):
-        raise outcome.exception
-    if isinstance(outcome.exception, Unsupported):
-        raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
-    if outcome.exception is not None:
-        result.failures[str(subject)] = _reason(outcome)
-        return None
-    taken: evolution.Hunt = outcome.value
-    for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
-        counts[str(subject)] = counts.get(str(subject), 0) + count
-    error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
-    result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
-    return taken
-
-
-def _reason(outcome: Outcome) -> str:
-    return f"{type(outcome.exception).__name__}: {outcome.exception}"
-
-
-def _crashed(assignment: tasks.Assignment, crash: Crash, workers: Workers, result: SearchResult) -> tuple[FoundState, str]:
-    """The state at which the engine died, found by asking for the last batch one by one; without a state if it does not die again."""
-    result.crashed = True
-    state: dict[str, list[float]] = {"q": [], "v": [], "tau": []}
-    if crash.note:
-        replayed = next(workers.run([Task(None, tasks.accelerate_one_by_one, (assignment, States.at(**json.loads(crash.note))))]))
-        if replayed.crash is not None and replayed.crash.note:
-            state = json.loads(replayed.crash.note)
-    program = ""
-    if state["q"]:
-        # Neither loading nor certifying asks the engine at that state.
-        program = next(workers.run([Task(None, _program, (assignment, States.at(**state)))])).value or ""
-    else:
-        result.failures[str(assignment.subject)] = f"{crash}; no single state repeats it: lower --budget or raise --time-limit"
+def _versions(assignment: tasks.Assignment) -> dict[str, str]:
     engine = load_engine(assignment.library, assignment.subject.engine)
-    found = FoundState(
-        state=state,
-        subject=str(assignment.subject),
-        backward_error=None,
-        digits_lost=0.0,
-        verdict=Verdict.ERROR.value,
-        term="none",
-        statement=str(crash),
-        versions={"harness": __version__, engine.requires[1]: installed_version(engine) or ""},
-        date=datetime.now(UTC).date().isoformat(),
-    )
-    return found, program
+    return {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
 
 
-def _distinct(found: list[tuple[FoundState, str]]) -> list[tuple[FoundState, str]]:
-    """Those that have a state, each state of a subject once."""
-    return list({(one.subject, json.dumps(one.state)): (one, program) for one, program in found if one.state["q"]}.values())
+def _noted(crash: Crash) -> States:
+    """The batch that an engine was asked for when it died; no states where it died before."""
+    if crash.note:
+        return States.at(**json.loads(crash.note)["states"])
+    nothing = np.empty((0, 0))
+    return States(nothing, nothing, nothing, np.empty(0))
 
 
 def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> str:
@@ -261,7 +287,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
     """Whether a state is no worse than what is expected of the pair over many states."""
-    return GRAVITY[found.verdict] <= GRAVITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
+    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
 
 
 def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:

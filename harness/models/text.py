@@ -2,6 +2,9 @@
 
 The text is changed in place, so that everything else in the file stays as its author wrote it. Whoever
 watches a model brings the function that answers it; no engine is imported here. Decoration is left out.
+
+The text is scanned here once more, after ``harness.models.xml`` has found it well-formed: expat and lxml report the line or
+offset of a tag, never the characters that an attribute or a number occupies.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
-from harness.report.summary import error_text, seconds_text
 from harness.results.benchmark import AccelerationCost, Growth, MotionCost
 from harness.results.pareto import cost_of, way_of
+from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

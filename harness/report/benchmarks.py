@@ -1,4 +1,4 @@
-"""What a report says of a benchmark, before it is HTML or Markdown: names, fronts, tables."""
+"""A benchmark arranged for a reader, before it is HTML or Markdown: names, fronts, tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
 
-from harness.report.summary import Change, changed_versions
+from harness.report.summary import ChangedValue, changed_versions
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, MotionCost, Order, Stationarity
 from harness.results.pareto import cost_of, front, way_of, with_cheapest
 from harness.results.records import Run
@@ -17,8 +17,8 @@ _Cell = TypeVar("_Cell")
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """Why orders of convergence are not those of theory, and where."""
+class OrderRemark:
+    """The reason why orders of convergence are not those of theory, and their places."""
 
     text: str
     places: list[str]
@@ -88,15 +88,15 @@ class BenchmarkSummary:
         systems = sorted({order.system for order in orders})
         return columns, [(system, [cells.get((system, *column)) for column in columns]) for system in systems]
 
-    def explanations(self, verdicts: Sequence[str]) -> list[Explanation]:
-        """Why orders have one of ``verdicts``, each reason once."""
+    def explanations(self, verdicts: Sequence[str]) -> list[OrderRemark]:
+        """The reasons why orders have one of ``verdicts``, each once."""
         places: dict[str, list[str]] = {}
         for order in sorted(self.benchmark.orders, key=lambda order: (order.integrator, order.system)):
             if order.explanation and order.verdict in verdicts:
                 places.setdefault(order.explanation, []).append(f"{order.integrator} on {order.system}")
-        return [Explanation(text, where) for text, where in places.items()]
+        return [OrderRemark(text, where) for text, where in places.items()]
 
-    def changed_versions(self, run: Run) -> list[Change]:
+    def changed_versions(self, run: Run) -> list[ChangedValue]:
         """Versions that the benchmark had and ``run`` has not."""
         return changed_versions(self.run.versions, run.versions)
 

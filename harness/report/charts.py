@@ -22,8 +22,9 @@ from harness.report.figures import (
     styles,
     within,
 )
-from harness.report.summary import Summary, error_text, seconds_text
+from harness.report.summary import Summary
 from harness.results.records import Record
+from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

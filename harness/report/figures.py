@@ -1,4 +1,4 @@
-"""What every plot of a report is made of: colours, axes, points that tell about themselves, and the embedding into a page.
+"""The common parts of all plots: colours, axes, points with words beside them, and the embedding into a page.
 
 Text and lines of the axes take their colours from CSS variables of the page (``--bk-...``), so that
 they follow its light or dark scheme; the greys given here are readable on both where a Bokeh is too
@@ -28,8 +28,8 @@ Style = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
-class Charts:
-    """What a page needs to show the plots.
+class EmbeddedPlots:
+    """Everything a page needs to show the plots.
 
     Attributes:
         resources: ``<script>`` elements with all of BokehJS; "" where there is no plot.
@@ -42,7 +42,7 @@ class Charts:
     divs: dict[str, str] = field(default_factory=dict)
 
 
-def embed(plots: Mapping[str, plotting.figure | None]) -> Charts:
+def embed(plots: Mapping[str, plotting.figure | None]) -> EmbeddedPlots:
     """One document of every plot that has data."""
     from bokeh.document import Document
     from bokeh.embed import components
@@ -50,14 +50,14 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> Charts:
 
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
-        return Charts()
+        return EmbeddedPlots()
     document = Document()
     # Without the freeze Bokeh visits all plots again after adding each.
     with document.models.freeze():
         for plot in drawn.values():
             document.add_root(plot)
     script, divs = components(drawn)
-    return Charts(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
+    return EmbeddedPlots(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
 
 
 def styles(names: Sequence[str]) -> dict[str, Style]:
@@ -115,7 +115,7 @@ def line_across(plot: plotting.figure, dimension: Literal["width", "height"], lo
 
 
 def drawable(value: float | None) -> bool:
-    """Whether a logarithmic axis has a place for ``value``, if only its end."""
+    """True where a logarithmic axis has a place for ``value``, if only its end."""
     return value is not None and not math.isnan(value) and value >= 0
 
 

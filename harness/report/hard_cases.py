@@ -1,4 +1,4 @@
-"""What a report says of an atlas, before it is HTML or Markdown: families, growth, motions that part, stable steps."""
+"""An atlas arranged for a reader, before it is HTML or Markdown: families, growth, motions that part, stable steps."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from itertools import groupby
 from operator import attrgetter
 from statistics import median
 
-from harness.report.summary import Change, changed_versions, counted
+from harness.report.summary import ChangedValue, changed_versions
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
 from harness.results.records import Run
-from harness.verdict import GRAVITY, Verdict, gravest
+from harness.results.table import counted
+from harness.verdict import SEVERITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.
 SILENT = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
@@ -70,7 +71,7 @@ class Family:
 
     @property
     def remedies(self) -> list[str]:
-        """What a user can do, each once; none where every subject agrees."""
+        """Remedies for a user, each once; none where every subject agrees."""
         if self.verdict == Verdict.AGREES:
             return []
         return list(dict.fromkeys(reason.remedy for _, reason in self.reasons)) or [self.remedy]
@@ -134,7 +135,7 @@ class HardSummary:
 
     @property
     def is_good(self) -> bool:
-        """Whether anything was measured and everything is as expected."""
+        """True where something was measured and everything is as expected."""
         measured = self.atlas.rows or self.atlas.partings or self.atlas.stable_steps
         return bool(measured) and not self.unexpected and not self.problems
 
@@ -153,9 +154,9 @@ class HardSummary:
     def sizes(self, subject: str) -> dict[str, int]:
         """Verdict to number of families whose gravest verdict of ``subject`` it is, from agreement to error."""
         verdicts = [family.rows[subject].verdict for family in self.families if subject in family.rows]
-        return {verdict: verdicts.count(verdict) for verdict in GRAVITY if verdict in verdicts}
+        return {verdict: verdicts.count(verdict) for verdict in SEVERITY if verdict in verdicts}
 
-    def changed_versions(self, run: Run) -> list[Change]:
+    def changed_versions(self, run: Run) -> list[ChangedValue]:
         """Versions that the atlas had and ``run`` has not."""
         return changed_versions(self.run.versions, run.versions)
 

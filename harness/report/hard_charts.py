@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
 from harness.report.hard_cases import SILENT, Family, HardSummary
-from harness.report.summary import error_text
 from harness.results.atlas import HardPoint, HardRow
+from harness.results.table import error_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def _plot(family: Family, known: dict[str, Style]) -> plotting.figure | None:
 
 
 def _draw_bounds(plot: plotting.figure, placed: Sequence[tuple[HardRow, HardPoint]], place: Callable[[float], float], high: float) -> None:
-    """Where "unstable" ends: from the lowest to the highest of the subjects' own bounds at each value of the knob."""
+    """The end of "unstable": from the lowest to the highest of the subjects' own bounds at each value of the knob."""
     bounds: dict[float, list[float]] = {}
     for _, point in placed:
         if point.unstable_bound is not None and drawable(point.unstable_bound):
@@ -105,7 +105,7 @@ def _range(errors: Iterable[float | None]) -> tuple[float, float]:
 
 
 def _height(row: HardRow, point: HardPoint, family: Family, low: float, high: float) -> float:
-    """Where a point is drawn; those without an error stand in lines below the upper edge, one for each subject."""
+    """Height of a point on the plot; those without an error stand in lines below the upper edge, one for each subject."""
     error = point.backward_error
     if error is not None and drawable(error) and math.isfinite(error):
         return within(error, low * 1.5, high / 1.5)

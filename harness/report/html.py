@@ -13,13 +13,14 @@ from xml.etree import ElementTree
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.report import benchmark_charts, charts, hard_charts
+from harness.report import benchmark_charts, benchmark_tables, charts, hard_charts, hard_tables
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import embed
-from harness.report.hard_cases import HardSummary, growth_text
-from harness.report.summary import Summary, counted, error_text, seconds_text, state_lines
-from harness.results.pareto import cost_of, way_of
+from harness.report.hard_cases import HardSummary
+from harness.report.summary import Summary, changes_table, state_lines
+from harness.results.pareto import way_of
 from harness.results.records import Record, Run
+from harness.results.table import counted, error_text, seconds_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _about(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict
             "hard_styles": hard_charts.hard_styles(hard),
             "hard_anchors": _anchors([family.name for family in hard.families], "hard"),
             "silent_marker": hard_charts.SILENT_MARKER[1],
-            "growth_text": growth_text,
+            "hard_tables": hard_tables,
         }
     if benchmark is not None:
         about |= {
@@ -75,7 +76,7 @@ def _about(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict
             "acceleration_front": acceleration_front,
             "motion_front": motion_front,
             "way_of": way_of,
-            "cost_of": cost_of,
+            "tables": benchmark_tables,
         }
     return about
 
@@ -96,6 +97,7 @@ def _render(template: str, plots: Mapping[str, plotting.figure | None], about: M
         **about,
         limit=AGREEMENT,
         counted=counted,
+        changes_table=changes_table,
         style=Markup(package.joinpath("style.css").read_text("utf-8")),
         resources=Markup(drawn.resources),
         script=Markup(drawn.script),

@@ -1,4 +1,4 @@
-"""What a report says, before it is HTML or Markdown: orders, sentences, worst cases, changes."""
+"""A cross-check arranged for a reader, before it is HTML or Markdown: orders, sentences, worst cases, changes."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from harness.errors import shown_path
-from harness.results.records import Record, Run, SystemCard, dumps
-from harness.results.restoring import restored
+from harness.results.records import Record, Records, Run, dumps
+from harness.results.table import Cell, Table, counted, error_text
 
 if TYPE_CHECKING:
     from harness.results.causes import Cause
+    from harness.results.cross_check import CrossCheckResult
     from harness.results.hard_states import RankedCase
-    from harness.results.superfluous import SuperfluousPart
 
 Earlier = tuple[Run, Sequence[Record]]
 
 
 @dataclass(frozen=True)
-class Change:
+class ChangedValue:
     """A verdict or a version that is not what it was in the run before."""
 
     what: str
@@ -36,8 +36,7 @@ class Summary:
     """Records arranged for a reader.
 
     Attributes:
-        run, cards, records, earlier: the arguments; cards by name, records sorted by system and subject,
-            earlier runs oldest first.
+        run, cards, records, earlier: of the arguments; cards by name, earlier runs oldest first.
         systems, subjects: sorted names of every card and record.
         cells: (system, subject) to its records, nearly always one.
         unexpected: records whose verdict is not the expected one.
@@ -49,46 +48,37 @@ class Summary:
         worst_cases: subject to its worst cases, worst first; empty where none were looked for.
     """
 
-    def __init__(
-        self,
-        run: Run,
-        cards: Sequence[SystemCard],
-        records: Sequence[Record],
-        history: Sequence[Earlier] = (),
-        superfluous: Iterable[SuperfluousPart] = (),
-        worst_cases: Iterable[RankedCase] = (),
-        causes: Iterable[Cause] = (),
-    ) -> None:
+    def __init__(self, run: Run, found: CrossCheckResult, history: Sequence[Earlier] = ()) -> None:
         self.run = run
-        self.cards = {card.name: card for card in cards}
-        self.records = sorted(records, key=lambda record: (record.system, record.subject))
+        self.cards = {card.name: card for card in found.systems}
+        self.records = Records(found.records)
         self.earlier = sorted(history, key=lambda entry: datetime.fromisoformat(entry[0].started))
-        self.systems = sorted({record.system for record in records} | set(self.cards))
-        self.subjects = sorted({record.subject for record in records})
+        self.systems = sorted({record.system for record in self.records} | set(self.cards))
+        self.subjects = sorted({record.subject for record in self.records})
         self.cells: dict[tuple[str, str], list[Record]] = defaultdict(list)
         for record in self.records:
             self.cells[record.system, record.subject].append(record)
-        self.unexpected = [record for record in self.records if not record.as_expected]
+        self.unexpected = self.records.unexpected
         self.listed = [record for record in self.records if record.expected != "agrees"]
         self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
-        self.causes = {(cause.system, cause.subject): _published(cause) for cause in causes}
-        named = [replace(finding, path=_short(finding.path)) for finding in superfluous]
-        self.superfluous = sorted(named, key=lambda finding: (finding.path, finding.line, finding.subject))
+        self.causes = {(cause.system, cause.subject): _published(cause) for cause in found.causes}
+        named = [replace(part, path=_short(part.path)) for part in found.superfluous]
+        self.superfluous = sorted(named, key=lambda part: (part.path, part.line, part.subject))
         self.worst_cases: dict[str, list[RankedCase]] = {}
-        for case in worst_cases:
+        for case in found.worst_cases:
             self.worst_cases.setdefault(case.subject, []).append(case)
 
     @property
     def is_good(self) -> bool:
-        """Whether something was compared and everything is as expected."""
+        """True where something was compared and everything is as expected."""
         return bool(self.records) and not self.unexpected and not self.superfluous
 
     @property
     def sentence(self) -> str:
         """The result in one sentence, without the names of what is not as expected."""
         parts = len(self.superfluous)
-        told = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
-        return f"{self._compared.removesuffix('.')}; {told}." if parts else self._compared
+        superfluous = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
+        return f"{self._compared.removesuffix('.')}; {superfluous}." if parts else self._compared
 
     @property
     def _compared(self) -> str:
@@ -113,9 +103,17 @@ class Summary:
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
         return remarks
 
-    def of_system(self, system: str) -> list[Record]:
+    def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""
-        return [record for record in self.records if record.system == system]
+        return Records(record for record in self.records if record.system == system)
+
+    def matrix(self, anchors: Mapping[str, str] | None = None) -> Table:
+        """System by subject: verdict and worst backward error; ``anchors`` of the systems on a page."""
+        links = {system: f"#{anchors[system]}" if anchors else "" for system in self.systems}
+        cells = {pair: _verdict_cell(found, links[pair[0]]) for pair, found in self.cells.items()}
+        empty = Cell("not run", tone="empty", fills=True)
+        rows = [[system, *(cells.get((system, subject), empty) for subject in self.subjects)] for system in self.systems]
+        return Table(["system", *self.subjects], rows, style="matrix")
 
     def worst_per_engine(self) -> list[tuple[str, Record | None]]:
         """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
@@ -132,7 +130,7 @@ class Summary:
                     values.append((datetime.fromisoformat(run.started).replace(tzinfo=None), found.backward_error))
         return points
 
-    def changed_verdicts(self) -> list[Change]:
+    def changed_verdicts(self) -> list[ChangedValue]:
         """Verdicts that differ from the latest earlier run that holds the same pair."""
         before: dict[tuple[str, str], str] = {}
         for _, records in self.earlier:
@@ -140,13 +138,15 @@ class Summary:
         changes = []
         for (system, subject), cell in sorted(self.cells.items()):
             known = before.get((system, subject), "not run")
-            changes += [Change(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
+            changes += [ChangedValue(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
         if self.earlier:
             gone = {(record.system, record.subject): record.verdict for record in self.earlier[-1][1]}
-            changes += [Change(f"{s}, {e}", verdict, "not run") for (s, e), verdict in sorted(gone.items()) if not self.cells.get((s, e))]
+            changes += [
+                ChangedValue(", ".join(pair), verdict, "not run") for pair, verdict in sorted(gone.items()) if pair not in self.cells
+            ]
         return changes
 
-    def changed_versions(self) -> list[Change]:
+    def changed_versions(self) -> list[ChangedValue]:
         """Versions that differ from the last run."""
         if not self.earlier:
             return []
@@ -160,19 +160,36 @@ def _short(path: str) -> str:
 
 def _published(cause: Cause) -> Cause:
     """A cause with short paths wherever it names one of its files."""
-    text = dumps(asdict(cause))
+    text = dumps(cause)
     for side in ("model", "textbook"):
         if cause.found and cause.found[side]:
             file = cause.found[side]["file"]
             for name in (file, shown_path(Path(file))):
                 text = text.replace(json.dumps(name)[1:-1], json.dumps(_short(file))[1:-1])
-    return restored(type(cause), json.loads(text))
+    return replace(cause, **json.loads(text))
 
 
-def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
+def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[ChangedValue]:
     """Versions that differ."""
     names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-    return [Change(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+    return [ChangedValue(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+
+
+def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
+    """One row per change; ``what`` is the heading of what changed."""
+    return Table([what, "before", "now"], [[change.what, change.before, change.after] for change in changes])
+
+
+def _verdict_cell(records: Sequence[Record], link: str) -> Cell:
+    """The records of one pair, nearly always one."""
+    notes = []
+    for record in records:
+        expected = "as expected" if record.as_expected else f"expected: {record.expected}"
+        notes += [error_text(record.backward_error), *([expected] if not record.as_expected or record.expected != "agrees" else [])]
+    is_surprise = not all(record.as_expected for record in records)
+    verdicts = ("✗ " if is_surprise else "") + "; ".join(record.verdict for record in records)
+    tone = records[0].verdict + (" surprise" if is_surprise else "")
+    return Cell(verdicts, notes, tone, fills=True, link=link)
 
 
 def worst(records: Iterable[Record]) -> Record | None:
@@ -183,30 +200,6 @@ def worst(records: Iterable[Record]) -> Record | None:
 
 def _size(value: float | None) -> float:
     return math.inf if value is None or math.isnan(value) else value
-
-
-def counted(number: int, noun: str) -> str:
-    """ "1 state", "2 states"."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def error_text(value: float | None) -> str:
-    """Three significant digits; a dash where nothing was compared."""
-    return "-" if value is None else _three_digits(value)
-
-
-def _three_digits(value: float) -> str:
-    return f"{value:#.3g}".removesuffix(".") if value else "0"
-
-
-def seconds_text(value: float | None) -> str:
-    """Three significant digits in the unit that suits; a dash for None."""
-    if value is None:
-        return "-"
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if not abs(value) < size:
-            return f"{_three_digits(value / size)} {unit}"
-    return f"{_three_digits(value / 1e-9)} ns"
 
 
 def state_lines(state: Mapping[str, Sequence[float]] | None) -> str:

@@ -1,4 +1,4 @@
-"""What an atlas of hard cases measured: plain data that the report and the JSON file are made of.
+"""The measurements of an atlas of hard cases: plain data that the report and the JSON file are made of.
 
 Errors are in the kinetic-energy norm. A number that is None was not measured, and ``reason`` says why.
 """
@@ -6,7 +6,9 @@ Errors are in the kinetic-energy norm. A number that is None was not measured, a
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+
+from harness.results.study_result import StudyResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,7 @@ class HardPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class HardReason:
-    """Why a verdict is expected along a family.
+    """The reason of a verdict that is expected along a family.
 
     Attributes:
         verdict: value of ``Verdict``; reason: the step of the algorithm that loses the digits.
@@ -95,7 +97,7 @@ class HardRow:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every verdict along the family is agreement or an expected other one."""
+        """True where every verdict along the family is agreement or an expected other one."""
         return not self.problems
 
     @property
@@ -111,7 +113,7 @@ class HardRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Parting:
-    """How fast one integrator leaves a baseline motion from one start.
+    """The growth of one integrator's distance from a baseline motion, from one start.
 
     Attributes:
         motion, system, integrator: names.
@@ -159,22 +161,19 @@ class StableStep:
 
 
 @dataclass(kw_only=True)
-class Atlas:
-    """Everything one run along the hard cases measured; a part that was not asked for is empty.
+class Atlas(StudyResult):
+    """Everything one run along the hard cases measured.
 
     Attributes:
         problems: sentences on motions that could not be measured.
     """
 
+    STUDY = "atlas"
+
     rows: list[HardRow] = field(default_factory=list)
     partings: list[Parting] = field(default_factory=list)
     stable_steps: list[StableStep] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
-
-    def extend(self, more: Atlas) -> None:
-        """Take in what another part measured."""
-        for part in fields(self):
-            getattr(self, part.name).extend(getattr(more, part.name))
 
     @property
     def unexpected(self) -> list[str]:

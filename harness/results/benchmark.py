@@ -1,4 +1,4 @@
-"""What a benchmark measured: plain data that the report and the JSON file are made of.
+"""The measurements of a benchmark: plain data that the report and the JSON file are made of.
 
 Seconds are per state for accelerations and in all for motion; absolute times compare within one run
 only. Errors of accelerations are backward errors [units of data roundoff]; errors of motion are relative
@@ -7,7 +7,9 @@ to the size of the motion, and a number that is not finite stands for a run that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+
+from harness.results.study_result import StudyResult
 
 # How energy may wander over a long run, from the best to the worst.
 DRIFTS = ("bounded", "random walk", "secular")
@@ -136,7 +138,7 @@ class Order:
 
     @property
     def as_expected(self) -> bool:
-        """Whether theory has it so, or the difference is explained."""
+        """True where the order is that of theory or the difference is explained."""
         return self.verdict != "differs" or bool(self.explanation)
 
 
@@ -163,7 +165,7 @@ class Drift:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the energy wanders no faster than theory has it."""
+        """True where the energy drifts no faster than theory says."""
         return self.expected not in DRIFTS or self.verdict not in DRIFTS or DRIFTS.index(self.verdict) <= DRIFTS.index(self.expected)
 
 
@@ -207,7 +209,7 @@ class Figure:
 
     @property
     def as_expected(self) -> bool:
-        """Whether it is the printed number, or there is a remark on why it is not."""
+        """True for the printed number, and for another one that a remark explains."""
         return self.reproduced or bool(self.remark)
 
 
@@ -230,8 +232,10 @@ class Cheapest:
 
 
 @dataclass(kw_only=True)
-class Benchmark:
-    """Everything one benchmark run measured; a part that was not asked for is empty."""
+class Benchmark(StudyResult):
+    """Everything one benchmark run measured; ``cheapest`` follows from the rest."""
+
+    STUDY = "benchmark"
 
     accelerations: list[AccelerationCost] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
@@ -241,10 +245,5 @@ class Benchmark:
     drifts: list[Drift] = field(default_factory=list)
     stationarity: list[Stationarity] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
-    cheapest: list[Cheapest] = field(default_factory=list)
+    cheapest: list[Cheapest] = field(default_factory=list, metadata={"derived": True})
     problems: list[str] = field(default_factory=list)
-
-    def extend(self, more: Benchmark) -> None:
-        """Take in what another part measured."""
-        for part in fields(self):
-            getattr(self, part.name).extend(getattr(more, part.name))

@@ -1,4 +1,4 @@
-"""Why a subject is wrong on a system, as plain data."""
+"""The cause of a wrong record, as plain data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Why one subject is wrong on one system.
+    """The reason why one subject is wrong on one system.
 
     Attributes:
         system, subject: names.
@@ -27,7 +27,7 @@ class Cause:
 
     @property
     def is_shared(self) -> bool:
-        """Whether the diagnosis is that of another subject, which reads the same file."""
+        """True where the diagnosis is that of another subject, which reads the same file."""
         return self.diagnosed not in ("", self.subject)
 
     @property

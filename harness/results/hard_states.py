@@ -15,11 +15,13 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.records import Record, dumps
 from harness.storage import write_atomically
-from harness.verdict import GRAVITY, Verdict
+from harness.verdict import SEVERITY, Verdict
 
 FOLDER = "hard_states"
 
@@ -54,28 +56,22 @@ class FoundState:
     date: str
 
     def __post_init__(self) -> None:
-        if not isinstance(self.state, dict) or list(self.state) != ["q", "v", "tau"] or not all(map(_are_finite, self.state.values())):
+        if list(self.state) != ["q", "v", "tau"] or not all(math.isfinite(value) for part in self.state.values() for value in part):
             raise ValueError('"state" is not {"q": [...], "v": [...], "tau": [...]} with finite numbers')
-        if self.verdict not in GRAVITY:
-            raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(GRAVITY)}')
-        if not (self.backward_error is None or _is_number(self.backward_error)) or not _is_number(self.digits_lost):
+        if self.verdict not in SEVERITY:
+            raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(SEVERITY)}')
+        if math.isnan(self.digits_lost) or (self.backward_error is not None and math.isnan(self.backward_error)):
             raise ValueError('"backward_error" or "digits_lost" is no number')
-        if not all(isinstance(text, str) for text in (self.subject, self.term, self.statement)):
-            raise ValueError('"subject", "term" or "statement" is no text')
-        if not isinstance(self.versions, dict) or not all(isinstance(text, str) for text in self.versions.values()):
-            raise ValueError('"versions" is not {name: text}')
-        if not isinstance(self.date, str):
-            raise ValueError('"date" is no text')
         date.fromisoformat(self.date)
 
     @property
     def severity(self) -> tuple[int, float]:
-        """Sorts the worse state behind."""
-        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+        """Sort key, ascending severity."""
+        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
 
 
 def path_of(library: Library, system: str) -> Path:
-    """Where the hard states of a system are stored."""
+    """The file of a system's hard states."""
     return library.hard_states / f"{system}.json"
 
 
@@ -88,7 +84,8 @@ def load_found(library: Library, system: str) -> list[FoundState]:
     path = path_of(library, system)
     if not path.exists():
         return []
-    expected = f"expected a list of objects with {', '.join(field.name for field in fields(FoundState))}"
+    names = [field.name for field in fields(FoundState)]
+    expected = f"expected a list of objects with {', '.join(names)}"
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
@@ -97,21 +94,22 @@ def load_found(library: Library, system: str) -> list[FoundState]:
         raise InvalidInput(path, None, f"cannot be read: {error}; {expected}") from error
     if not isinstance(entries, list):
         raise InvalidInput(path, None, f"holds no list; {expected}")
-    found = []
-    for number, entry in enumerate(entries, start=1):
-        if not isinstance(entry, dict) or set(entry) != {field.name for field in fields(FoundState)}:
-            held = ", ".join(map(str, entry)) if isinstance(entry, dict) else repr(entry)
-            raise InvalidInput(path, None, f"entry {number} holds {held}; {expected}")
-        try:
-            # JSON has no infinity; it is written as text.
-            found.append(FoundState(**entry | {"backward_error": _number(entry["backward_error"])}))
-        except (TypeError, ValueError) as error:
-            raise InvalidInput(path, None, f"entry {number}: {error}") from error
-    return found
+    return [_found(path, number, entry, names, expected) for number, entry in enumerate(entries, start=1)]
+
+
+def _found(path: Path, number: int, entry: Any, names: Collection[str], expected: str) -> FoundState:
+    # A field that this harness does not know would be lost when the file is written again.
+    if unknown := set(entry) - set(names) if isinstance(entry, dict) else ():
+        raise InvalidInput(path, None, f"entry {number} holds {', '.join(sorted(unknown))}; {expected}")
+    try:
+        # JSON has no infinity; lax conversion reads the text of one.
+        return msgspec.convert(entry, FoundState, strict=False)
+    except ValueError as error:
+        raise InvalidInput(path, None, f"entry {number}: {error}; {expected}") from error
 
 
 def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
-    """What to store: of each subject, verdict and term the worst; in a fixed order, and without states that agree."""
+    """The states to store: of each subject, verdict and term the worst; in a fixed order, and without states that agree."""
     worst: dict[tuple[str, str, str], FoundState] = {}
     for found in [*stored, *new]:
         key = found.subject, found.verdict, found.term
@@ -140,7 +138,7 @@ def keep(library: Library, system: str, new: Sequence[FoundState]) -> Path | Non
 
 def as_text(found: Sequence[FoundState]) -> str:
     """The text of a file that holds ``found``."""
-    return dumps([asdict(one) for one in found], indent=1) + "\n"
+    return dumps(found, indent=1) + "\n"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,8 +160,8 @@ class RankedCase:
 
     @property
     def severity(self) -> tuple[int, float]:
-        """Sorts the worse case behind."""
-        return GRAVITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
+        """Sort key, ascending severity."""
+        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
 
 
 def worst_cases(
@@ -215,15 +213,3 @@ _SHARED = ("subject", "verdict", "backward_error", "state", "statement")
 def replay_command(system: str, subject: str, state: Mapping[str, Sequence[float]], options: Collection[str] = ()) -> str:
     """Shell command that compares one subject at one state again; ``options`` say where library and models are."""
     return shlex.join(["harness", "check", system, "--subject", subject, *options, "--state", json.dumps(dict(state))])
-
-
-def _number(value: Any) -> Any:
-    return float(value) if value in ("inf", "-inf", "nan") else value
-
-
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and not math.isnan(value)
-
-
-def _are_finite(values: Any) -> bool:
-    return isinstance(values, list) and all(_is_number(value) and math.isfinite(value) for value in values)

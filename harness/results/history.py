@@ -1,74 +1,51 @@
-"""The history of all runs, benchmarks and atlases: records, systems and measurements in a SQLite file that survives a kill."""
+"""The history of all studies in a SQLite file that survives a kill."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
+
+import msgspec
 
 from harness.errors import InvalidInput
-from harness.results.atlas import Atlas
-from harness.results.benchmark import Benchmark
-from harness.results.records import Record, Run, SystemCard, dumps
-from harness.results.restoring import restored
-
-if TYPE_CHECKING:
-    from harness.results.causes import Cause
-    from harness.results.hard_states import RankedCase
-    from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record, Run, dumps
+from harness.results.study_result import StudyResult
 
 _Row = TypeVar("_Row")
+_Result = TypeVar("_Result", bound=StudyResult)
 _APPLICATION = 0x52424856
 _BUSY_SECONDS = 60.0
-# Each entry takes a file from the schema version before it to the next; the first makes an empty file version 1.
-_STEPS = (
-    """
-CREATE TABLE runs (id INTEGER PRIMARY KEY, content TEXT NOT NULL);
-CREATE TABLE records (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE TABLE systems (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE INDEX records_of_run ON records (run_id);
-CREATE INDEX systems_of_run ON systems (run_id);
-""",
-    """
-CREATE TABLE findings (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE TABLE benchmarks (id INTEGER PRIMARY KEY, content TEXT NOT NULL);
-CREATE TABLE measurements (
-    id INTEGER PRIMARY KEY, benchmark_id INTEGER NOT NULL REFERENCES benchmarks, part TEXT NOT NULL, content TEXT NOT NULL
-);
-CREATE INDEX findings_of_run ON findings (run_id);
-CREATE INDEX measurements_of_benchmark ON measurements (benchmark_id);
-""",
-    """
-CREATE TABLE atlases (id INTEGER PRIMARY KEY, content TEXT NOT NULL);
-CREATE TABLE atlas_parts (
-    id INTEGER PRIMARY KEY, atlas_id INTEGER NOT NULL REFERENCES atlases, part TEXT NOT NULL, content TEXT NOT NULL
-);
-CREATE TABLE worst_cases (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE INDEX parts_of_atlas ON atlas_parts (atlas_id);
-CREATE INDEX worst_cases_of_run ON worst_cases (run_id);
-""",
-    """
-CREATE TABLE causes (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE INDEX causes_of_run ON causes (run_id);
-""",
+_SCHEMA = (
+    "CREATE TABLE studies (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, content TEXT NOT NULL)",
+    "CREATE TABLE parts (id INTEGER PRIMARY KEY, study_id INTEGER NOT NULL REFERENCES studies, part TEXT NOT NULL, content TEXT NOT NULL)",
+    "CREATE INDEX parts_of_study ON parts (study_id, part)",
 )
-_VERSION = len(_STEPS)
+_VERSION = 5
+# Versions 1 to 4 had tables of their own for each kind of study: its name, its kind, the column that names it in the tables of
+# its parts, and each of these with the name of the part in SQL.
+_PARTS_OF_RUNS = {"records": "'records'", "systems": "'systems'", "findings": "'superfluous'", "causes": "'causes'"}
+_OLDER_TABLES = (
+    ("runs", "cross-check", "run_id", _PARTS_OF_RUNS | {"worst_cases": "'worst_cases'"}),
+    ("benchmarks", "benchmark", "benchmark_id", {"measurements": "part"}),
+    ("atlases", "atlas", "atlas_id", {"atlas_parts": "part"}),
+)
 _ELSEWHERE = "the file was left as it is; name another file, or move this one away to start a new history"
 
 
 class History:
-    """Runs with what they found, benchmarks with measurements, and atlases with their parts, in one SQLite file.
-
-    Each row holds JSON.
+    """Studies and the parts of their results in one SQLite file, each row as JSON.
 
     Every ``append`` is its own committed transaction under SQLite's rollback journal, so a kill loses
     none that returned, and the history stays one file that can be copied. Several processes may append
     at once. Created, with its folder, where it does not exist; a file of an older harness is brought up to date.
+    Fields that a row lacks take their defaults; fields that this harness does not know are passed over, for rows are
+    never written again.
 
     Raises:
         InvalidInput: on opening and from every method: the file is no history, is damaged, comes from
@@ -98,145 +75,59 @@ class History:
         """Close the file; the history cannot be used afterwards."""
         self._connection.close()
 
-    def begin(self, run: Run) -> int:
-        """Store ``run``; its number, which grows from run to run."""
-        return self._begin("INSERT INTO runs (content) VALUES (?)", run)
+    def begin(self, run: Run, kind: type[StudyResult]) -> int:
+        """Store that a study of this kind begins; its number, which grows from study to study."""
+        with self._explained():
+            number = self._connection.execute("INSERT INTO studies (kind, content) VALUES (?, ?)", (kind.STUDY, dumps(run))).lastrowid
+        assert number is not None
+        return number
 
-    def append(self, run_id: int, record: Record) -> None:
-        """Store ``record``; once this returns, it survives a kill.
-
-        Raises:
-            ValueError: there is no such run.
-        """
-        self._insert("INSERT INTO records (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(record)),))
-
-    def append_system(self, run_id: int, card: SystemCard) -> None:
-        """Store ``card``.
+    def append(self, study: int, found: StudyResult) -> None:
+        """Store all of ``found`` in one transaction; once this returns, it survives a kill.
 
         Raises:
-            ValueError: there is no such run.
+            ValueError: there is no such study.
         """
-        self._insert("INSERT INTO systems (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(card)),))
+        rows = [(study, part, dumps(item)) for part, item in found.stored_parts()]
+        with self._explained():
+            try:
+                self._connection.execute("BEGIN IMMEDIATE")
+                self._connection.executemany("INSERT INTO parts (study_id, part, content) VALUES (?, ?, ?)", rows)
+                self._connection.execute("COMMIT")
+            except sqlite3.IntegrityError as error:
+                raise ValueError(f"there is no study {study} in {self.path.name}") from error
+            finally:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
 
-    def append_finding(self, run_id: int, finding: SuperfluousPart) -> None:
-        """Store a superfluous part of a model.
+    def studies(self, kind: type[StudyResult], library: str | None = None) -> dict[int, Run]:
+        """Number and run of the studies of a kind, newest first; of one library or of all."""
+        rows = self._rows("SELECT id, content FROM studies WHERE kind = ? ORDER BY id DESC", kind.STUDY)
+        runs = {number: self._loaded(Run, content) for number, content in rows}
+        return {number: run for number, run in runs.items() if library in (None, run.library)}
 
-        Raises:
-            ValueError: there is no such run.
-        """
-        self._insert("INSERT INTO findings (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(finding)),))
+    def read(self, study: int, kind: type[_Result], part: str = "%") -> _Result:
+        """The result of a study, its parts in the order they were appended, or one part of it; empty for a study that does not exist."""
+        found: dict[str, list[str]] = {}
+        for name, item in self._rows("SELECT part, content FROM parts WHERE study_id = ? AND part LIKE ? ORDER BY id", study, part):
+            found.setdefault(name, []).append(item)
+        whole = ", ".join(f"{json.dumps(name)}: [{', '.join(items)}]" for name, items in found.items())
+        return self._loaded(kind, f"{{{whole}}}")
 
-    def append_cause(self, run_id: int, cause: Cause) -> None:
-        """Store why a record is wrong.
-
-        Raises:
-            ValueError: there is no such run.
-        """
-        self._insert("INSERT INTO causes (run_id, content) VALUES (?, ?)", run_id, (dumps(asdict(cause)),))
-
-    def append_worst_cases(self, run_id: int, cases: Iterable[RankedCase]) -> None:
-        """Store all of a run's worst cases in one transaction.
-
-        Raises:
-            ValueError: there is no such run.
-        """
-        rows = [(dumps(asdict(case)),) for case in cases]
-        self._insert("INSERT INTO worst_cases (run_id, content) VALUES (?, ?)", run_id, *rows)
-
-    def begin_benchmark(self, run: Run) -> int:
-        """Store that a benchmark begins; its number, which grows from benchmark to benchmark."""
-        return self._begin("INSERT INTO benchmarks (content) VALUES (?)", run)
-
-    def append_measurements(self, benchmark_id: int, measured: Benchmark) -> None:
-        """Store all of ``measured`` in one transaction, except what follows from the rest: ``cheapest``.
-
-        Raises:
-            ValueError: there is no such benchmark.
-        """
-        self._insert("INSERT INTO measurements (benchmark_id, part, content) VALUES (?, ?, ?)", benchmark_id, *_parts(measured))
-
-    def begin_atlas(self, run: Run) -> int:
-        """Store that an atlas begins; its number, which grows from atlas to atlas."""
-        return self._begin("INSERT INTO atlases (content) VALUES (?)", run)
-
-    def append_atlas(self, atlas_id: int, measured: Atlas) -> None:
-        """Store all of ``measured`` in one transaction.
-
-        Raises:
-            ValueError: there is no such atlas.
-        """
-        self._insert("INSERT INTO atlas_parts (atlas_id, part, content) VALUES (?, ?, ?)", atlas_id, *_parts(measured))
-
-    def runs(self, limit: int = 100) -> list[tuple[int, Run]]:
-        """The latest ``limit`` runs and their numbers, newest first."""
-        rows = self._rows("SELECT id, content FROM runs ORDER BY id DESC LIMIT ?", limit)
-        return [(number, self._loaded(Run, content)) for number, content in rows]
-
-    def records(self, run_id: int) -> list[Record]:
-        """The records of a run, in the order they were appended; empty for a run that does not exist."""
-        rows = self._rows("SELECT id, content FROM records WHERE run_id = ? ORDER BY id", run_id)
-        return [self._loaded(Record, content) for _, content in rows]
-
-    def systems(self, run_id: int) -> list[SystemCard]:
-        """The systems of a run, in the order they were appended; empty for a run that does not exist."""
-        rows = self._rows("SELECT id, content FROM systems WHERE run_id = ? ORDER BY id", run_id)
-        return [self._loaded(SystemCard, content) for _, content in rows]
-
-    def findings(self, run_id: int) -> list[SuperfluousPart]:
-        """The superfluous parts a run found, in the order they were appended."""
-        from harness.results.superfluous import SuperfluousPart
-
-        rows = self._rows("SELECT id, content FROM findings WHERE run_id = ? ORDER BY id", run_id)
-        return [self._loaded(SuperfluousPart, content) for _, content in rows]
-
-    def causes(self, run_id: int) -> list[Cause]:
-        """Why records of a run are wrong, in the order they were appended."""
-        from harness.results.causes import Cause
-
-        rows = self._rows("SELECT id, content FROM causes WHERE run_id = ? ORDER BY id", run_id)
-        return [self._loaded(Cause, content) for _, content in rows]
-
-    def worst_cases(self, run_id: int) -> list[RankedCase]:
-        """The worst cases of a run, in the order they were appended."""
-        from harness.results.hard_states import RankedCase
-
-        rows = self._rows("SELECT id, content FROM worst_cases WHERE run_id = ? ORDER BY id", run_id)
-        return [self._loaded(RankedCase, content) for _, content in rows]
-
-    def latest_run(self, library: str) -> int | None:
-        """The newest run of a library that holds a record; None where there is none."""
-        return next((number for number, run in self.runs(-1) if run.library == library and self.records(number)), None)
-
-    def latest_benchmark(self, library: str) -> tuple[Run, Benchmark] | None:
-        """The newest benchmark of a library that measured anything; None where there is none."""
-        parts = "SELECT part, content FROM measurements WHERE benchmark_id = ? ORDER BY id"
-        return self._latest("SELECT id, content FROM benchmarks ORDER BY id DESC LIMIT ?", parts, Benchmark, library)
-
-    def latest_atlas(self, library: str) -> tuple[Run, Atlas] | None:
-        """The newest atlas of a library that measured anything; None where there is none."""
-        parts = "SELECT part, content FROM atlas_parts WHERE atlas_id = ? ORDER BY id"
-        return self._latest("SELECT id, content FROM atlases ORDER BY id DESC LIMIT ?", parts, Atlas, library)
-
-    def earlier(self, run_id: int, limit: int = 30) -> list[tuple[Run, list[Record]]]:
-        """Up to ``limit`` runs before ``run_id`` of the same library and profile, newest first, with records."""
-        runs = {number: run for number, run in self.runs(-1) if number <= run_id}
-        this = runs.pop(run_id, None)
-        alike = [(number, run) for number, run in runs.items() if this and (run.library, run.profile) == (this.library, this.profile)]
-        return [(run, self.records(number)) for number, run in alike[:limit]]
-
-    def _latest(self, heads: str, parts: str, kind: type[_Row], library: str) -> tuple[Run, _Row] | None:
-        """The newest of ``heads`` of a library with any ``parts``, as a ``kind`` whose fields are lists of them."""
-        for number, content in self._rows(heads, -1):
-            run = self._loaded(Run, content)
-            if run.library != library:
-                continue
-            found: dict[str, list[str]] = {}
-            for part, item in self._rows(parts, number):
-                found.setdefault(part, []).append(item)
-            if found:
-                whole = ", ".join(f"{json.dumps(part)}: [{', '.join(items)}]" for part, items in found.items())
-                return run, self._loaded(kind, f"{{{whole}}}")
+    def latest(self, kind: type[_Result], library: str) -> tuple[Run, _Result] | None:
+        """The newest study of a kind and library that found anything; None where there is none."""
+        for number, run in self.studies(kind, library).items():
+            found = self.read(number, kind)
+            if any(found.stored_parts()):
+                return run, found
         return None
+
+    def earlier(self, study: int, limit: int = 30) -> list[tuple[Run, list[Record]]]:
+        """Up to ``limit`` cross-checks before ``study`` of the same library and profile, newest first, with their records."""
+        runs = {number: run for number, run in self.studies(CrossCheckResult).items() if number <= study}
+        this = runs.pop(study, None)
+        alike = [(number, run) for number, run in runs.items() if this and (run.library, run.profile) == (this.library, this.profile)]
+        return [(run, self.read(number, CrossCheckResult, "records").records) for number, run in alike[:limit]]
 
     def _open(self) -> None:
         self._connection.execute("PRAGMA foreign_keys = ON")
@@ -255,17 +146,31 @@ class History:
             self._upgrade()
 
     def _upgrade(self) -> None:
-        """From whatever version the file has to ours, all at once or not at all."""
+        """Bring an empty file or one of an older version to ours, all at once or not at all."""
         self._connection.execute("BEGIN IMMEDIATE")
         # Another process may have done it while this one waited for the lock; another program may have made the file its own.
-        version = self._pragma("user_version")
-        if self._is_empty() or (self._pragma("application_id") == _APPLICATION and version < _VERSION):
-            for step in _STEPS[version:]:
-                for statement in filter(str.strip, step.split(";")):
-                    self._connection.execute(statement)
+        if self._is_empty() or (self._pragma("application_id") == _APPLICATION and self._pragma("user_version") < _VERSION):
+            for statement in _SCHEMA:
+                self._connection.execute(statement)
+            self._move_older_tables()
             self._connection.execute(f"PRAGMA application_id = {_APPLICATION}")
             self._connection.execute(f"PRAGMA user_version = {_VERSION}")
         self._connection.execute("COMMIT")
+
+    def _move_older_tables(self) -> None:
+        run = self._connection.execute
+        held = {name for (name,) in run("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        for studies, kind, owner, parts in _OLDER_TABLES:
+            if studies in held:
+                # Each kind of study was numbered by itself.
+                (offset,) = run("SELECT coalesce(max(id), 0) FROM studies").fetchone()
+                run(f"INSERT INTO studies SELECT id + ?, ?, content FROM {studies}", (offset, kind))
+                for table, part in parts.items():
+                    if table in held:
+                        moved = f"SELECT {owner} + ?, {part}, content FROM {table} ORDER BY id"
+                        run(f"INSERT INTO parts (study_id, part, content) {moved}", (offset,))
+                        run(f"DROP TABLE {table}")
+                run(f"DROP TABLE {studies}")
 
     def _is_empty(self) -> bool:
         (objects,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -274,34 +179,15 @@ class History:
     def _pragma(self, name: str) -> Any:
         return self._connection.execute(f"PRAGMA {name}").fetchone()[0]
 
-    def _begin(self, statement: str, run: Run) -> int:
+    def _rows(self, query: str, *values: object) -> list[tuple[Any, str]]:
         with self._explained():
-            number = self._connection.execute(statement, (dumps(asdict(run)),)).lastrowid
-        assert number is not None
-        return number
-
-    def _insert(self, statement: str, owner: int, *rows: tuple[str, ...]) -> None:
-        """``statement`` for each of ``rows`` after the number of their owner, all in one transaction."""
-        with self._explained():
-            try:
-                self._connection.execute("BEGIN IMMEDIATE")
-                self._connection.executemany(statement, [(owner, *row) for row in rows])
-                self._connection.execute("COMMIT")
-            except sqlite3.IntegrityError as error:
-                [owners] = [word for word in ("benchmark", "atlas", "run") if f"({word}_id" in statement]
-                raise ValueError(f"there is no {owners} {owner} in {self.path.name}") from error
-            finally:
-                if self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
-
-    def _rows(self, query: str, value: int) -> list[tuple[Any, str]]:
-        with self._explained():
-            return self._connection.execute(query, (value,)).fetchall()
+            return self._connection.execute(query, values).fetchall()
 
     def _loaded(self, kind: type[_Row], content: str) -> _Row:
         try:
-            return restored(kind, json.loads(content))
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            # JSON has no infinity; lax conversion reads the text of one into a field of floats.
+            return msgspec.convert(json.loads(content), kind, strict=False)
+        except ValueError as error:
             raise InvalidInput(self.path, None, f"holds a row that is no record of this harness ({error}); {_ELSEWHERE}") from error
 
     @contextmanager
@@ -317,8 +203,3 @@ class History:
             raise InvalidInput(self.path, None, f"is damaged or no SQLite database ({error}); {_ELSEWHERE}") from error
         except OSError as error:
             raise InvalidInput(self.path, None, f"cannot be used ({error.strerror}); name a file in a folder that is writable") from error
-
-
-def _parts(measured: Benchmark | Atlas) -> list[tuple[str, str]]:
-    """(field, one of its items) of everything but what follows from the rest."""
-    return [(part, dumps(item)) for part, items in asdict(measured).items() if part != "cheapest" for item in items]

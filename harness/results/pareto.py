@@ -1,4 +1,4 @@
-"""What is worth choosing: the Pareto front of cost against error, and the cheapest way to a given error.
+"""The choices among measured ways: the Pareto front of cost against error, and the cheapest way to a given error.
 
 Source: a way is on the front where no other is both cheaper and more exact (V. Pareto, 1906).
 """
@@ -28,7 +28,7 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def way_of(measured: AccelerationCost | MotionCost) -> str:
-    """How to repeat a measurement, as "pinocchio abaInParallel, 2 threads" or "mujoco RK4, step 0.001 s"."""
+    """The name under which a measurement can be repeated, as "pinocchio abaInParallel, 2 threads" or "mujoco RK4, step 0.001 s"."""
     if isinstance(measured, AccelerationCost):
         return measured.method if measured.threads == 1 else f"{measured.method}, {measured.threads} threads"
     if measured.step is not None:

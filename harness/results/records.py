@@ -10,14 +10,15 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
+from harness.results.table import Cell, Column, Table
 from harness.storage import write_atomically
-from harness.verdict import Verdict
+from harness.verdict import AGREEMENT, Verdict
 
 if TYPE_CHECKING:
     from harness.results.benchmark import Benchmark
@@ -76,13 +77,98 @@ class Record:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the verdict is the expected one, with no larger an error than the expectation explains."""
+        """True for the expected verdict with no larger an error than the expectation explains."""
         return self.verdict == self.expected and (self.backward_error or 0.0) <= self.expected_backward_error
+
+    @property
+    def explanation(self) -> str:
+        """Verdict, message, state and replay command, a line each: what a person needs to go on from an unexpected record."""
+        lines = [f"{self.system} {self.subject}: {self.verdict}, expected {self.expected}"]
+        if self.backward_error is not None:
+            over = f"over {self.states:,} states; up to {AGREEMENT:g} agrees"
+            lines.append(f"worst backward error {self.backward_error:.3g} data roundoffs {over}")
+        if self.expected_reason:
+            limit = f", up to {self.expected_backward_error:g}," if math.isfinite(self.expected_backward_error) else ""
+            lines.append(f"expected{limit} because {self.expected_reason} ({self.expected_link})")
+            lines.append("remove or mend the entry in expected_verdicts.toml if that is past")
+        if self.message:
+            lines.append(self.message)
+        if self.worst_state is not None:
+            lines.append("at " + ", ".join(f"{name} = {values}" for name, values in self.worst_state.items()))
+        if self.replay:
+            lines.append(f"replay: {self.replay}")
+        return "\n  ".join(lines)
+
+
+class Records(Sequence[Record]):
+    """The records of a run, by system and subject; a table on a terminal and in a notebook."""
+
+    def __init__(self, records: Iterable[Record]) -> None:
+        self._records = sorted(records, key=lambda record: (record.system, record.subject))
+
+    @overload
+    def __getitem__(self, place: int) -> Record: ...
+    @overload
+    def __getitem__(self, place: slice) -> Records: ...
+    def __getitem__(self, place: int | slice) -> Record | Records:
+        """A record, or those of a slice as ``Records``."""
+        return Records(self._records[place]) if isinstance(place, slice) else self._records[place]
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == list(other) if isinstance(other, Sequence) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def unexpected(self) -> Records:
+        """Those whose verdict is not the expected one."""
+        return Records(record for record in self if not record.as_expected)
+
+    def table(self) -> Table:
+        """One row per record."""
+        return Table.of(
+            self,
+            {
+                "system": "system",
+                "subject": "subject",
+                Column("states", "count"): "states",
+                "verdict": _verdict_cell,
+                "expected": "expected",
+                Column("worst backward error", "error"): "backward_error",
+                Column("median backward error", "error"): "median_backward_error",
+                Column("worst relative error", "error"): "relative_error",
+                Column("time per state", "seconds"): "seconds_per_state",
+                "states by verdict": lambda record: ", ".join(f"{name} {count}" for name, count in sorted(record.verdict_counts.items())),
+            },
+        )
+
+    def brief(self) -> Table:
+        """The columns that fit a terminal."""
+        return self.table().without("expected", "median backward error", "states by verdict")
+
+    def __str__(self) -> str:
+        return str(self.brief())
+
+    def __repr__(self) -> str:
+        return f"Records({self._records!r})"
+
+    def _repr_html_(self) -> str:
+        return self.brief().html()
+
+
+def _verdict_cell(record: Record) -> Cell:
+    if record.as_expected:
+        text = record.verdict if record.verdict == Verdict.AGREES else f"{record.verdict} (as expected)"
+        return Cell(text, tone=f"{record.verdict} expected")
+    return Cell(f"{record.verdict} (expected {record.expected})", tone=f"{record.verdict} surprise")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SystemCard:
-    """What a report shows of a system.
+    """One system as a report shows it.
 
     Attributes:
         description: first line of the system file's docstring; source: its reference.
@@ -105,6 +191,12 @@ class SystemCard:
     derivation_seconds: float | None = None
     reference_seconds_per_state: float | None = None
     compilation_seconds: float | None = None
+
+    def tables(self) -> tuple[Table, Table]:
+        """Coordinates with their joints, and parameters with their values."""
+        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates])
+        rows = [[entry["name"], entry["value"], entry["unit"]] for entry in self.parameters]
+        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,14 +253,14 @@ def to_json(
     "benchmark" holds "run" and the fields of ``Benchmark`` where there is one. ``further`` is plain data to add.
     """
     about = asdict(run)
-    document = {
+    document: dict[str, Any] = {
         "harness": about.pop("versions"),
         "run": about,
         "records": [asdict(record) | {"as_expected": record.as_expected} for record in records],
-        "systems": [asdict(card) for card in cards],
+        "systems": list(cards),
     }
     if superfluous is not None:
-        document["superfluous"] = [asdict(finding) for finding in superfluous]
+        document["superfluous"] = list(superfluous)
     if benchmark is not None:
         document["benchmark"] = {"run": asdict(benchmark[0])} | asdict(benchmark[1])
     document |= further or {}
@@ -179,7 +271,6 @@ def write_json(
     path: Path | str,
     run: Run,
     records: Iterable[Record],
-    cards: Iterable[SystemCard] = (),
     superfluous: Iterable[SuperfluousPart] | None = None,
     benchmark: tuple[Run, Benchmark] | None = None,
     further: Mapping[str, Any] | None = None,
@@ -189,15 +280,17 @@ def write_json(
     Raises:
         InvalidInput: the file cannot be written.
     """
-    write_atomically(path, to_json(run, records, cards, superfluous, benchmark, further))
+    write_atomically(path, to_json(run, records, (), superfluous, benchmark, further))
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Strict JSON of plain data; numbers that are not finite become "inf", "-inf" or "nan"."""
+    """Strict JSON of plain data and dataclasses of it; numbers that are not finite become "inf", "-inf" or "nan"."""
     return json.dumps(_plain(value), indent=indent, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -31,7 +31,7 @@ class Case:
 
 @dataclass(kw_only=True)
 class SearchResult:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
         cases: the worst first; at least one for each subject that answered.

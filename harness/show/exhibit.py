@@ -1,4 +1,4 @@
-"""What there is to see of one mechanism: equations, parameters, the joints of both models, and what engines hold.
+"""Everything to show of one mechanism: equations, parameters, the joints of both models, and what engines hold.
 
 Engines load on a worker process, so that a model which kills one costs its own line only.
 """
@@ -6,7 +6,7 @@ Engines load on a worker process, so that a model which kills one costs its own 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from harness.check.expected import load_expectations, why_no_model
@@ -14,26 +14,32 @@ from harness.check.tasks import Assignment
 from harness.diagnose.held import SOUND, differences, held_by, soundness
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.engines._audit import audit
+from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
-from harness.show.geometry import Placement, place
+from harness.show.placement import place
+from harness.study import Part, Rounds
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task, Workers
+from harness.workers import Outcome, Task
 
 TOO_LONG = "too long to read"
 
 
 @dataclass(frozen=True)
 class Holding:
-    """What one subject holds after loading; where that is nothing, or not the mechanism, ``remark`` says why."""
+    """One subject's model after loading; where there is none, or it is not the mechanism, ``remark`` says why.
+
+    ``placements`` are at the zero configuration and moved a little, where a picture was asked for.
+    """
 
     subject: Subject
     loaded: LoadedModel | None = None
     held: HeldModel | None = None
+    placements: tuple[Placement, Placement] | None = None
     remark: str = ""
 
 
@@ -48,7 +54,6 @@ class Exhibit:
         reasons: subject to the reason why it has no model, as the library's expected verdicts say.
         holdings: one per subject that reads a model.
         placements: the mechanism at its zero configuration and moved a little, if a picture was asked for.
-        problems: what the author must mend. crashed: whether an engine died.
     """
 
     mechanism: Mechanism
@@ -58,106 +63,105 @@ class Exhibit:
     reasons: dict[Subject, str] = field(default_factory=dict)
     holdings: list[Holding] = field(default_factory=list)
     placements: tuple[Placement, Placement] | None = None
-    problems: list[InvalidInput] = field(default_factory=list)
-    crashed: bool = False
 
 
-def look_at(library: Library, name: str, with_picture: bool, workers: Workers) -> Exhibit:
-    """Read and load what there is; what cannot be is left out and told in ``problems``.
-
-    Raises:
-        InvalidInput: the system file itself is of no use.
-    """
-    exhibit = Exhibit(load_mechanism(library, name))
-    _take_reasons(library, exhibit)
-    excused = {subject.format for subject in exhibit.reasons}
-    excused -= {subject.format for subject in subjects(library) if subject not in exhibit.reasons}
-    for model_format in MODEL_SUFFIXES:
-        try:
-            model = read_model(library.model_path(name, model_format), model_format)
-        except InvalidInput as problem:
-            if model_format not in excused:
-                exhibit.problems.append(problem)
-            continue
-        exhibit.models[model_format] = model
-        for row in joint_rows(model):
-            exhibit.joints.setdefault(row.joint, []).append((model_format, row))
-        exhibit.springs += [(model_format, text) for text in point_springs(model)]
-    work = list(_loadings(library, exhibit))
-    if with_picture:
-        work += [Task(model_format, place, (model, exhibit.mechanism)) for model_format, model in exhibit.models.items()]
-    if work:
-        with workers:
-            outcomes = {outcome.task.key: outcome for outcome in workers.run(work)}
-        exhibit.crashed = any(outcome.crash is not None for outcome in outcomes.values())
-        exhibit.holdings = [_told(holding, outcomes.get(holding.subject), exhibit) for holding in exhibit.holdings]
-        # Any engine's picture will do; the first format that gave one is shown.
-        drawn = [outcomes[model_format].value for model_format in exhibit.models if model_format in outcomes]
-        exhibit.placements = next((placements for placements in drawn if placements is not None), None)
-    return exhibit
+Held = tuple[LoadedModel | None, HeldModel | None, tuple[Placement, Placement] | None]
 
 
-def _take_reasons(library: Library, exhibit: Exhibit) -> None:
-    every = subjects(library)
-    try:
-        expectations = load_expectations(library, [str(subject) for subject in every])
-    except InvalidInput as problem:
-        exhibit.problems.append(problem)
-        return
-    for subject in every:
-        if reason := why_no_model(library, exhibit.mechanism.name, str(subject), subject.format, expectations):
-            exhibit.reasons[subject] = reason
-
-
-def hold(assignment: Assignment, note: Callable[[str], None]) -> tuple[LoadedModel | None, HeldModel | None]:
-    """What the subject's engine holds after loading, as a whole and joint by joint, without a judgement of it."""
+def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Held:
+    """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
     model, mechanism = assignment.model, assignment.mechanism
     assert model is not None
+    engine = load_engine(assignment.library, assignment.subject.engine)
     try:
-        loaded = load_engine(assignment.library, assignment.subject.engine).load(model, mechanism.joints, mechanism.gravity)
-        return loaded.loaded(), held_by(loaded)
+        loaded = engine.load(model, mechanism.joints, mechanism.gravity)
+        # A picture is that of the format's own engine.
+        is_native = assignment.subject.format == engine.formats[0]
+        return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture and is_native else None
     except ValueError as error:
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
 
 
-def _loadings(library: Library, exhibit: Exhibit) -> Iterator[Task]:
-    """A task for each subject that can load its model; for the others the reason why not stands in its holding."""
-    for subject in subjects(library):
+class Exhibition(Rounds):
+    """Reads and loads what there is of one mechanism; a ``harness.study.Study``. Whatever cannot be used is left out and reported.
+
+    Raises:
+        InvalidInput: the system file itself is of no use.
+    """
+
+    title = "show"
+
+    def __init__(self, library: Library, name: str, with_picture: bool) -> None:
+        super().__init__()
+        exhibit = self._exhibit = Exhibit(load_mechanism(library, name))
+        exhibit.reasons |= self._reasons(library, name)
+        excused = {subject.format for subject in exhibit.reasons}
+        excused -= {subject.format for subject in subjects(library) if subject not in exhibit.reasons}
+        for model_format in MODEL_SUFFIXES:
+            try:
+                model = read_model(library.model_path(name, model_format), model_format)
+            except InvalidInput as problem:
+                if model_format not in excused:
+                    self.report(problem)
+                continue
+            exhibit.models[model_format] = model
+            for row in joint_rows(model):
+                exhibit.joints.setdefault(row.joint, []).append((model_format, row))
+            exhibit.springs += [(model_format, text) for text in point_springs(model)]
+        reading = [subject for subject in subjects(library) if subject.format != EQUATIONS]
+        self._holdings = {subject: self._load(library, subject, with_picture) for subject in reading}
+        self.steps = len(self._next)
+
+    def result(self) -> Exhibit:
+        self._exhibit.holdings = list(self._holdings.values())
+        # Any engine's picture will do.
+        drawn = (holding.placements for holding in self._exhibit.holdings)
+        self._exhibit.placements = next((placements for placements in drawn if placements is not None), None)
+        return self._exhibit
+
+    def _reasons(self, library: Library, name: str) -> dict[Subject, str]:
+        every = subjects(library)
+        try:
+            expectations = load_expectations(library, [str(subject) for subject in every])
+        except InvalidInput as problem:
+            self.report(problem)
+            return {}
+        reasons = {subject: why_no_model(library, name, str(subject), subject.format, expectations) for subject in every}
+        return {subject: reason for subject, reason in reasons.items() if reason}
+
+    def _load(self, library: Library, subject: Subject, with_picture: bool) -> Holding:
+        """Ask for a subject that can load its model; for the others the holding says why not."""
+        exhibit = self._exhibit
         model = exhibit.models.get(subject.format)
-        if subject.format == EQUATIONS:
-            continue
         if subject in exhibit.reasons:
-            exhibit.holdings.append(Holding(subject, remark=f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}"))
-        elif installed_version(load_engine(library, subject.engine)) is None:
-            exhibit.holdings.append(Holding(subject, remark="not installed"))
-        elif model is None:
-            exhibit.holdings.append(Holding(subject, remark=f"no valid {subject.format} model"))
+            return Holding(subject, remark=f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}")
+        if installed_version(load_engine(library, subject.engine)) is None:
+            return Holding(subject, remark="not installed")
+        if model is None:
+            return Holding(subject, remark=f"no valid {subject.format} model")
+        self._next.append(Task((self._held, subject), hold, (Assignment(library, subject, exhibit.mechanism, model), with_picture)))
+        return Holding(subject)
+
+    def _held(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
+        if failure := self.failure(outcome):
+            remark = outcome.exception.problem if isinstance(outcome.exception, InvalidInput) else failure
+            self._holdings[subject] = Holding(subject, remark=remark)
         else:
-            exhibit.holdings.append(Holding(subject))
-            yield Task(subject, hold, (Assignment(library, subject, exhibit.mechanism, model),))
+            self._holdings[subject] = self._audited(subject, *outcome.value)
+        yield Part(str(subject), None)
 
-
-def _told(holding: Holding, outcome: Outcome | None, exhibit: Exhibit) -> Holding:
-    """The holding after its task, if it had one; adds to the exhibit's problems what the author must mend."""
-    if outcome is None:
-        return holding
-    if outcome.crash is not None:
-        return replace(holding, remark=str(outcome.crash))
-    if isinstance(outcome.exception, InvalidInput):
-        exhibit.problems.append(outcome.exception)
-        return replace(holding, remark=outcome.exception.problem)
-    if outcome.exception is not None:
-        return replace(holding, remark=f"{type(outcome.exception).__name__}: {outcome.exception}")
-    loaded, held = outcome.value
-    if loaded is None:
-        return replace(holding, remark="does not say what it holds")
-    holding = replace(holding, held=held)
-    try:
-        audit(loaded, exhibit.models[holding.subject.format], exhibit.mechanism)
-    except InvalidInput as problem:
-        exhibit.problems.append(problem)
-        return replace(holding, loaded=loaded, remark=problem.problem)
-    return replace(holding, loaded=loaded, remark="as the system says")
+    def _audited(
+        self, subject: Subject, loaded: LoadedModel | None, held: HeldModel | None, placements: tuple[Placement, Placement] | None
+    ) -> Holding:
+        if loaded is None:
+            return Holding(subject, placements=placements, remark="does not say what it holds")
+        remark = "as the system says"
+        try:
+            audit(loaded, self._exhibit.models[subject.format], self._exhibit.mechanism)
+        except InvalidInput as problem:
+            self.report(problem)
+            remark = problem.problem
+        return Holding(subject, loaded, held, placements, remark)
 
 
 def whereabouts(path: Path) -> str:

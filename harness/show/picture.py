@@ -13,8 +13,8 @@ from html import escape
 
 import numpy as np
 
+from harness.engines._placement import WORLD, PlacedJoint, Placement, Vector
 from harness.report.figures import COLOURS
-from harness.show.geometry import WORLD, PlacedJoint, Placement, Vector
 from harness.show.views import Point, View
 
 WIDTH = 460.0
@@ -68,7 +68,7 @@ class _Sheet:
         self.middle = (low + high) / 2
 
     def at(self, point: Vector) -> Point:
-        """Where a point of the world lies on the sheet."""
+        """Place on the sheet of a point of the world."""
         x, y = self.view.flat(point)
         return WIDTH / 2 + self.scale * (x - self.middle[0]), (self.height - _FOOT) / 2 - self.scale * (y - self.middle[1])
 

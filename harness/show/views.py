@@ -1,4 +1,4 @@
-"""From where a mechanism is looked at: a planar one along its hinges, a spatial one from a corner."""
+"""The direction from which a mechanism is seen: a planar one along its hinges, a spatial one from a corner."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.show.geometry import Placement, Vector
+from harness.engines._placement import Placement, Vector
 
 Point = tuple[float, float]
 _FLAT = 1e-6
@@ -27,7 +27,7 @@ class View:
         return np.cross(self.right, self.up)
 
     def flat(self, vector: Vector | Array) -> Point:
-        """What is seen of a vector."""
+        """A vector's components to the right and up."""
         return float(np.dot(vector, self.right)), float(np.dot(vector, self.up))
 
 

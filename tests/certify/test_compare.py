@@ -20,7 +20,7 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.library import Library
-from harness.verdict import AGREEMENT, GRAVITY, Verdict, gravest
+from harness.verdict import AGREEMENT, SEVERITY, Verdict, gravest
 
 
 def made_up(high: Any, sensitivity: float = 1.0, instability: float = 1e6, certified: bool = True, low: Any = None) -> Reference:
@@ -129,7 +129,7 @@ def test_worst_is_the_gravest_then_the_largest() -> None:
 
 def test_verdicts_ascend_as_documented() -> None:
     order = ["agrees", "undecided", "unsupported", "unstable", "disagrees", "error"]
-    assert sorted(GRAVITY, key=GRAVITY.__getitem__) == order == [verdict.value for verdict in Verdict]
+    assert sorted(SEVERITY, key=SEVERITY.__getitem__) == order == [verdict.value for verdict in Verdict]
     assert gravest(["agrees", "unstable", "undecided"]) == "unstable"
     assert gravest([]) == "agrees"
 

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support import harness
 
 from harness.check.superfluous import superfluous
 from harness.engines import Subject, is_native, subjects
@@ -319,7 +320,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_surplus_is_exit_status_1_and_in_the_json(library: Path) -> None:
-    done = run("harness", "check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
+    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "5 of 5 as expected" in done.stdout
     assert "1 superfluous part of a model:" in done.stdout
@@ -330,7 +331,7 @@ def test_a_surplus_is_exit_status_1_and_in_the_json(library: Path) -> None:
     assert {"path", "line", "element", "attribute", "value", "why"} <= set(finding)
     assert (finding["system"], finding["subject"], finding["attribute"]) == ("bar_pendulum", "mujoco/mjcf", "sensor")
     shutil.copy(LIBRARY.model_path("bar_pendulum", "mjcf"), model)
-    done = run("harness", "check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
+    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
     assert done.returncode == 0
     assert json.loads((library / "out.json").read_text())["superfluous"] == []
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from support import Stage, where
 
 from harness import workers
 from harness.cli import main
@@ -50,32 +51,8 @@ def row(case: str, subject: str, *points: HardPoint) -> HardRow:
 def answer(task: Task) -> Outcome:
     """Agreement everywhere."""
     if task.function is measure:
-        return Outcome(task, value=row(task.key[0], str(task.key[1]), POINT))
+        return Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT))
     return Outcome(task, value=[PARTING] if task.function is partings else [replace(STEP, measured=2.0, verdict="agrees")])
-
-
-@dataclass
-class Stage:
-    """Stands in for ``Workers``: remembers what was to be run, and answers from ``answers``."""
-
-    answers: Callable[[Task], Outcome] = answer
-    tasks: list[Task] = field(default_factory=list)
-    limits: list[float] = field(default_factory=list)
-
-    def __call__(self, count: int | None = None, time_limit: float = 0.0) -> Stage:
-        self.limits.append(time_limit)
-        return self
-
-    def __enter__(self) -> Stage:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
-
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        for task in tasks:
-            self.tasks.append(task)
-            yield self.answers(task)
 
 
 @pytest.fixture
@@ -86,7 +63,7 @@ def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Res
 
 @pytest.fixture
 def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
-    stage = Stage()
+    stage = Stage(answer)
     monkeypatch.setattr(workers, "Workers", stage)
     return stage
 
@@ -94,17 +71,17 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
 def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(stage: Stage, invoke: Callable[..., Result]) -> None:
     # Without a single "unstable" the entries that expect it hold nowhere, which is not as expected.
     assert invoke().exit_code == 1
-    asked = {(name, str(subject)) for name, subject in (task.key for task in stage.tasks)}
+    asked = {(name, str(subject)) for name, subject in map(where, stage.tasks)}
     native = select_subjects(Library.built_in(), (), native_only=True)
     assert asked == {(name, str(subject)) for name in hard_cases() for subject in native}
     # Long chains take minutes.
-    assert stage.limits == [600.0]
-    stage.tasks.clear()
+    assert [made["time_limit"] for made in stage.made_with] == [600.0]
+    stage.rounds.clear()
     result = invoke("stiff_mode", "--subject", "lagrange", "--motion", "--time-limit", "5")
     assert result.exit_code == 0, result.output
-    names = [task.key[1] for task in stage.tasks[1:]]
+    names = [where(task)[1] for task in stage.tasks[1:]]
     assert names == [*hard_motions(), *STABILITY_LIMITS]
-    assert stage.limits[-1] == 5.0
+    assert stage.made_with[-1]["time_limit"] == 5.0
 
 
 def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Callable[..., Result], tmp_path: Path) -> None:
@@ -113,7 +90,7 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
     for words in ("stiff_spring", "chaos", "mujoco RK4", "1 family, 3 subjects, 3 points: every verdict is as expected."):
         assert words in result.output
     with History(tmp_path / "here" / "history.sqlite") as history:
-        found = history.latest_atlas("built-in")
+        found = history.latest(Atlas, "built-in")
     assert found is not None
     run, atlas = found
     assert run.profile == "atlas" and len(atlas.rows) == 3
@@ -126,14 +103,14 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
 
 def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..., Result]) -> None:
     worse = replace(POINT, verdict="unstable", backward_error=1e5)
-    stage.answers = lambda task: Outcome(task, value=row(task.key[0], str(task.key[1]), POINT, worse))
+    stage.answers = lambda task: Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
     result = invoke("stiff_spring", "--subject", "mujoco/mjcf")
     assert result.exit_code == 1
     assert "not as expected: stiff_spring, mujoco/mjcf: unstable at 1 points, which no entry expects" in result.output
 
 
 def test_a_step_beyond_theory_fails(stage: Stage, invoke: Callable[..., Result]) -> None:
-    stage.answers = lambda task: Outcome(task, value=[STEP]) if task.key[1] == "mujoco Euler" else answer(task)
+    stage.answers = lambda task: Outcome(task, value=[STEP]) if where(task)[1] == "mujoco Euler" else answer(task)
     result = invoke("stiff_spring", "--motion")
     assert result.exit_code == 1
     assert "mujoco Euler, 1 rad/s: stable up to inf over the frequency, expected 2" in result.output
@@ -141,7 +118,7 @@ def test_a_step_beyond_theory_fails(stage: Stage, invoke: Callable[..., Result])
 
 def test_a_crash_costs_its_part_alone(stage: Stage, invoke: Callable[..., Result], tmp_path: Path) -> None:
     def crashing(task: Task) -> Outcome:
-        if str(task.key[1]) == "pinocchio/urdf":
+        if str(where(task)[1]) == "pinocchio/urdf":
             note = json.dumps({"knob": 1e6, "system": "spring_damper"})
             return Outcome(task, crash=Crash("crashed by signal 11 (SIGSEGV)", note, ""))
         return answer(task)
@@ -150,7 +127,7 @@ def test_a_crash_costs_its_part_alone(stage: Stage, invoke: Callable[..., Result
     result = invoke("stiff_spring")
     assert result.exit_code == 3
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        found = history.latest_atlas("built-in")
+        found = history.latest(Atlas, "built-in")
     assert found is not None
     crashed = next(row for row in found[1].rows if row.subject == "pinocchio/urdf")
     assert crashed.crashed and crashed.points[0].knob == 1e6 and "SIGSEGV" in crashed.points[0].reason
@@ -158,7 +135,7 @@ def test_a_crash_costs_its_part_alone(stage: Stage, invoke: Callable[..., Result
 
 
 def test_a_motion_that_fails_is_told(stage: Stage, invoke: Callable[..., Result]) -> None:
-    stage.answers = lambda task: Outcome(task, exception=ZeroDivisionError("no step")) if task.key[1] == "chaos" else answer(task)
+    stage.answers = lambda task: Outcome(task, exception=ZeroDivisionError("no step")) if where(task)[1] == "chaos" else answer(task)
     result = invoke("stiff_spring", "--motion")
     assert result.exit_code == 1 and "not measured: chaos: ZeroDivisionError: no step" in result.output
 
@@ -182,13 +159,13 @@ def test_parts_of_an_atlas_come_back_as_they_were(tmp_path: Path) -> None:
     unfinished = replace(POINT, backward_error=None, unstable_bound=math.inf, verdict="unsupported", reason="refused")
     atlas = Atlas(rows=[row("stiff_spring", "lagrange", POINT, unfinished)], partings=[PARTING], stable_steps=[STEP], problems=["a"])
     with History(tmp_path / "history.sqlite") as history:
-        number = history.begin_atlas(RUN)
-        assert history.latest_atlas("built-in") is None
-        history.append_atlas(number, atlas)
-        assert history.latest_atlas("built-in") == (RUN, atlas)
-        assert history.latest_atlas("another") is None
-        with pytest.raises(ValueError, match="there is no atlas 7"):
-            history.append_atlas(7, atlas)
+        number = history.begin(RUN, Atlas)
+        assert history.latest(Atlas, "built-in") is None
+        history.append(number, atlas)
+        assert history.latest(Atlas, "built-in") == (RUN, atlas)
+        assert history.latest(Atlas, "another") is None
+        with pytest.raises(ValueError, match="there is no study 7"):
+            history.append(7, atlas)
 
 
 def test_one_family_for_real(invoke: Callable[..., Result], tmp_path: Path) -> None:

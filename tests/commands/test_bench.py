@@ -9,23 +9,25 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from support import Stage, completed, where
 
+from harness import workers
 from harness.bench import parts as benchmark_parts
-from harness.bench import study as bench
-from harness.bench.parts import PARTS, Settings
-from harness.bench.study import Bench
+from harness.bench.parts import PARTS, BenchmarkSettings
+from harness.bench.study import BenchmarkStudy
 from harness.cli import main
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
+from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.records import Record, Run
+from harness.study import run_study
 from harness.workers import Crash, Outcome, Task
 
 RUN = Run(
@@ -55,53 +57,27 @@ def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Res
     return lambda *arguments: CliRunner().invoke(main, ["bench", *arguments])
 
 
-@dataclass
-class Stage:
-    """Stands in for ``Workers``: remembers what was to be run by how many processes, and answers from ``answers``."""
-
-    answers: Callable[[Task], Outcome]
-    stages: list[tuple[int | None, list[Task]]] = field(default_factory=list)
-
-    def __call__(self, count: int | None = None, time_limit: float = 0.0) -> Stage:
-        assert time_limit > 60
-        self.stages.append((count, []))
-        return self
-
-    def __enter__(self) -> Stage:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
-
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        for task in tasks:
-            self.stages[-1][1].append(task)
-            yield self.answers(task)
-
-
 def answer(task: Task) -> Outcome:
     """A scene for what loads, and a measurement for what measures."""
-    name, part = task.key
+    name, part = where(task)
     if task.function is benchmark_parts.load:
         return Outcome(task, value=object.__new__(benchmark_parts.Scene))
     return Outcome(task, value=cost(f"{name} {part}"))
 
 
-def test_one_task_per_system_and_part_and_what_is_timed_runs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = Stage(answer)
-    monkeypatch.setattr(bench, "Workers", stage)
-    names = ("collar", "cart_pendulum", "chain_3")
-    measured = list(Bench(Settings(library=Library.built_in(), names=names, motion=True)).parts(4))
-    (loading, timed, shared) = [(count, [task.key for task in tasks]) for count, tasks in stage.stages]
-    assert loading == (4, [(name, "equations and models") for name in names])
-    alone = [(name, "accelerations") for name in names] + [("chain", "growth")] + [(name, "motion") for name in names]
-    assert timed == (1, alone)
-    assert shared[0] == 4
-    assert set(shared[1]) == {
+def test_one_task_per_system_and_part_and_what_is_timed_runs_alone() -> None:
+    stage, names = Stage(answer), ("collar", "cart_pendulum", "chain_3")
+    study = BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=names, motion=True))
+    measured = list(run_study(study, stage))
+    loading, timed, shared = [[where(task) for task in tasks] for tasks in stage.rounds]
+    assert loading == [(name, "equations and models") for name in names]
+    assert timed == [(name, "accelerations") for name in names] + [("chain", "growth")] + [(name, "motion") for name in names]
+    assert {task.affinity for task in stage.rounds[1]} == {"timed"} and {task.affinity for task in stage.rounds[2]} == {None}
+    assert set(shared) == {
         *((name, part) for name in names for part in ("long runs", "stationary action")),
         ("cart_pendulum", "figures of the text"),
     }
-    assert len(measured) == Bench(Settings(library=Library.built_in(), names=names, motion=True)).expected_parts
+    assert len(measured) == study.steps
 
 
 @pytest.mark.parametrize(
@@ -113,33 +89,29 @@ def test_one_task_per_system_and_part_and_what_is_timed_runs_alone(monkeypatch: 
         ({}, {"accelerations", "growth"}),
     ],
 )
-def test_only_what_was_asked_for_is_measured(settings: dict[str, Any], expected: set[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_was_asked_for_is_measured(settings: dict[str, Any], expected: set[str]) -> None:
     stage = Stage(answer)
-    monkeypatch.setattr(bench, "Workers", stage)
-    list(Bench(Settings(library=Library.built_in(), **settings)).parts())
-    assert {task.key[1] for _, tasks in stage.stages[1:] for task in tasks} == expected
-    for _, tasks in stage.stages[1:]:
-        for task in tasks:
-            [request] = task.arguments
-            if "methods" in settings:
-                assert [*request.methods, *request.integrators] == settings["methods"]
+    completed(BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), **settings)), stage)
+    measuring = [task for tasks in stage.rounds[1:] for task in tasks]
+    assert {where(task)[1] for task in measuring} == expected
+    for task in measuring:
+        [request] = task.arguments
+        if "methods" in settings:
+            assert [*request.methods, *request.integrators] == settings["methods"]
 
 
-def test_a_failing_part_costs_nothing_but_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_part_costs_nothing_but_itself() -> None:
     def failing(task: Task) -> Outcome:
-        if task.key == ("collar", "accelerations"):
+        if where(task) == ("collar", "accelerations"):
             return Outcome(task, crash=Crash("crashed by signal 11 (SIGSEGV)", "pinocchio aba", ""))
-        if task.key == ("bar_pendulum", "equations and models"):
+        if where(task) == ("bar_pendulum", "equations and models"):
             return Outcome(task, exception=InvalidModel(UPSIDE_DOWN, 3, "is upside down"))
-        if task.key == ("arm_2r", "accelerations"):
+        if where(task) == ("arm_2r", "accelerations"):
             return Outcome(task, exception=ZeroDivisionError("division by zero"))
         return answer(task)
 
-    monkeypatch.setattr(bench, "Workers", Stage(failing))
-    run = Bench(Settings(library=Library.built_in(), names=("collar", "bar_pendulum", "arm_2r", "cart_pendulum")))
-    measured = Benchmark()
-    for _, found in run.parts():
-        measured.extend(found)
+    run = BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=("collar", "bar_pendulum", "arm_2r", "cart_pendulum")))
+    measured = completed(run, Stage(failing))
     assert [entry.system for entry in measured.accelerations] == ["cart_pendulum accelerations"]
     assert measured.problems == [
         "bar_pendulum, equations and models: bar_pendulum.xml: is upside down",
@@ -149,15 +121,23 @@ def test_a_failing_part_costs_nothing_but_itself(monkeypatch: pytest.MonkeyPatch
     assert run.crashed and [str(problem) for problem in run.problems] == [f"{UPSIDE_DOWN}:3: is upside down"]
 
 
-def measuring(
-    *parts: Benchmark, problems: Iterable[InvalidModel] = (), crashed: bool = False
-) -> Callable[..., Iterator[tuple[str, Benchmark]]]:
-    def parts_of(self: Bench, workers: int | None = None) -> Iterator[tuple[str, Benchmark]]:
-        self.problems, self.crashed = list(problems), crashed
-        for number, part in enumerate(parts):
-            yield f"part {number}", part
+@pytest.fixture
+def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Replaces what a benchmark measures, one part a round."""
 
-    return parts_of
+    def replace(
+        *parts: Benchmark, problems: Iterable[InvalidModel] = (), crashed: bool = False, then: Callable[[], None] = lambda: None
+    ) -> None:
+        def rounds(self: BenchmarkStudy) -> Iterator[list[Task]]:
+            self.problems, self.crashed = list(problems), crashed
+            for number, part in enumerate(parts):
+                yield [Task((lambda outcome, number, part: [self._part(f"part {number}", part)], number, part), print, ())]
+            then()
+
+        monkeypatch.setattr(BenchmarkStudy, "rounds", rounds)
+        monkeypatch.setattr(workers, "Workers", Stage(Outcome))
+
+    return replace
 
 
 DIFFERS = Benchmark(orders=[Order(system="collar", integrator="mujoco Euler", measured=0.5, expected=1.0, verdict="differs")])
@@ -186,9 +166,9 @@ def test_exit_statuses(
     status: int,
     words: str,
     invoke: Callable[..., Result],
-    monkeypatch: pytest.MonkeyPatch,
+    measure: Callable[..., None],
 ) -> None:
-    monkeypatch.setattr(Bench, "parts", measuring(*parts, **options))
+    measure(*parts, **options)
     done = invoke("collar")
     assert done.exit_code == status, done.output
     assert words in done.output
@@ -213,30 +193,29 @@ def test_bad_usage_is_exit_status_2(arguments: list[str], fragments: list[str], 
         assert fragment in done.output
 
 
-def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def interrupted(self: Bench, workers: int | None = None) -> Iterator[tuple[str, Benchmark]]:
-        yield "first", cost("collar")
+def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], measure: Callable[..., None], tmp_path: Path) -> None:
+    def interrupt() -> None:
         written = json.loads((tmp_path / "out.json").read_text())["benchmark"]
         assert [entry["system"] for entry in written["accelerations"]] == ["collar"]
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Bench, "parts", interrupted)
+    measure(cost("collar"), then=interrupt)
     assert invoke("collar", "--json", "out.json").exit_code != 0
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        found = history.latest_benchmark("built-in")
+        found = history.latest(Benchmark, "built-in")
     assert found is not None and found[1] == cost("collar")
 
 
 def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
-    invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    invoke: Callable[..., Result], measure: Callable[..., None], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(Bench, "parts", measuring(cost("collar", 1e-6)))
+    measure(cost("collar", 1e-6))
     page = tmp_path / "reports" / "index.html"
     invoke("collar")
     assert "Nothing was cross-checked yet" in page.read_text()
     with History(tmp_path / "reports" / "history.sqlite") as history:
-        history.append(history.begin(RUN), RECORD)
-    monkeypatch.setattr(Bench, "parts", measuring(cost("collar", 2e-6)))
+        history.append(history.begin(RUN, CrossCheckResult), CrossCheckResult(records=[RECORD]))
+    measure(cost("collar", 2e-6))
     assert invoke("collar").exit_code == 0
     text = page.read_text()
     assert "Nothing was cross-checked yet" not in text
@@ -248,7 +227,7 @@ def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     assert [entry.way for entry in cheapest] == ["pinocchio aba"] * 3
 
 
-def test_motion_is_told_in_tables(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_is_told_in_tables(invoke: Callable[..., Result], measure: Callable[..., None]) -> None:
     motion = [
         MotionCost(
             system="collar", integrator="mujoco RK4", step=step, tolerance=None, steps=round(2 / step), evaluations=round(8 / step),
@@ -257,7 +236,7 @@ def test_motion_is_told_in_tables(invoke: Callable[..., Result], monkeypatch: py
         for step in (0.1, 0.01)
     ]  # fmt: skip
     order = Order(system="collar", integrator="mujoco RK4", measured=4.0, expected=4.0, verdict="as expected", steps=[0.1, 0.01])
-    monkeypatch.setattr(Bench, "parts", measuring(Benchmark(motion=motion, orders=[order])))
+    measure(Benchmark(motion=motion, orders=[order]))
     done = invoke("collar", "--motion")
     assert done.exit_code == 0
     assert re.search(r"collar +mujoco RK4 +4\.00 +4\.00 +as expected +1\.00e-08 +5\.00 ms", done.output), done.output

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support import make_library
+from support import harness, harness_in_a_process, make_library
 
 from harness.library import Library
 from harness.results.hard_states import load_found
@@ -35,10 +35,6 @@ CONTRACT = {
 }
 
 
-def harness(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
-
-
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
     """A library with the bar pendulum and the spring-damper."""
@@ -52,7 +48,7 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> None:
-    done = harness("check", "--json", "out.json", cwd=tmp_path)
+    done = harness_in_a_process("check", "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     data = json.loads((tmp_path / "out.json").read_text())
@@ -70,7 +66,7 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> 
 
 @pytest.mark.nightly
 def test_a_hundred_thousand_states_agree_everywhere(tmp_path: Path) -> None:
-    done = harness("check", "--states", "100000", "--json", "out.json", cwd=tmp_path)
+    done = harness_in_a_process("check", "--states", "100000", "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     records = json.loads((tmp_path / "out.json").read_text())["records"]
     assert {record["states"] for record in records if record["expected"] == "agrees"} == {100_000}
@@ -150,7 +146,6 @@ def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: 
         (["check", "arm_2r", "--state", '{"q": [1], "v": [1], "tau": [1]}'], ["1 numbers for q", "arm_2r has 2 and 2 degrees of freedom"]),
         (["check", "collar", "--state", '{"q": [NaN], "v": [1], "tau": [1]}'], ["finite"]),
         (["check", "--states", "0"], ["--states"]),
-        (["check", "--scheduler", "tcp://127.0.0.1:9", "collar"], ["tcp://127.0.0.1:9"]),
         (["check", "--json", "no/such/folder/out.json", "collar"], ["no/such/folder/out.json", "cannot be written"]),
         (["show", "colar"], ["did you mean 'collar'"]),
         (["report", "--profile", "slow"], ["nightly"]),
@@ -164,10 +159,15 @@ def test_bad_usage_is_exit_status_2_with_one_message(tmp_path: Path, arguments: 
         assert fragment.lower() in done.stderr.lower()
 
 
+def test_a_cluster_that_is_not_there_is_exit_status_2(tmp_path: Path) -> None:
+    done = harness_in_a_process("check", "--scheduler", "tcp://127.0.0.1:9", "collar", cwd=tmp_path)
+    assert done.returncode == 2 and "tcp://127.0.0.1:9" in done.stderr and "Traceback" not in done.stderr
+
+
 BROKEN_SYSTEMS = {
     "raises": ("x = 1 / 0\n", 1, "ZeroDivisionError"),
     "no_system": ('"""A.\n\nSource: none."""\n', None, "no SYSTEM"),
-    "wrong_type": ("import math\nSYSTEM = 3\n", 2, "expected a harness.equations.system.System"),
+    "wrong_type": ("import math\nSYSTEM = 3\n", 2, "expected a harness.System"),
     "syntax": ("a = (\n", 1, "not Python"),
     "leaves": ("import sys\n\nsys.exit(0)\n", 3, "SystemExit"),
     "aborts": ("import os\nos.abort()\n", None, "SIGABRT"),
@@ -178,7 +178,9 @@ BROKEN_SYSTEMS = {
 def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
     for name, (source, _, _) in BROKEN_SYSTEMS.items():
         (library / "systems" / f"{name}.py").write_text(source)
-    done = harness("check", "--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5", cwd=library)
+    done = harness_in_a_process(
+        "check", "--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5", cwd=library
+    )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     verdicts: dict[str, set[str]] = {}
@@ -267,7 +269,7 @@ def test_report_writes_everything_and_keeps_history(library: Path) -> None:
     assert sorted(path.name for path in out.iterdir()) == ["history.sqlite", "index.html", "report.json", "report.md"]
     assert len(json.loads((out / "report.json").read_text())["records"]) == 10
     with sqlite3.connect(out / "history.sqlite") as connection:
-        assert connection.execute("SELECT count(*) FROM records").fetchone() == (20,)
+        assert connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone() == (20,)
 
 
 SLEEPING_ENGINE = """
@@ -292,19 +294,18 @@ ENGINE = Engine()
 
 
 def test_records_survive_a_kill(library: Path) -> None:
-    """Kill the whole process group while one engine sleeps: what was recorded before stays."""
+    """Kill the whole process group while the state at which an engine hangs is looked for: what was recorded before stays."""
     (library / "engines").mkdir()
     (library / "engines" / "sleeping.py").write_text(SLEEPING_ENGINE)
     out = library / "out"
     command = [sys.executable, "-m", "harness", "report", "--library", str(library), "--out", str(out), "--json", str(library / "out.json")]
-    # The engine sleeps on both systems; somebody must be left to do the rest.
-    command += ["--workers", "4"]
+    command += ["--workers", "2", "--time-limit", "15"]
     with subprocess.Popen(command, cwd=library, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while time.monotonic() < deadline and _recorded(out / "history.sqlite") < 6:
             time.sleep(0.1)
         os.killpg(process.pid, signal.SIGKILL)
-    assert _recorded(out / "history.sqlite") == 6
+    assert _recorded(out / "history.sqlite") >= 6
     records = json.loads((library / "out.json").read_text())["records"]
     assert len(records) >= 5
     assert {record["verdict"] for record in records} == {"agrees"}
@@ -315,6 +316,6 @@ def _recorded(path: Path) -> int:
         return 0
     try:
         with sqlite3.connect(path) as connection:
-            return int(connection.execute("SELECT count(*) FROM records").fetchone()[0])
+            return int(connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone()[0])
     except sqlite3.OperationalError:
         return 0

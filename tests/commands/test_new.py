@@ -1,4 +1,4 @@
-"""``harness new`` writes a mechanism that agrees from the start, and nothing else."""
+"""``harness new`` writes a mechanism and an engine that agree from the start, and nothing else."""
 
 from __future__ import annotations
 
@@ -39,6 +39,36 @@ def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, si
         assert "EDIT:" in path.read_text()
 
 
+def test_a_new_engine_agrees_on_a_new_mechanism(tmp_path: Path) -> None:
+    done = harness("new", "plates", "--dof", "3", "--engine", "solver", "--library", "mine", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "EDIT:" in (tmp_path / "mine" / "engines" / "solver.py").read_text()
+    done = harness("check", "--library", "mine", "--subject", "solver/urdf", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    [record] = json.loads((tmp_path / "out.json").read_text())["records"]
+    assert (record["subject"], record["verdict"]) == ("solver/urdf", "agrees")
+
+
+def test_a_fault_in_a_new_engine_is_caught(tmp_path: Path) -> None:
+    *_, engine = write_example(tmp_path, "plate", engine="solver")
+    text = engine.read_text()
+    engine.write_text(text.replace("element.damping * v", "element.damping * 1.000001 * v"))
+    assert engine.read_text() != text
+    state = '{"q": [0.5], "v": [1.0], "tau": [0.0]}'
+    done = harness("check", "plate", "--library", ".", "--subject", "solver/urdf", "--state", state, cwd=tmp_path)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "plate solver/urdf: disagrees" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "engine", "fragment"), [("plates", "mujoco", "would hide"), ("plates", "2nd", "identifier"), (None, "solver", "no mechanism")]
+)
+def test_an_engine_that_cannot_be_is_refused_and_nothing_is_written(tmp_path: Path, name: str | None, engine: str, fragment: str) -> None:
+    with pytest.raises((InvalidInput, InvalidRequest), match=fragment):
+        write_example(tmp_path, name, engine=engine)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_nothing_is_overwritten_and_no_bad_name_is_taken(tmp_path: Path) -> None:
     directory = written(tmp_path, (1,))
     system = directory / "systems" / "mechanism_of_1.py"
@@ -66,7 +96,7 @@ def test_names_that_would_collide_are_refused(tmp_path: Path, name: str, fragmen
     (tmp_path / "systems").mkdir()
     (tmp_path / "systems" / "twin.py").write_text("SIZES = (7,)\n")
     with pytest.raises(InvalidRequest, match=fragment):
-        write_example(name, 1, tmp_path)
+        write_example(tmp_path, name)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["systems", "twin.py"]
 
 
@@ -74,23 +104,23 @@ def test_the_harness_itself_is_left_alone() -> None:
     built_in = Library.built_in()
     for directory in (built_in.models, built_in.systems, built_in.systems.parent):
         with pytest.raises(InvalidInput, match="library of your own"):
-            write_example("never_written", 1, directory)
+            write_example(directory, "never_written")
 
 
 def test_all_three_files_are_written_or_none(tmp_path: Path) -> None:
     (tmp_path / "urdf").write_text("a file where a folder should be")
     with pytest.raises(InvalidInput, match="nothing was made"):
-        write_example("partial", 1, tmp_path)
+        write_example(tmp_path, "partial", engine="solver")
     assert list(tmp_path.rglob("partial.*")) == []
 
 
 @pytest.mark.parametrize("size", [*SIZES, 12])
 def test_the_example_is_python_of_our_own_style(tmp_path: Path, size: int) -> None:
-    system, *models = write_example("example", size, tmp_path)
-    settings = Path(__file__).resolve().parents[1] / "pyproject.toml"
+    system, *models, engine = write_example(tmp_path, "example", size, "solver")
+    settings = Path(__file__).resolve().parents[2] / "pyproject.toml"
     for command in (["check", "--config", 'lint.isort.known-first-party=["harness"]'], ["format", "--check"]):
         done = subprocess.run(
-            [sys.executable, "-m", "ruff", *command, "--config", str(settings), str(system)], capture_output=True, text=True
+            [sys.executable, "-m", "ruff", *command, "--config", str(settings), str(system), str(engine)], capture_output=True, text=True
         )
         assert done.returncode == 0, done.stdout
     for model in models:

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,13 @@ from click.testing import CliRunner, Result
 from harness.cli import main
 from harness.errors import InvalidRequest
 from harness.hard import search
-from harness.hard.search import DEFAULT_BUDGET, SearchSettings
+from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
 from harness.library import MODEL_SUFFIXES, Library
+from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundState, keep, path_of
 from harness.results.history import History
 from harness.results.search import Case, SearchResult
+from harness.workers import Task
 
 FOUND = FoundState(
     state={"q": [1.0], "v": [0.0], "tau": [0.0]}, subject="mujoco/mjcf", backward_error=1e4, digits_lost=4.0, verdict="unstable",
@@ -39,12 +41,16 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
     """Replace the search by its outcome; the settings it was called with."""
     asked: list[SearchSettings] = []
 
-    def run(settings: SearchSettings, workers: Any, progress: Callable[[str], None]) -> SearchResult:
-        asked.append(settings)
-        progress("equations")
-        return SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
+    class Answered(Search):
+        def __init__(self, settings: SearchSettings) -> None:
+            super().__init__(settings)
+            asked.append(settings)
 
-    monkeypatch.setattr(search, "run_search", run)
+        def rounds(self) -> Iterator[list[Task]]:
+            self._result = SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
+            yield from ()
+
+    monkeypatch.setattr(search, "Search", Answered)
     monkeypatch.setattr("harness.workers.Workers.__enter__", lambda self: self)
     monkeypatch.setattr("harness.workers.Workers.__exit__", lambda self, *exception: None)
     return asked
@@ -100,12 +106,10 @@ def test_bad_usage(arguments: list[str], words: str, invoke: Callable[..., Resul
 
 
 def test_what_cannot_be_searched_is_bad_usage(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in(monkeypatch)
-
-    def refuse(*arguments: Any) -> SearchResult:
+    def refuse(*arguments: Any) -> Search:
         raise InvalidRequest("pinocchio/urdf cannot be searched")
 
-    monkeypatch.setattr(search, "run_search", refuse)
+    monkeypatch.setattr(search, "Search", refuse)
     result = invoke("simple_pendulum")
     assert result.exit_code == 2 and "harness: pinocchio/urdf cannot be searched" in result.output
 
@@ -138,14 +142,15 @@ def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Pa
     result = CliRunner().invoke(main, ["report", "--library", str(library), "--out", str(reports), "--workers", "1"])
     assert result.exit_code == 0, result.output
     with History(reports / "history.sqlite") as history:
-        [(number, _)] = history.runs()
-        cases = {case.subject: case for case in history.worst_cases(number)}
-        records = {record.subject: record for record in history.records(number)}
+        [number] = history.studies(CrossCheckResult)
+        found = history.read(number, CrossCheckResult)
+    cases = {case.subject: case for case in found.worst_cases}
+    records = {record.subject: record for record in found.records}
     assert set(cases) == set(records)
-    for subject, found in cases.items():
-        assert found.backward_error == records[subject].backward_error
-        assert "data roundoffs" in found.statement and found.replay.startswith("harness check simple_pendulum")
-        assert str(library) in found.replay
+    for subject, case in cases.items():
+        assert case.backward_error == records[subject].backward_error
+        assert "data roundoffs" in case.statement and case.replay.startswith("harness check simple_pendulum")
+        assert str(library) in case.replay
     assert cases["lagrange"].reproducer == ""
     for subject in sorted(set(cases) - {"lagrange"}):
         program = cases[subject].reproducer

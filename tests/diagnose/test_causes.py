@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import InThisProcess
+from support import InThisProcess, cross_checked
 
-from harness.check.run import CrossCheck
 from harness.check.settings import Settings
 from harness.diagnose import causes
-from harness.diagnose.causes import find_causes
+from harness.diagnose.causes import EVALUATIONS_IN_ALL, find_causes
+from harness.diagnose.model_side import EVALUATIONS
 from harness.library import Library
 from harness.results.causes import Cause
 from harness.results.records import Record
@@ -29,7 +29,7 @@ def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tu
     stand_in = tmp_path / path.name
     stand_in.write_text(text.replace(found, planted))
     settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins={model_format: stand_in}, examples=None)
-    records = list(CrossCheck(settings, InThisProcess()).records())
+    records, _ = cross_checked(settings)
     return records, list(find_causes(settings, records, InThisProcess()))
 
 
@@ -79,26 +79,35 @@ def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Pat
         stand_ins[model_format] = tmp_path / path.name
         stand_ins[model_format].write_text(path.read_text().replace(old, new))
     settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins=stand_ins, examples=None)
-    records = list(CrossCheck(settings, InThisProcess()).records())
+    records, _ = cross_checked(settings)
     found = list(find_causes(settings, records, InThisProcess()))
     assert len(found) == 4
     for cause in found:
         assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
 
 
-def test_a_diagnosis_stays_within_the_time_limit_of_its_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("workers", [InThisProcess(), InThisProcess(time_limit=4.0)])
+def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: InThisProcess
+) -> None:
     records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
-    given: list[float] = []
+    given: list[int] = []
 
     def examine(*arguments: Any) -> Any:
-        given.append(arguments[4].seconds)
+        given.append(arguments[4].evaluations)
         raise ValueError
 
     monkeypatch.setattr(causes, "examine", examine)
     settings = Settings(library=LIBRARY, names=["simple_pendulum"])
-    list(find_causes(settings, records, InThisProcess(time_limit=4.0)))
-    list(find_causes(settings, records, InThisProcess(time_limit=60.0)))
-    assert given == [2.0, 10.0]
+    list(find_causes(settings, records, workers))
+    assert given == [EVALUATIONS]
+    given.clear()
+    renamed = [replace(record, system=f"system_{number}") for record in records for number in range(60)]
+    list(find_causes(settings, renamed, workers))
+    assert given == [EVALUATIONS_IN_ALL // 60] * 60
+    given.clear()
+    list(find_causes(settings, records, workers, evaluations=7))
+    assert given == [7]
 
 
 def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:

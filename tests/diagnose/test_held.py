@@ -144,7 +144,7 @@ TEXTS = {"mjcf": MJCF, "urdf": URDF}
 
 
 def held_by_all(models: Mapping[str, ModelFile], gravity: float) -> dict[str, HeldModel]:
-    """What each subject that can express the mechanism holds."""
+    """The quantities of each subject that can express the mechanism."""
     held = {}
     for subject in READERS:
         if subject.format not in models:

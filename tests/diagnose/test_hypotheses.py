@@ -124,7 +124,7 @@ def _fitted(watched: Watch, reference: Reference, candidate: Candidate) -> Itera
     whitening, value = Whitening(reference), candidate.start or 0.0
     for _ in range(12):
         answers = watched.accelerations(candidate.text(value))
-        slope = derivative(watched, candidate.text, value, DIFFERENCE * candidate.scale)
+        slope = derivative(watched.accelerations, candidate.text, value, DIFFERENCE * candidate.scale)
         if answers is None or slope is None:
             return
         column, residual = whitening.change(slope), whitening.residual(answers)
@@ -181,7 +181,7 @@ def test_a_body_counted_in_a_parent_without_mass_is_taken_out_again() -> None:
 
 
 def _is_number(planted: Planted) -> bool:
-    """Whether one number was set to zero."""
+    """True where one number was set to zero."""
     return planted.statement == "left out" and len(planted.places) == 1 and "0" in planted.places[0].found.split()
 
 
@@ -211,7 +211,7 @@ def test_no_line_moves_and_the_places_are_those_of_the_planted_text(name: str, m
 
 
 def _only_lost(new: str, old: str) -> bool:
-    """Whether a line is another less a part."""
+    """True where a line is another less a part."""
     start = next((place for place, (one, other) in enumerate(zip(new, old, strict=False)) if one != other), len(new))
     return old.endswith(new[start:]) and len(new) <= len(old)
 
@@ -264,7 +264,7 @@ def test_frames_that_are_turned_have_their_rotations_dropped_reversed_and_misrea
 
 
 def _same_numbers(model: ModelFile, once: ModelFile, text: str) -> bool:
-    """Whether mending ``once`` gives the orientation of ``model`` again; MJCF writes it as a quaternion."""
+    """True where mending ``once`` gives the orientation of ``model`` again; MJCF writes it as a quaternion."""
     from harness.diagnose.hypotheses._rotations import matrix_of
     from harness.models.anatomy import anatomy
 

@@ -288,7 +288,7 @@ class Case:
 
     @cached_property
     def kinetic(self) -> list[float]:
-        """v' M v / 2 at each state, which tests/test_properties.py holds against T."""
+        """v' M v / 2 at each state, which tests/systems/test_properties.py holds against T."""
         evaluate = BallKernel(self.kernel(self.states).program, len(self.mechanism.parameters)).bind(self.mechanism.parameter_values)
         found = []
         for index in range(COUNT):

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import make_library
+from support import completed, make_library
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.factorisation import scaled_condition_number
 from harness.certify.sampling import HUGE_ANGLES, sample
 from harness.check import tasks
+from harness.check.shrinking import KEPT, shrink
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -25,12 +26,12 @@ from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.hard import evolution, lost_digits
 from harness.hard.evolution import StateSpace, evolve
-from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, hunt, hunts, run_search
-from harness.hard.shrinking import KEPT, shrink
+from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, Search, SearchSettings, hunt, hunts
 from harness.library import Library
 from harness.models.model_file import read_model
 from harness.results.hard_states import load_found, path_of
 from harness.results.search import as_lines
+from harness.study import run_study
 from harness.verdict import Verdict
 from harness.workers import Workers
 
@@ -313,13 +314,14 @@ def workers() -> Iterator[Workers]:
 
 
 def searched(library: Library, workers: Workers, subject: str, budget: int = 1600, **settings: Any) -> Any:
-    return run_search(SearchSettings(library=library, name="bar_pendulum", subjects=[subject], budget=budget, **settings), workers)
+    return completed(Search(SearchSettings(library=library, name="bar_pendulum", subjects=[subject], budget=budget, **settings)), workers)
 
 
 def test_a_search_finds_explains_and_stores(library: Library, workers: Workers) -> None:
-    told: list[str] = []
     settings = SearchSettings(library=library, name="bar_pendulum", subjects=["wrong/mjcf"], budget=1600, replay_options=["--library", "x"])
-    result = run_search(settings, workers, told.append)
+    study = Search(settings)
+    steps = list(run_study(study, workers))
+    result = study.result()
     worst = result.cases[0]
     assert (result.status, worst.found.verdict, worst.expected, worst.as_expected) == (1, "disagrees", "agrees", False)
     # The shortest numbers between 3 and 4.5 are 4 and, near 3, those of two digits.
@@ -330,7 +332,7 @@ def test_a_search_finds_explains_and_stores(library: Library, workers: Workers) 
     assert worst.reproducer.startswith("import mujoco")
     assert load_found(library, "bar_pendulum") == [case.found for case in result.cases if case.found.verdict != "agrees"]
     assert result.states["wrong/mjcf"] <= 1600
-    assert len(told) == 2 + len(hunts(1600))
+    assert len(steps) == study.steps == 2 + len(hunts(1600))
     text = "\n".join(as_lines(result))
     assert worst.found.statement in text
     assert f"stored in {path_of(library, 'bar_pendulum')}" in text
@@ -376,7 +378,7 @@ def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> N
 
 def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
     with pytest.raises(InvalidRequest, match="did you mean"):
-        run_search(SearchSettings(library=library, name="bar_pendulun"), workers)
+        Search(SearchSettings(library=library, name="bar_pendulun"))
     with pytest.raises(InvalidRequest):
         searched(library, workers, "nothing/mjcf")
 

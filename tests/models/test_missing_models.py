@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import InThisProcess
+from support import cross_checked, harness
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.check.expected import Expectation, load_expectations, why_no_model
-from harness.check.run import CrossCheck
 from harness.check.settings import Settings
 from harness.engines import subjects
 from harness.equations.derivation import load_mechanism
@@ -65,10 +64,9 @@ def excuse(root: Path, text: str) -> None:
 
 def check(root: Path, stand_ins: dict[str, Path] | None = None) -> tuple[dict[str, Record], list[InvalidInput]]:
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, stand_ins=stand_ins or {}, examples=None)
-    cross_check = CrossCheck(settings, InThisProcess())
-    records = {record.subject: record for record in cross_check.records()}
-    assert len(records) == cross_check.expected_records == 5
-    return records, cross_check.problems
+    records, study = cross_checked(settings)
+    assert len(records) == 5
+    return {record.subject: record for record in records}, study.problems
 
 
 def test_a_model_that_an_entry_excuses_is_unsupported_and_the_equations_are_compared(root: Path) -> None:
@@ -106,10 +104,10 @@ def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> No
         'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n\n\nENGINE = Engine()\n'
     )
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, examples=None)
-    cross_check = CrossCheck(settings, InThisProcess())
-    verdicts = {record.subject: record.verdict for record in cross_check.records()}
+    records, study = cross_checked(settings)
+    verdicts = {record.subject: record.verdict for record in records}
     assert verdicts == {"lagrange": "agrees", "other/mjcf": "error"} | dict.fromkeys(REASONS, "unsupported")
-    assert [problem.path.name for problem in cross_check.problems] == ["bar_pendulum.xml"]
+    assert [problem.path.name for problem in study.problems] == ["bar_pendulum.xml"]
 
 
 @pytest.mark.parametrize("stands_in", [False, True])
@@ -147,11 +145,11 @@ def test_only_unsupported_excuses(root: Path) -> None:
     ("verdict", "more", "fragment"),
     [
         ("unsupported", "backward_error = 1.0\n", "no backward_error, for what is unsupported is not compared"),
-        ("unstable", "", "and the number backward_error"),
-        ("unstable", "backward_error = true\n", "and the number backward_error"),
-        ("unsupported", "note = 1\n", "must have exactly the texts"),
+        ("unstable", "", "number 1 must have a backward_error"),
+        ("unstable", "backward_error = true\n", "number 1: Expected `float | null`, got `bool` - at `$.backward_error`"),
+        ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, system"),
         ("unsuported", "", "did you mean 'unsupported'"),
-        ("", "", "none of them empty"),
+        ("", "", "of length >= 1 - at `$.verdict`; expected the texts"),
     ],
 )
 def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, fragment: str) -> None:
@@ -174,7 +172,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     excuse(root, entries(*REASONS))
-    done = run("harness", "report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
+    done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     assert re.search(r"^bar_pendulum +mujoco/mjcf +0 +unsupported *$", done.stdout, re.MULTILINE)
@@ -188,7 +186,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
 
     shutil.copy(BUILT_IN.model_path("bar_pendulum", "urdf"), root / "urdf")
     arguments = ("--library", ".", "--states", "20", "--subject", "pinocchio/urdf", "--workers", "1")
-    done = run("harness", "check", "bar_pendulum", *arguments, cwd=root)
+    done = harness("check", "bar_pendulum", *arguments, cwd=root)
     assert done.returncode == 1
     assert "bar_pendulum pinocchio/urdf: agrees, expected unsupported" in done.stdout
     assert "expected because no such loop (a page)" in done.stdout and "remove or mend the entry" in done.stdout
@@ -196,7 +194,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
 
 def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> None:
     excuse(root, entries(*REASONS))
-    done = run("harness", "show", "bar_pendulum", "--library", ".", "--html", "page.html", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", "--html", "page.html", cwd=root)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     for subject, reason in REASONS.items():
@@ -205,13 +203,13 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
     assert "There is no model." in page and "unsupported: no such joint" in page and "<svg" not in page
 
     excuse(root, entries(*OF_MJCF))
-    done = run("harness", "show", "bar_pendulum", "--library", ".", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", cwd=root)
     assert done.returncode == 2
     assert "bar_pendulum.urdf" in done.stderr and "bar_pendulum.xml" not in done.stderr
     assert re.search(r"^ +pinocchio/urdf +no valid urdf model$", done.stdout, re.MULTILINE)
 
     excuse(root, "expected = 3\n")
-    done = run("harness", "show", "bar_pendulum", "--library", ".", cwd=root)
+    done = harness("show", "bar_pendulum", "--library", ".", cwd=root)
     assert done.returncode == 2
     assert "[[expected]]" in done.stderr and "theta''" in done.stdout and "Traceback" not in done.stderr
 

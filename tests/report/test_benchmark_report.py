@@ -17,6 +17,7 @@ from harness.report import build, build_measured
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.markdown import VOLATILE
 from harness.results.benchmark import AccelerationCost, Benchmark, Drift, Figure, Growth, MotionCost, Order, Stationarity, Truth
+from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import cheapest, front
 from harness.results.records import Record, Run
 
@@ -163,13 +164,13 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
         system="collar", subject="lagrange", states=1, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=0.0,
         worst_state=None, seconds_per_state=1e-6, message="",
     )  # fmt: skip
-    built = build(RUN, [], [record], benchmark=(RUN, sample()))
+    built = build(RUN, CrossCheckResult(records=[record]), benchmark=(RUN, sample()))
     page = Page(built["index.html"])
     assert "The pair of system" not in page.words and "1 pair of system and subject" in page.words
     assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
     assert "#cost-collar" in page.links and "The cheapest way to an error" in page.words
     assert "benchmark" in json.loads(built["report.json"])
-    without = build(RUN, [], [record])
+    without = build(RUN, CrossCheckResult(records=[record]))
     assert "Speed against error" not in Page(without["index.html"]).words and "benchmark" not in json.loads(without["report.json"])
 
 
@@ -183,7 +184,7 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
     assert first != second
     assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
     assert "| arm_2r | as expected | differs | as expected |" in first
-    assert "heyoka float32: 2.00 ns per state" in first
+    assert "heyoka float32, 2.00 ns per state" in first
 
 
 def test_text_is_escaped() -> None:
@@ -269,8 +270,8 @@ def anything(hint: Any) -> st.SearchStrategy[Any]:
 
 def any_benchmark() -> st.SearchStrategy[Benchmark]:
     parts = {}
-    for name, hint in get_type_hints(Benchmark).items():
-        [kind] = get_args(hint)
+    for name in (field.name for field in fields(Benchmark)):
+        [kind] = get_args(get_type_hints(Benchmark)[name])
         if kind is str:
             parts[name] = st.lists(names, max_size=2)
         elif name != "cheapest":

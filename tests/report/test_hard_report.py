@@ -17,9 +17,10 @@ from harness.report.hard_cases import HardSummary
 from harness.report.hard_charts import plots
 from harness.report.markdown import VOLATILE
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting, StableStep
+from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
-from harness.verdict import GRAVITY
+from harness.verdict import SEVERITY
 
 RUN = Run(
     started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0"}, machine={"cpus": "4"}, seed=0, profile="atlas", states=8,
@@ -37,6 +38,10 @@ CASE = RankedCase(
 )  # fmt: skip
 
 
+def found(*worst: RankedCase) -> CrossCheckResult:
+    return CrossCheckResult(records=[RECORD], worst_cases=list(worst))
+
+
 def points(slope: float, decades: int = 9) -> list[HardPoint]:
     """A power of the knob, as far as "unstable" reaches at 1e6."""
     found = []
@@ -52,7 +57,7 @@ def points(slope: float, decades: int = 9) -> list[HardPoint]:
 
 
 def row(case: str, subject: str, own: list[HardPoint], **more: Any) -> HardRow:
-    verdict = max((point.verdict for point in own), key=GRAVITY.__getitem__)
+    verdict = max((point.verdict for point in own), key=SEVERITY.__getitem__)
     about = {"title": "gyroscope near the pole", "knob": "angle", "unit": "rad", "source": "a book", "remedy": "turn it round"}
     return HardRow(case=case, subject=subject, points=own, verdict=verdict, **(about | more))
 
@@ -161,7 +166,7 @@ def test_axes_of_knobs(knobs: tuple[float, float], axis: str, places: list[float
 
 
 def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
-    built = build(RUN, [], [RECORD], atlas=(RUN, sample()), worst_cases=[CASE, replace(CASE, subject="lagrange", reproducer="")])
+    built = build(RUN, found(CASE, replace(CASE, subject="lagrange", reproducer="")), atlas=(RUN, sample()))
     page = Page(built["index.html"])
     assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
     for words in ("Hard cases", "Not all of them are as expected.", "Worst cases", "M is ill-conditioned here", CASE.replay, "the answer"):
@@ -169,7 +174,7 @@ def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
     assert "4.50e+03 data roundoffs" in page.words and "q = [0.1]" in page.words
     assert [case["subject"] for case in json.loads(built["report.json"])["worst_cases"]] == ["mujoco/mjcf", "lagrange"]
     assert "### Worst cases of mujoco/mjcf" in built["report.md"]
-    without = build(RUN, [], [RECORD])
+    without = build(RUN, found())
     assert "Hard cases" not in Page(without["index.html"]).words and "atlas" not in json.loads(without["report.json"])
 
 
@@ -186,7 +191,7 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
 
 def test_text_is_escaped() -> None:
     evil = "</script><script>alert(1)</script>"
-    plain = Page(build(RUN, [], [RECORD], atlas=(RUN, sample()), worst_cases=[CASE])["index.html"])
+    plain = Page(build(RUN, found(CASE), atlas=(RUN, sample()))["index.html"])
     spoilt = sample()
     bad = replace(spoilt.rows[1].points[0], reason=evil, system=evil)
     reason = HardReason(verdict="unstable", reason=evil, remedy=evil, link=evil)
@@ -194,13 +199,13 @@ def test_text_is_escaped() -> None:
         spoilt.rows[1], points=[bad], title=evil, knob=evil, source=evil, remedy=evil, problems=[evil], reasons=[reason]
     )
     case = replace(CASE, system=evil, statement=evil, replay=evil, reproducer=evil)
-    built = Page(build(RUN, [], [RECORD], atlas=(RUN, spoilt), worst_cases=[case])["index.html"])
+    built = Page(build(RUN, found(case), atlas=(RUN, spoilt))["index.html"])
     assert built.tags.count("script") == plain.tags.count("script")
 
 
 numbers = st.floats() | st.sampled_from([0.0, 1e-3, 5e-324, -1.0])
 names = st.sampled_from(["gimbal", "mujoco/mjcf", "mujoco RK4"]) | st.text(max_size=8)
-verdicts = st.sampled_from(list(GRAVITY))
+verdicts = st.sampled_from(list(SEVERITY))
 
 
 def anything(hint: Any, name: str = "") -> st.SearchStrategy[Any]:
@@ -224,7 +229,7 @@ def any_of(kind: type[Any]) -> st.SearchStrategy[Any]:
 
 
 def any_atlas() -> st.SearchStrategy[Atlas]:
-    kinds = {part: get_args(hint)[0] for part, hint in get_type_hints(Atlas).items()}
+    kinds = {part.name: get_args(get_type_hints(Atlas)[part.name])[0] for part in fields(Atlas)}
     return st.builds(Atlas, **{part: st.lists(names if kind is str else any_of(kind), max_size=3) for part, kind in kinds.items()})
 
 

@@ -9,22 +9,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import Page
 
-from harness.certify.sampling import sample
-from harness.check import tasks
-from harness.equations.derivation import load_mechanism
+from harness import report
 from harness.errors import InvalidInput
-from harness.library import Library
-from harness.report import build, write
+from harness.report import Earlier, write
 from harness.report.charts import half_decades
 from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
 from harness.results.causes import Cause
+from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record, Run, SystemCard
 from harness.results.superfluous import SuperfluousPart
 from harness.verdict import Verdict
@@ -81,6 +80,12 @@ def night(number: int) -> list[Record]:
     return [record(system, subject, number, **special.get((system, subject), {})) for system in SYSTEMS for subject in SUBJECTS]
 
 
+def build(
+    run: Run, cards: Sequence[SystemCard], records: Sequence[Record], history: Sequence[Earlier] = (), **parts: list[Any]
+) -> dict[str, str]:
+    return report.build(run, CrossCheckResult(records=list(records), systems=list(cards), **parts), history)
+
+
 @pytest.fixture(scope="module")
 def files() -> dict[str, str]:
     history = [(run_on(day), night(day)[day:]) for day in range(3)]
@@ -108,7 +113,7 @@ def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
     assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
     for entry in night(3):
         assert entry.replay in page.text
-        assert f"| {entry.subject} | {entry.verdict} |" in files["report.md"]
+        assert f"| {entry.subject} | {entry.verdict} " in files["report.md"]
     assert "7 of 9 pairs of system and subject are as expected; 2 are not." in page.text
 
 
@@ -146,13 +151,6 @@ def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page)
     assert page.words.count("derived in 100 ms, compiled in 250 ms") == len(SYSTEMS)
     assert "| collar | 100 ms | 250 ms |" in files["report.md"].partition(VOLATILE)[2]
     assert json.loads(files["report.json"])["systems"][0]["compilation_seconds"] == 0.25
-
-
-def test_compilation_is_timed_once_per_process() -> None:
-    mechanism = load_mechanism(Library.built_in(), "collar")
-    tasks._KERNELS.clear()
-    (_, _, first), (_, _, second) = (tasks.certify(mechanism, False, sample(mechanism, 3, 0), lambda text: None) for _ in range(2))
-    assert first > 0 == second
 
 
 def test_text_is_escaped() -> None:

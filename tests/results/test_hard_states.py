@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import make_library
+from support import cross_checked, make_library
 
 from harness.check.run import CrossCheck
 from harness.check.settings import Settings
@@ -64,9 +64,8 @@ def workers() -> Iterator[Workers]:
 
 
 def compared(library: Library, workers: Workers, **settings: Any) -> tuple[Record, CrossCheck]:
-    check = CrossCheck(Settings(library=library, subjects=["planted/mjcf"], states=40, examples=None, **settings), workers)
-    (record,) = check.records()
-    return record, check
+    [record], study = cross_checked(Settings(library=library, subjects=["planted/mjcf"], states=40, examples=None, **settings), workers)
+    return record, study
 
 
 def test_what_is_kept_reads_back(library: Library) -> None:
@@ -100,7 +99,7 @@ BROKEN = {
     "a field missing": (json.dumps([GOOD, {key: value for key, value in GOOD.items() if key != "term"}]), None, "entry 2"),
     "a field too many": (json.dumps([GOOD | {"extra": 1}]), None, "extra"),
     "no verdict": (json.dumps([GOOD | {"verdict": "bad"}]), None, "expected one of agrees"),
-    "a text for a number": (json.dumps([GOOD | {"digits_lost": "many"}]), None, "no number"),
+    "a text for a number": (json.dumps([GOOD | {"digits_lost": "many"}]), None, "Expected `float`, got `str` - at `\\$.digits_lost`"),
     "NaN in the state": (json.dumps([GOOD | {"state": {"q": [float("nan")], "v": [0.0], "tau": [0.0]}}]), None, "finite"),
     "no tau": (json.dumps([GOOD | {"state": {"q": [0.0], "v": [0.0]}}]), None, "tau"),
     "no date": (json.dumps([GOOD | {"date": "yesterday"}]), None, "entry 1"),

@@ -1,299 +1,44 @@
-"""Records survive kills and damage, and their JSON is strict."""
+"""Records explain themselves, their tables show everywhere, and their JSON is strict."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import signal
-import sqlite3
-import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
-from harness.results.causes import Cause
-from harness.results.history import History
-from harness.results.records import Record, Run, SystemCard, dumps, half_decade, to_json, write_json
-from harness.results.superfluous import SuperfluousPart
+from harness.results.records import Records, half_decade, to_json, write_json
 from harness.storage import write_atomically
 
-RUN = Run(
-    started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0", "mujoco": "4.0"}, machine={"processor": "16 cores"}, seed=7,
-    profile="nightly", states=1000, library="built-in", command="harness report --profile nightly",
-)  # fmt: skip
-RECORD = Record(
-    system="arm_2r", subject="mujoco/mjcf", states=1000, verdict="disagrees", expected="agrees", backward_error=math.inf,
-    relative_error=1e-17, worst_state={"q": [0.1, -2.5], "v": [1e300, 5e-324], "tau": [0.0, -0.0]}, seconds_per_state=2e-6,
-    message="two\nlines", median_backward_error=0.3, distribution={"exact": 1, "-3": 990, "inf": 9},
-    verdict_counts={"agrees": 991, "disagrees": 9}, replay="harness check arm_2r",
-)  # fmt: skip
-CARD = SystemCard(
-    name="arm_2r", description="Planar two-link arm", source="Spong 7.3", coordinates=[{"name": "q1", "joint": "shoulder"}],
-    parameters=[{"name": "m1", "value": 3.0, "unit": "kg"}], equations_mathml="<math><mi>x</mi></math>", equations_text="x",
-    operations=12, derivation_seconds=0.5, reference_seconds_per_state=4e-5, compilation_seconds=0.25,
-)  # fmt: skip
-FINDING = SuperfluousPart("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
-CAUSE = Cause(
-    system="arm_2r", subject="mujoco/mjcf", inference="the mjcf model is at fault", first_line="why", diagnosed="mujoco/mjcf",
-    found={"model": {"before": None, "first": {"residual": 1.5}}},
-)  # fmt: skip
-BENCHMARK = Benchmark(
-    accelerations=[AccelerationCost(system="arm_2r", method="pinocchio aba", threads=1, states=5, seconds_per_state=1e-6,
-                                    backward_error=math.inf)],
-    growth=[Growth(family="chain", method="pinocchio aba", sizes=[1, 2], seconds_per_state=[1e-6, None],
-                   backward_errors=[math.inf, 1.0], exponent=None, expected="1")],
-    truths=[Truth(system="arm_2r", start={"q": [0.1, -2.5], "v": [0.0, 5e-324]}, horizon=20.0, trusted=3.5, error=1e-15, precision="",
-                  seconds=0.1)],
-    motion=[MotionCost(system="arm_2r", integrator="mujoco RK4", step=None, tolerance=1e-9, steps=3, evaluations=12, seconds=0.5,
-                       state_error=math.inf, energy_error=None, duration=2.0)],
-    orders=[Order(system="arm_2r", integrator="mujoco RK4", measured=3.99, expected=4.0, verdict="as expected", steps=[0.1, 0.01])],
-    drifts=[Drift(system="arm_2r", integrator="mujoco RK4", step=1e-3, steps=10, seconds=0.1, largest=math.inf, growth=None,
-                  verdict="secular", expected="")],
-    problems=["collar, motion: crashed"],
-)  # fmt: skip
-
-APPENDER = """
-import sys
-from harness.results.history import History
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
-from harness.results.superfluous import SuperfluousPart
-from harness.results.records import Record
-with History(sys.argv[1]) as history:
-    for index in range(int(sys.argv[3])):
-        history.append(int(sys.argv[2]), Record(
-            system=f"{sys.argv[4]}_{index}", subject="lagrange", states=1, verdict="agrees", expected="agrees", backward_error=1.0,
-            relative_error=0.0, worst_state=None, seconds_per_state=None, message="x" * 5000))
-        print(index, flush=True)
-"""
+AGREEING = replace(RECORD, subject="lagrange", verdict="agrees", backward_error=1.5, verdict_counts={"agrees": 1000})
 
 
-def start_appending(path: Path, run_id: int, count: int, name: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", APPENDER, str(path), str(run_id), str(count), name]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+def test_records_stand_by_system_and_subject_and_are_a_sequence() -> None:
+    records = Records([RECORD, AGREEING])
+    assert list(records) == [AGREEING, RECORD] and records[0] == AGREEING and len(records) == 2
+    assert records[1:] == [RECORD] and isinstance(records[1:], Records)
+    assert records.unexpected == [RECORD] and records != [RECORD]
 
 
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "reports" / "history.sqlite"
+def test_a_table_of_records_is_the_same_in_a_terminal_and_in_a_notebook() -> None:
+    records = Records([RECORD, AGREEING])
+    lines = str(records).splitlines()
+    assert lines[0].split()[:4] == ["system", "subject", "states", "verdict"]
+    assert lines[1].split() == ["arm_2r", "lagrange", "1,000", "agrees", "1.50", "1.00e-17", "2.00", "µs"]
+    assert "disagrees (expected agrees)" in lines[2] and " inf " in lines[2]
+    page = records._repr_html_()
+    assert all(word in page for word in ("arm_2r", "lagrange", "disagrees (expected agrees)", "1.00e-17", "2.00 µs"))
 
 
-def test_round_trip(path: Path) -> None:
-    with History(path) as history:
-        run_id = history.begin(RUN)
-        history.append(run_id, RECORD)
-        history.append(run_id, replace(RECORD, subject="lagrange", backward_error=None, worst_state=None))
-        history.append_system(run_id, CARD)
-    with History(path) as history:
-        assert history.runs() == [(run_id, RUN)]
-        assert history.records(run_id) == [RECORD, replace(RECORD, subject="lagrange", backward_error=None, worst_state=None)]
-        assert history.systems(run_id) == [CARD]
-        worst = history.records(run_id)[0].worst_state
-        assert worst is not None and math.copysign(1, worst["tau"][1]) == -1
-
-
-def same(first: Any, second: Any) -> bool:
-    """Equality in which NaN equals NaN."""
-    return repr(first) == repr(second)
-
-
-def test_findings_and_benchmarks_come_back_as_they_were(path: Path) -> None:
-    broken = replace(BENCHMARK.motion[0], energy_error=math.nan, state_error=-math.inf)
-    measured = replace(BENCHMARK, motion=[*BENCHMARK.motion, broken])
-    with History(path) as history:
-        history.append_finding(history.begin(RUN), FINDING)
-        number = history.begin_benchmark(RUN)
-        history.append_measurements(number, replace(measured, problems=[]))
-        history.append_measurements(number, Benchmark(problems=measured.problems))
-    with History(path) as history:
-        assert history.findings(1) == [FINDING]
-        assert same(history.latest_benchmark("built-in"), (RUN, measured))
-
-
-def test_the_latest_of_a_library_is_the_last_that_holds_anything(path: Path) -> None:
-    with History(path) as history:
-        assert history.latest_run("built-in") is None and history.latest_benchmark("built-in") is None
-        for library in ("built-in", "mine", "built-in"):
-            history.append(history.begin(replace(RUN, library=library)), RECORD)
-            history.append_measurements(history.begin_benchmark(replace(RUN, library=library)), BENCHMARK)
-        history.begin(RUN)
-        history.begin_benchmark(replace(RUN, seed=8))
-        assert (history.latest_run("built-in"), history.latest_run("mine")) == (3, 2)
-        found = history.latest_benchmark("built-in")
-        assert found is not None and found[0].seed == RUN.seed and found[1] == BENCHMARK
-        history.append_measurements(history.begin_benchmark(replace(RUN, seed=9)), Benchmark(problems=["all of it crashed"]))
-        found = history.latest_benchmark("built-in")
-        assert found is not None and found[0].seed == 9
-
-
-def test_what_follows_from_measurements_is_not_stored(path: Path) -> None:
-    entry = Cheapest(system="arm_2r", kind="motion", error=1e-3, way=None, cost=None)
-    with History(path) as history:
-        history.append_measurements(history.begin_benchmark(RUN), replace(BENCHMARK, cheapest=[entry]))
-        found = history.latest_benchmark("built-in")
-        assert found is not None and found[1] == BENCHMARK
-
-
-def test_a_part_is_stored_whole_or_not_at_all(path: Path) -> None:
-    spoilt = replace(BENCHMARK.motion[0], energy_error=object())  # type: ignore[arg-type]
-    with History(path) as history:
-        with pytest.raises(ValueError, match="no benchmark 5"):
-            history.append_measurements(5, BENCHMARK)
-        number = history.begin_benchmark(RUN)
-        with pytest.raises(TypeError):
-            history.append_measurements(number, replace(BENCHMARK, motion=[spoilt]))
-        assert history.latest_benchmark("built-in") is None
-        history.append(history.begin(RUN), RECORD)
-
-
-FIRST_VERSION = """
-CREATE TABLE runs (id INTEGER PRIMARY KEY, content TEXT NOT NULL);
-CREATE TABLE records (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE TABLE systems (id INTEGER PRIMARY KEY, run_id INTEGER NOT NULL REFERENCES runs, content TEXT NOT NULL);
-CREATE INDEX records_of_run ON records (run_id);
-CREATE INDEX systems_of_run ON systems (run_id);
-PRAGMA application_id = 0x52424856;
-PRAGMA user_version = 1;
-"""
-
-
-def test_a_history_of_the_first_version_stays_readable_and_can_be_added_to(path: Path) -> None:
-    path.parent.mkdir()
-    card = asdict(CARD)
-    del card["compilation_seconds"]
-    connection = sqlite3.connect(path)
-    with connection:
-        connection.executescript(FIRST_VERSION)
-        connection.execute("INSERT INTO runs (content) VALUES (?)", (dumps(asdict(RUN)),))
-        connection.execute("INSERT INTO records (run_id, content) VALUES (1, ?)", (dumps(asdict(RECORD)),))
-        connection.execute("INSERT INTO systems (run_id, content) VALUES (1, ?)", (dumps(card),))
-    connection.close()
-    for _ in range(2):
-        with History(path) as history:
-            assert history.records(1) == [RECORD]
-            assert history.systems(1) == [replace(CARD, compilation_seconds=None)]
-    with History(path) as history:
-        history.append_finding(1, FINDING)
-        history.append_cause(1, CAUSE)
-        history.append_measurements(history.begin_benchmark(RUN), BENCHMARK)
-        assert history.findings(1) == [FINDING]
-        assert history.causes(1) == [CAUSE]
-        assert history.latest_benchmark("built-in") == (RUN, BENCHMARK)
-
-
-def test_earlier_runs_are_of_the_same_library_and_profile(path: Path) -> None:
-    with History(path) as history:
-        first = history.begin(RUN)
-        history.append(first, RECORD)
-        history.begin(replace(RUN, profile="quick"))
-        history.begin(replace(RUN, library="mine"))
-        this = history.begin(replace(RUN, seed=8))
-        history.begin(replace(RUN, seed=9))
-        assert history.earlier(this) == [(RUN, [RECORD])]
-        assert [run.seed for _, run in history.runs(2)] == [9, 8]
-
-
-def test_unknown_run(path: Path) -> None:
-    with History(path) as history, pytest.raises(ValueError, match="no run 5"):
-        history.append(5, RECORD)
-
-
-def test_every_acknowledged_record_survives_a_kill(path: Path) -> None:
-    with History(path) as history:
-        run_id = history.begin(RUN)
-    process = start_appending(path, run_id, 100_000, "killed")
-    assert process.stdout is not None
-    acknowledged = [int(process.stdout.readline()) for _ in range(25)]
-    process.send_signal(signal.SIGKILL)
-    rest = process.stdout.read().split()
-    assert process.wait() == -signal.SIGKILL
-    with History(path) as history:
-        kept = [record.system for record in history.records(run_id)]
-        assert len(kept) >= len(acknowledged) + len(rest)
-        assert kept == [f"killed_{index}" for index in range(len(kept))]
-        history.append(run_id, RECORD)
-
-
-def test_two_processes_append_at_once(path: Path) -> None:
-    with History(path) as history:
-        run_id = history.begin(RUN)
-        processes = [start_appending(path, run_id, 40, name) for name in ("one", "two")]
-        for process in processes:
-            process.communicate(timeout=60)
-            assert process.returncode == 0
-        assert len(history.records(run_id)) == 80
-
-
-def test_a_history_may_be_created_by_several_at_once(path: Path) -> None:
-    def create(_: int) -> int:
-        with History(path) as history:
-            return history.begin(RUN)
-
-    with ThreadPoolExecutor(8) as threads:
-        assert sorted(threads.map(create, range(8))) == list(range(1, 9))
-
-
-def damaged(path: Path) -> None:
-    with History(path) as history:
-        run_id = history.begin(RUN)
-        for _ in range(50):
-            history.append(run_id, RECORD)
-    content = path.read_bytes()
-    path.write_bytes(content[:8192] + b"\xff" * 4096 + content[12288:])
-
-
-def newer(path: Path) -> None:
-    History(path).close()
-    change(path, "PRAGMA user_version = 99")
-
-
-def foreign(path: Path) -> None:
-    change(path, "CREATE TABLE mail (text)")
-
-
-def no_database(path: Path) -> None:
-    path.write_text("a shopping list, long enough to have a header\n" * 50)
-
-
-def strange_row(path: Path) -> None:
-    with History(path) as history:
-        history.begin(RUN)
-    change(path, "UPDATE runs SET content = '{}'")
-
-
-def change(path: Path, statement: str) -> None:
-    connection = sqlite3.connect(path)
-    with connection:
-        connection.execute(statement)
-    connection.close()
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (damaged, "damaged"),
-        (newer, "schema version 99"),
-        (foreign, "another program"),
-        (no_database, "no SQLite database"),
-        (strange_row, "no record"),
-        (Path.mkdir, "cannot be used"),
-    ],
-)
-def test_an_unusable_file_is_explained_and_left_alone(path: Path, spoil: object, words: str) -> None:
-    path.parent.mkdir()
-    assert callable(spoil)
-    spoil(path)
-    before = path.read_bytes() if path.is_file() else None
-    with pytest.raises(InvalidInput, match=words), History(path) as history:
-        history.runs()
-    assert (path.read_bytes() if path.is_file() else None) == before
+def test_an_unexpected_record_says_how_to_go_on() -> None:
+    lines = replace(RECORD, expected="unstable", expected_reason="known", expected_link="a page").explanation.splitlines()
+    assert lines[0] == "arm_2r mujoco/mjcf: disagrees, expected unstable"
+    assert "  expected because known (a page)" in lines and lines[-1] == "  replay: harness check arm_2r"
 
 
 def test_json_is_strict_and_keeps_the_contract() -> None:

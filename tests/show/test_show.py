@@ -7,18 +7,21 @@ import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.commands._scaffold import write_example
+from harness.engines import engine_names, load_engine
+from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
 from harness.models.model_file import parse_model, read_model
-from harness.show.geometry import Placement, place
 from harness.show.picture import draw
+from harness.show.placement import place
 from harness.show.views import CORNER, choose_view
 
 # The view a reader of the mechanism would choose.
@@ -38,7 +41,11 @@ def harness(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
     library = Library.built_in()
     model = read_model(library.model_path(name, model_format), model_format)
-    return place(model, load_mechanism(library, name), lambda text: None)
+    mechanism = load_mechanism(library, name)
+    engine = next(engine for engine in map(partial(load_engine, library), engine_names(library)) if engine.formats[0] == model_format)
+    placed = place(engine.load(model, mechanism.joints, mechanism.gravity), mechanism)
+    assert placed is not None
+    return placed
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""One model under test with all who are asked about it: what becomes of its text once that is changed.
+"""One model under test with all subjects that read it: the verdicts once its text is changed.
 
 Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), on whom to blame.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,22 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.check.expected import Expectation
 from harness.check.superfluous import CHANGE, NOISE
-from harness.diagnose.faults.walk import Baseline, answer_to, expectations, is_caught, require_sound, smallest_caught
+from harness.diagnose.faults.baseline import Baseline, require_sound, smallest_caught
+from harness.diagnose.faults.selection import expectations
 from harness.diagnose.hypotheses import Planted
 from harness.diagnose.pattern import NOTHING, UNDECIDED, infer
 from harness.diagnose.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
-from harness.engines import EQUATIONS, Engine, LoadedModel, Subject, Unsupported, linear_velocity_in_body, load_engine, select_subjects
+from harness.engines import (
+    EQUATIONS,
+    Engine,
+    LoadedModel,
+    Model,
+    Subject,
+    Unsupported,
+    linear_velocity_in_body,
+    load_engine,
+    select_subjects,
+)
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -30,17 +41,16 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import largest_change
 from harness.verdict import Verdict, gravest
 
 RED = (Verdict.DISAGREES.value, Verdict.ERROR.value, Verdict.UNSTABLE.value)
-# By which the dynamics is never asked.
+# Stages whose refusal comes before any acceleration.
 REFUSED = ("validator", "reader")
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What became of a changed text: who refused it and where, or the verdict and movement of each subject."""
+    """The outcome of a changed text: the stage that refused it and the line, or the verdict and movement of each subject."""
 
     refused_by: str = ""
     refusal: str = ""
@@ -56,31 +66,23 @@ class Answer:
 
     @property
     def is_live(self) -> bool:
-        """Whether the dynamics is another, or there is none."""
+        """True where the accelerations are others, or there are none."""
         return self.refused_by in REFUSED or self.movement > NOISE
 
 
 @dataclass(frozen=True)
 class Reader:
-    """A subject that reads the file, with its answers to the sound file, (n, nv), and what others are judged by.
-
-    ``diagnostic_states`` are those at which a diagnosis may ask it, with their certified reference.
-    """
+    """A subject that reads the file, and what its answers to changed texts are judged by."""
 
     subject: Subject
     engine: Engine
     baseline: Baseline
-    healthy: Array
-    diagnostic_states: States
-    diagnostic_reference: Reference
-
-    def movement(self, answers: Array) -> float:
-        """The largest change of answers, (n, nv), relative to the joint's largest, where those to the sound file agree."""
-        return largest_change(self.healthy[self.baseline.sound], answers[self.baseline.sound])
 
 
-class Bench:
-    """One model of one system, the subjects that read it, and those that do not and must stay green.
+class FaultBench:
+    """One model of one system, the subjects that read it, and the others, whose verdicts no fault of the file may change.
+
+    ``subjects`` are the names of those that take part; all for none.
 
     Attributes:
         mechanism, model: as they are in the library. readers: of the file; others: the other subjects and their verdicts.
@@ -90,7 +92,7 @@ class Bench:
             model or is wrong before any fault is planted.
     """
 
-    def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int) -> None:
+    def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int, subjects: Sequence[str] = ()) -> None:
         self._library, self._name = library, name
         self.mechanism: Mechanism = load_mechanism(library, name)
         self.model = read_model(library.model_path(name, model_format), model_format)
@@ -99,14 +101,16 @@ class Bench:
         self._expected = expectations(library)
         self._kernels: dict[bool, ReferenceKernel] = {}
         self._references: dict[tuple[bool, bool], Reference] = {}
+        self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
         self.readers: list[Reader] = []
         self.others: dict[str, str] = {}
-        unsupported = [reason for subject in select_subjects(library, ()) if (reason := self._join(subject))]
+        unsupported = [reason for subject in select_subjects(library, subjects) if (reason := self._join(subject))]
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
-    def _reference(self, in_body: bool, diagnostic: bool) -> Reference:
+    def _reference(self, engine: Engine, diagnostic: bool = False) -> Reference:
         """Certified once: it does not depend on the fault."""
+        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
         if in_body not in self._kernels:
             self._kernels[in_body] = ReferenceKernel(self.mechanism, in_body)
         if (in_body, diagnostic) not in self._references:
@@ -115,7 +119,7 @@ class Bench:
         return self._references[in_body, diagnostic]
 
     def _join(self, subject: Subject) -> str:
-        """Hear a subject on the sound models; why it is unsupported, "" where it is not."""
+        """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
         engine = load_engine(self._library, subject.engine)
         source: Any = self.mechanism if subject.format == EQUATIONS else self.model
         if subject.format not in (EQUATIONS, self.model.format):
@@ -123,31 +127,41 @@ class Bench:
         if source is None:
             return ""
         path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
+        watched = None
         try:
-            answers, diagnostic = self._accelerations(engine, source, self._states, self._diagnostic_states)
+            if source is self.model:
+                watched = watch(engine, self.mechanism, self.model, self._states)
+            answers = watched.healthy if watched else self._load(engine, source).forward_dynamics(*self._inputs)
         except Unsupported as reason:
             return f"{subject}: {reason}"
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
-        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
-        reference = self._reference(in_body, False)
+        reference = self._reference(engine)
         expected = self._expected.get((self._name, str(subject)), Expectation())
         require_sound(path, self._name, subject, reference, answers, expected)
-        if subject.format == self.model.format:
-            asked = self._reference(in_body, True)
-            sound = Baseline.of(asked, diagnostic).sound
-            baseline = Baseline.of(reference, answers)
-            self.readers.append(Reader(subject, engine, baseline, answers, self._diagnostic_states[sound], asked[sound]))
+        if watched:
+            self.readers.append(Reader(subject, engine, Baseline.of(reference, watched)))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
 
-    def _accelerations(self, engine: Engine, source: Any, *batches: States) -> list[Array]:
-        loaded = engine.load(source, self.mechanism.joints, self.mechanism.gravity)
-        return [loaded.forward_dynamics(states.q, states.v, states.tau) for states in batches]
+    @property
+    def _inputs(self) -> tuple[Array, Array, Array]:
+        return self._states.q, self._states.v, self._states.tau
+
+    def _load(self, engine: Engine, source: Any) -> Model:
+        return engine.load(source, self.mechanism.joints, self.mechanism.gravity)
+
+    def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
+        """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
+        if reader.subject not in self._diagnostic:
+            reference = self._reference(reader.engine, diagnostic=True)
+            sound = Baseline.of(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
+            self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
+        return self._diagnostic[reader.subject]
 
     def ask(self, text: str) -> Answer:
-        """What becomes of the model with another text, at the states of a check."""
+        """The outcome of the model with another text, at the states of a check."""
         try:
             model = parse_model(self.model.path, text, self.model.format)
         except InvalidModel as error:
@@ -157,8 +171,8 @@ class Bench:
         refused: InvalidModel | None = None
         for one in self.readers:
             try:
-                loaded = one.engine.load(model, self.mechanism.joints, self.mechanism.gravity)
-                answers = loaded.forward_dynamics(self._states.q, self._states.v, self._states.tau)
+                loaded = self._load(one.engine, model)
+                answers = loaded.forward_dynamics(*self._inputs)
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue
@@ -168,13 +182,13 @@ class Bench:
             held = loaded.loaded()
             if held is not None and refused is None:
                 refused = _refusal_of(held, model, self.mechanism)
-            movement = max(movement, one.movement(answers))
+            movement = max(movement, one.baseline.movement(answers))
             verdicts[str(one.subject)] = one.baseline.verdict(answers)
         said = ("audit", str(refused), refused.line) if refused is not None else ("", "", None)
         return Answer(*said, verdicts, movement)
 
     def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
-        """In the direction that is not refused, where there is one."""
+        """The outcome of a size, and the size with its sign: negative where only that direction is not refused."""
         answer = self.ask(planted.text(size))
         if not planted.sized or answer.refused_by not in REFUSED:
             return answer, size
@@ -182,16 +196,17 @@ class Bench:
         return (answer, size) if other.refused_by in REFUSED else (other, -size)
 
     def smallest(self, planted: Planted) -> tuple[float, float, int]:
-        """The least size that some reader catches, the promise of theory, and the order in which the size is felt."""
-        readers = [(watch(one.engine, self.mechanism, self.model, self._states), one.baseline) for one in self.readers]
-        # Theory speaks of one reader: of the first that has most states to be caught at.
-        watched, baseline = max(readers, key=lambda reader: int(reader[1].sound.sum()))
-        theory, order = baseline.promised(derivative(watched, planted.text, 0.0, DIFFERENCE)), 1
+        """Smallest size that some reader catches, the same by theory, and the order in which the accelerations depend on the size."""
+        baselines = [one.baseline for one in self.readers]
+        # Theory holds for one reader: the first that has most states.
+        widest = max(baselines, key=lambda baseline: int(baseline.sound.sum()))
+        theory, order = widest.theory(derivative(widest.watch.accelerations, planted.text, 0.0, DIFFERENCE)), 1
         if theory > DIFFERENCE:
-            # The difference saw rounding only: the size is felt by its square.
-            answers, order = answer_to(watched, planted.text, CHANGE), 2
-            theory = math.inf if answers is None else CHANGE * math.sqrt(baseline.promised(answers - watched.healthy))
-        return smallest_caught(theory, lambda size: is_caught(readers, planted.text, size)), theory, order
+            # The difference is rounding alone: the accelerations depend on the square of the size.
+            answers, order = widest.answer(planted.text, CHANGE), 2
+            theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
+        caught = smallest_caught(theory, lambda size: any(baseline.catches(planted.text, size) for baseline in baselines))
+        return caught, theory, order
 
     def blamed(self, answer: Answer) -> str:
         """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""
@@ -202,7 +217,7 @@ class Bench:
 
 
 def _model_or_none(path: Path, model_format: str) -> ModelFile | None:
-    """A model that a family's writer may make; None where there is none."""
+    """The model at ``path``, which a family's writer may make; None where there is none."""
     try:
         return read_model(path, model_format)
     except InvalidModel:
@@ -210,7 +225,7 @@ def _model_or_none(path: Path, model_format: str) -> ModelFile | None:
 
 
 def _refusal_of(held: LoadedModel, model: ModelFile, mechanism: Mechanism) -> InvalidModel | None:
-    """What the audit has against a model, if anything."""
+    """The audit's refusal of a model; None where it has none."""
     try:
         audit(held, model, mechanism)
     except InvalidModel as error:

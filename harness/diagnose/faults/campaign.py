@@ -1,4 +1,4 @@
-"""The fault campaign: mistakes are made in sound models, and the check and the diagnosis are told nothing of them.
+"""The fault campaign: mistakes are made in sound models, unknown to the check and the diagnosis.
 
 Every kind of mistake is made at every place where it applies: each number of a file is changed in sizes from
 ``SIZES``, each structural hypothesis plants what it declares. A mistake that moves no acceleration is none. Of the
@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.check.superfluous import CHANGE
-from harness.diagnose.faults.bench import RED, REFUSED, Answer, Bench
+from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
+from harness.diagnose.faults.bench import RED, REFUSED, Answer, FaultBench
 from harness.diagnose.faults.summary import Fault
-from harness.diagnose.faults.walk import MOST_ABOVE_THEORY, unwalkable, walkable
 from harness.diagnose.hypotheses import Candidate, Planted, find_hypotheses
-from harness.diagnose.model_side import diagnose
+from harness.diagnose.model_side import EVALUATIONS, diagnose
 from harness.diagnose.perturbation import NUMBER, numeric_candidates, watch
-from harness.engines import Unsupported, select_subjects
+from harness.engines import Unsupported
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model
@@ -31,19 +31,18 @@ from harness.models.text import Place
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
 # Relative size from which on a fault of a live number must be caught.
 MUST_BE_CAUGHT = 1e-9
-DIAGNOSIS_SECONDS = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignSettings:
-    """What to plant.
+    """The faults to plant and the limits of their diagnosis.
 
     Attributes:
         kinds: names of hypotheses, and "number"; all for none.
         sizes: of changed numbers, relative.
         states: sampled states of a check; seed: of them.
         diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
-        seconds: that a diagnosis may take.
+        evaluations: of changed models that a diagnosis may take.
     """
 
     kinds: Sequence[str] = ()
@@ -51,7 +50,7 @@ class CampaignSettings:
     states: int = 1000
     seed: int = 0
     diagnosed: int | None = None
-    seconds: float = DIAGNOSIS_SECONDS
+    evaluations: int = EVALUATIONS
 
 
 def kinds_of_faults() -> dict[str, str]:
@@ -86,11 +85,11 @@ def _of_number(candidate: Candidate) -> Planted:
 
 
 class Campaign:
-    """The faults of one model of one system; raises as ``harness.diagnose.faults.bench.Bench``."""
+    """The faults of one model of one system; raises as ``harness.diagnose.faults.bench.FaultBench``."""
 
     def __init__(self, library: Library, name: str, model_format: str, settings: CampaignSettings) -> None:
         self.name, self.settings = name, settings
-        self.bench = Bench(library, name, model_format, settings.states, settings.seed)
+        self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
 
     def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
@@ -102,7 +101,7 @@ class Campaign:
                 found.append(self._caught(one))
             answered = [place for place, fault in enumerate(found) if fault.live and fault.caught_by in ("check", "audit")]
             chosen = {answered[place] for place in _spread(len(answered), self.settings.diagnosed)}
-            # Who is blamed alone is asked what explains it.
+            # A party that is blamed wrongly is cleared by a diagnosis that explains its answers.
             chosen |= {place for place in answered if found[place].blamed}
             for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
@@ -155,7 +154,7 @@ class Campaign:
         )
 
     def _refusal(self, answer: Answer, where: Sequence[tuple[int, str, str]]) -> dict[str, Any]:
-        """Of a message that says where: it names the mistake if it names one of its lines."""
+        """The result of a refusal: it names the mistake if it names one of its lines."""
         named = answer.line is not None and answer.line in {line for line, _, _ in where} and answer.line != self.model.root_line
         return {"named": named, "in_class": named, "answer": answer.refusal} if answer.refused_by else {}
 
@@ -164,8 +163,8 @@ class Campaign:
         answer, size = self.bench.ask_sized(planted, size)
         text = planted.text(size)
         red = [one for one in self.bench.readers if answer.verdicts.get(str(one.subject), RED[0]) in RED]
-        # Where digits are lost at every state of a diagnosis it cannot ask.
-        red = [one for one in red if len(one.diagnostic_states)]
+        # A reader that loses digits at every state of a diagnosis cannot be diagnosed.
+        red = [one for one in red if len(self.bench.diagnostic(one)[0])]
         if not red or answer.refused_by in REFUSED:
             return fault
         # The engine whose own format this is, first: what others make of it is partly the harness's.
@@ -173,10 +172,11 @@ class Campaign:
         started = time.perf_counter()
         try:
             wrong = parse_model(self.model.path, text, self.model.format)
-            watched = watch(one.engine, self.bench.mechanism, wrong, one.diagnostic_states)
+            states, reference = self.bench.diagnostic(one)
+            watched = watch(one.engine, self.bench.mechanism, wrong, states)
         except (Unsupported, ValueError):
             return fault
-        diagnosis = diagnose(watched, one.diagnostic_reference, seconds=self.settings.seconds)
+        diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
         seconds = time.perf_counter() - started
         where = set(fault.where)
         first = diagnosis.first
@@ -216,29 +216,6 @@ def _spread(count: int, most: int | None) -> set[int]:
     if most is None or most >= count:
         return set(range(count))
     return {(2 * place + 1) * count // (2 * most) for place in range(most)}
-
-
-def campaigns(library: Library, names: Sequence[str]) -> list[tuple[str, str]]:
-    """(system, format) of every model to plant faults in; families by their smallest member.
-
-    Left out are ``without_campaign`` ones.
-
-    Raises:
-        harness.errors.InvalidRequest: a system that does not exist.
-    """
-    return sorted({(name, subject.format) for name, subject in walkable(library, names, _everybody(library))})
-
-
-def without_campaign(library: Library, names: Sequence[str]) -> dict[tuple[str, str], str]:
-    """(system, format) of what every subject is expected not to support, with the reason of the first; raises as above."""
-    excused = unwalkable(library, names, _everybody(library))
-    kept = set(campaigns(library, names))
-    reasons = {(name, subject.format): reason for (name, subject), reason in reversed(excused.items())}
-    return {pair: reasons[pair] for pair in sorted(reasons) if pair not in kept}
-
-
-def _everybody(library: Library) -> list[str]:
-    return [str(subject) for subject in select_subjects(library, ())]
 
 
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:

@@ -1,4 +1,4 @@
-"""What became of planted faults, and what must hold of all of them together."""
+"""The results of planted faults, and the bars that all of them together must meet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from harness.diagnose.faults.walk import MOST_ABOVE_THEORY
+from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
 
 # Share of the faults that a diagnosis names first, or in its class.
 MUST_BE_NAMED = 0.95
@@ -15,17 +15,17 @@ MUST_BE_NAMED = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One planted mistake and what became of it.
+    """One planted mistake and its result.
 
     Attributes:
         system, format, kind, statement: what was planted; where: (line, element, attribute) of its places.
         sizes: those it was planted in, () for a mistake without sizes; missed: sizes that must be caught and were not.
-        live: whether it moves any acceleration, or is refused. order: 2 where a small one moves them by its square only.
+        live: true where it moves any acceleration, or is refused. order: 2 where a small one moves them by its square only.
         caught_by: "" for nothing, "validator", "reader", "audit" or "check".
-        smallest, theory: least size that the check catches, and what theory promises; None for a mistake without sizes.
+        smallest, theory: least size that the check catches, and the same by theory; None for a mistake without sizes.
         blamed: a party that the pattern of agreement blames although it is sound; "" for none. blamed_at: in that size.
         cleared: a party that the pattern would blame, had no change of the file explained what it answers.
-        diagnosed: the size at which it was diagnosed; None where it was not. named, in_class: whether the diagnosis names one of
+        diagnosed: the size at which it was diagnosed; None where it was not. named, in_class: true where the diagnosis names one of
             the places first, or among those that explain as well. answer: its first line. seconds: it took.
     """
 
@@ -52,17 +52,17 @@ class Fault:
 
     @property
     def judged(self) -> bool:
-        """Whether somebody said where it is: a refusal that names a line, or a diagnosis."""
+        """True where its place was named by a refusal, or asked of a diagnosis."""
         return self.live and (self.named or self.diagnosed is not None)
 
     @property
-    def as_promised(self) -> bool:
-        """Whether theory is kept; of a mistake without sizes it says nothing."""
+    def as_in_theory(self) -> bool:
+        """False where the smallest size caught is beyond ``MOST_ABOVE_THEORY`` times theory; True without sizes."""
         return self.smallest is None or self.theory is None or self.smallest <= MOST_ABOVE_THEORY * self.theory
 
     @property
     def caught(self) -> bool:
-        """Whether it is caught in every size in which it must be."""
+        """True where it is caught in every size in which it must be."""
         return bool(self.caught_by) and not self.missed
 
     def as_json(self) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class KindOfFault:
         kind: its name. planted: mistakes made; live: those that change the dynamics; caught: of these.
         judged: live ones that were diagnosed or refused by name; named, in_class: of these.
         blamed: live ones for which somebody sound is blamed.
-        smallest, theory: medians of the least sizes caught and of what theory promises, of faults of first order; None without
+        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without
             sizes.
         seconds: median of the diagnoses [s]; longest: the longest [s].
     """
@@ -129,13 +129,13 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
 
 
 def broken_bars(faults: Sequence[Fault]) -> list[str]:
-    """What does not hold of a campaign, one sentence each; none where all is well."""
+    """The bars that a campaign breaks, one sentence each."""
     live = [fault for fault in faults if fault.live]
     judged = [fault for fault in live if fault.judged]
     known = sum(fault.named or fault.in_class for fault in judged)
     missed = sum(not fault.caught for fault in live)
     blamed = sum(bool(fault.blamed) for fault in live)
-    above = sum(not fault.as_promised for fault in live)
+    above = sum(not fault.as_in_theory for fault in live)
     bars = [
         (missed, f"{missed} of {len(live)} faults that change the dynamics were not caught"),
         (blamed, f"{blamed} faults were blamed on somebody sound"),

@@ -1,4 +1,4 @@
-"""What may be wrong with a model, each a ``Hypothesis`` declared in a module of this package.
+"""The mistakes that a model may have, each a ``Hypothesis`` declared in a module of this package.
 
 A hypothesis is two functions of a model's text. ``mend`` lists the changes that would undo the mistake, wherever it
 could have been made; diagnosis tries them all. ``plant`` makes the mistake, wherever it can be made; the fault campaign

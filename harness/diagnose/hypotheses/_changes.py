@@ -26,7 +26,7 @@ _EXACT = Context(prec=60)
 
 
 @dataclass(frozen=True)
-class Change:
+class FixedChange:
     """Slots and what to write into them; ``statement`` says what it does, for a mend and for a mistake alike.
 
     ``forgotten``: slots that a mistake leaves as they are, and that are wrong beside what it writes.
@@ -47,7 +47,7 @@ class FreeChange:
     start: float = 0.0
 
 
-Changes = Callable[[Anatomy], Iterable[Change]]
+Changes = Callable[[Anatomy], Iterable[FixedChange]]
 FreeChanges = Callable[[Anatomy], Iterable[FreeChange]]
 
 
@@ -74,7 +74,7 @@ def _edits(text: str, writes: Writes) -> list[Edit]:
     return [edit for slot, words in writes for edit in (slot.gone(text) if words is None else slot.written(words))]
 
 
-def _effective(text: str, changes: Iterable[Change]) -> Iterator[Change]:
+def _effective(text: str, changes: Iterable[FixedChange]) -> Iterator[FixedChange]:
     """Those that change some number or word, each text once."""
     seen = {text}
     for change in changes:
@@ -103,7 +103,7 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _candidate(name: str, text: str, change: Change) -> Candidate:
+def _candidate(name: str, text: str, change: FixedChange) -> Candidate:
     edits = _edits(text, change.writes)
     return Candidate(name, change.statement, _first_place(change.writes), lambda value: edited(text, edits))
 
@@ -122,7 +122,7 @@ def _first_place(writes: Writes) -> Place:
 
 
 def _found(slot: Slot, words: Words | None) -> Place:
-    """What a mend changes, in lines of the text as it is: one number of the attribute where no other changes."""
+    """The place that a mend changes, in lines of the text as it is: one number of the attribute where no other changes."""
     place = slot.place
     if words is None or slot.absent or slot.renamed or len(words) != len(slot.words) or len(words) == 1:
         return place
@@ -130,14 +130,14 @@ def _found(slot: Slot, words: Words | None) -> Place:
     return Place(place.line, place.element, place.attribute, changed[0], slot.words[changed[0]]) if len(changed) == 1 else place
 
 
-def _planted(name: str, text: str, change: Change) -> Planted:
+def _planted(name: str, text: str, change: FixedChange) -> Planted:
     after = edited(text, _edits(text, change.writes))
     places = [_made(slot, words) for slot, words in change.writes] + [slot.place for slot in change.forgotten]
     return Planted(name, change.statement, tuple(places), lambda size: after)
 
 
 def _made(slot: Slot, words: Words | None) -> Place:
-    """Where a mistake stands in the text that has it."""
+    """The place of a mistake in the text that has it."""
     place = slot.place
     if words is None:
         return Place(slot.absent_line, place.element, place.attribute, None, "")

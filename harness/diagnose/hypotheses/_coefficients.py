@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from harness.diagnose.hypotheses import Hypothesis
-from harness.diagnose.hypotheses._changes import Change, FreeChange, divided, hypothesis, is_zero, rounded, times
+from harness.diagnose.hypotheses._changes import FixedChange, FreeChange, divided, hypothesis, is_zero, rounded, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
 # What a mistake leaves in, of the natural size.
@@ -31,30 +31,30 @@ def coefficient_hypothesis(name: str, title: str, source: str, coefficients: Coe
     def stages(parts: Anatomy) -> Iterator[Slot]:
         return (slot for known, slot in parts.stages if known == stage)
 
-    def changes(parts: Anatomy) -> Iterator[Change]:
+    def changes(parts: Anatomy) -> Iterator[FixedChange]:
         for slot in stages(parts):
             if slot.words == ("disable",):
-                yield Change(f"{stage} stage switched off", [(slot, ["enable"])])
+                yield FixedChange(f"{stage} stage switched off", [(slot, ["enable"])])
         for one in coefficients(parts):
             if not is_zero(one.slot.words):
-                yield Change("counted twice", [(one.slot, divided(one.slot.words, "2"))])
-                yield Change("left in", [(one.slot, None if one.removable else ["0"])])
+                yield FixedChange("counted twice", [(one.slot, divided(one.slot.words, "2"))])
+                yield FixedChange("left in", [(one.slot, None if one.removable else ["0"])])
 
     def free(parts: Anatomy) -> Iterator[FreeChange]:
         for one in coefficients(parts):
             if one.slot.absent:
                 yield FreeChange("left out", lambda value, slot=one.slot: [(slot, [repr(value)])], one.size)  # type: ignore[misc]
 
-    def plants(parts: Anatomy) -> Iterator[Change]:
+    def plants(parts: Anatomy) -> Iterator[FixedChange]:
         present = [one for one in coefficients(parts) if not is_zero(one.slot.words)]
         for slot in stages(parts):
             if present and slot.words == ("enable",):
-                yield Change(f"{stage} stage switched off", [(slot, ["disable"])])
+                yield FixedChange(f"{stage} stage switched off", [(slot, ["disable"])])
         for one in coefficients(parts):
             if one in present:
-                yield Change("doubled", [(one.slot, times(one.slot.words, "2"))])
-                yield Change("left out", [(one.slot, None if one.removable else ["0"])])
+                yield FixedChange("doubled", [(one.slot, times(one.slot.words, "2"))])
+                yield FixedChange("left out", [(one.slot, None if one.removable else ["0"])])
             elif one.slot.absent:
-                yield Change("left in", [(one.slot, [rounded(_LEFT_IN * one.size)])])
+                yield FixedChange("left in", [(one.slot, [rounded(_LEFT_IN * one.size)])])
 
     return hypothesis(name, title, source, changes, free, plants)

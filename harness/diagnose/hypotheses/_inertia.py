@@ -25,7 +25,7 @@ def parallel_axis(mass: float, centre: Array) -> Array:
 
 
 def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -> Writes:
-    """What to write for another inertia matrix, the one that stands there plus or minus ``added``."""
+    """The writes for another inertia matrix, the one that stands there plus or minus ``added``."""
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     largest = Fraction(float(np.abs(added).max()))
     words = {}

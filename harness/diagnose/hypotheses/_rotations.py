@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from harness.arrays import Array
-from harness.diagnose.hypotheses._changes import Change, FreeChange, Write, is_zero
+from harness.diagnose.hypotheses._changes import FixedChange, FreeChange, Write, is_zero
 from harness.models.anatomy.parts import Anatomy, Slot
 
 # What a mistake turns a frame by [rad].
@@ -87,18 +87,18 @@ def _quaternion(rotation: Array) -> Array:
     return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)
 
 
-def changes(slots: Slots, parts: Anatomy) -> Iterator[Change]:
+def changes(slots: Slots, parts: Anatomy) -> Iterator[FixedChange]:
     """A rotation taken away, taken the other way, or its numbers in another order."""
     for what, slot in slots(parts):
         if slot.absent:
             continue
-        yield Change(f"rotation of {what} left in", [(slot, None)])
-        yield Change(f"rotation of {what} the other way", [written(slot, matrix_of(slot, parts).T, parts.model.format)])
+        yield FixedChange(f"rotation of {what} left in", [(slot, None)])
+        yield FixedChange(f"rotation of {what} the other way", [written(slot, matrix_of(slot, parts).T, parts.model.format)])
         if slot.place.attribute == "quat":
-            yield Change("quaternion with its scalar last", [(slot, [*slot.words[1:], slot.words[0]])])
-            yield Change("quaternion with its scalar first", [(slot, [slot.words[-1], *slot.words[:-1]])])
+            yield FixedChange("quaternion with its scalar last", [(slot, [*slot.words[1:], slot.words[0]])])
+            yield FixedChange("quaternion with its scalar first", [(slot, [slot.words[-1], *slot.words[:-1]])])
         if slot.place.attribute in ("rpy", "euler"):
-            yield Change("angles in the opposite order", [(slot, slot.words[::-1])])
+            yield FixedChange("angles in the opposite order", [(slot, slot.words[::-1])])
 
 
 def free(slots: Slots, parts: Anatomy) -> Iterator[FreeChange]:
@@ -113,10 +113,10 @@ def free(slots: Slots, parts: Anatomy) -> Iterator[FreeChange]:
             yield FreeChange(f"{what} turned about its {letter}", turned, 1.0)
 
 
-def plants(slots: Slots, parts: Anatomy) -> Iterator[Change]:
+def plants(slots: Slots, parts: Anatomy) -> Iterator[FixedChange]:
     """``changes``, and frames turned that are not."""
     yield from changes(slots, parts)
     for (what, slot), axis in itertools.product(slots(parts), range(3)):
         if slot.absent or is_zero(slot.words):
             turned = written(slot, about(np.eye(3)[axis], TURN), parts.model.format)
-            yield Change(f"{what} turned about its {_COMPONENTS[axis]}", [turned])
+            yield FixedChange(f"{what} turned about its {_COMPONENTS[axis]}", [turned])

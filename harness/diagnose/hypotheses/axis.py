@@ -5,21 +5,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis, times
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis, times
 from harness.models.anatomy.parts import Anatomy
 
 _COMPONENTS = "xyz"
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for joint in parts.joints:
         if joint.axis is None:
             continue
-        yield Change("axis reversed", [(joint.axis, times(joint.axis.words, "-1"))])
+        yield FixedChange("axis reversed", [(joint.axis, times(joint.axis.words, "-1"))])
         for first, second in itertools.combinations(range(3), 2):
             words = list(joint.axis.words)
             words[first], words[second] = words[second], words[first]
-            yield Change(f"{_COMPONENTS[first]} and {_COMPONENTS[second]} of the axis exchanged", [(joint.axis, words)])
+            yield FixedChange(f"{_COMPONENTS[first]} and {_COMPONENTS[second]} of the axis exchanged", [(joint.axis, words)])
 
 
 HYPOTHESIS = hypothesis(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.arrays import Array
-from harness.diagnose.hypotheses._changes import Change, FreeChange, Write, Writes, hypothesis, plus
+from harness.diagnose.hypotheses._changes import FixedChange, FreeChange, Write, Writes, hypothesis, plus
 from harness.diagnose.hypotheses._inertia import ROUNDING, parallel_axis, with_added
 from harness.diagnose.hypotheses._rotations import matrix_of
 from harness.models.anatomy.parts import Anatomy, Body
@@ -46,15 +46,15 @@ def _pairs(parts: Anatomy) -> Iterator[tuple[Body, Body]]:
             yield parent, child
 
 
-def _with_children(parts: Anatomy, sign: int) -> Iterator[Change]:
+def _with_children(parts: Anatomy, sign: int) -> Iterator[FixedChange]:
     for parent, child in _pairs(parts):
         for parallel, how in ((True, ""), (False, ", without its parallel axes")):
             writes = _counted_in_parent(parts, parent, child, sign, parallel)
             if writes:
-                yield Change(f"{child.name} counted in {parent.name} too{how}", writes)
+                yield FixedChange(f"{child.name} counted in {parent.name} too{how}", writes)
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     return _with_children(parts, -1)
 
 
@@ -91,13 +91,13 @@ def _along_centres(parts: Anatomy) -> Iterator[tuple[Body, Array]]:
             yield body, parallel_axis(float(body.inertial.mass.values[0]), arm)
 
 
-def _plants(parts: Anatomy) -> Iterator[Change]:
+def _plants(parts: Anatomy) -> Iterator[FixedChange]:
     yield from _with_children(parts, 1)
     for parent, child in _pairs(parts):
         assert parent.inertial is not None and child.inertial is not None
         share = [repr(_SHARE * float(child.inertial.mass.values[0]))]
         words = plus(parent.inertial.mass.words, share), plus(child.inertial.mass.words, share, -1)
-        yield Change(f"half the mass of {child.name} in {parent.name}", _moved_mass(parent, child, words))
+        yield FixedChange(f"half the mass of {child.name} in {parent.name}", _moved_mass(parent, child, words))
     for body, term in _along_centres(parts):
         assert body.inertial is not None
         # As much as the smallest moment that it changes allows.
@@ -105,7 +105,7 @@ def _plants(parts: Anatomy) -> Iterator[Change]:
         lost = _LOST * float(np.linalg.eigvalsh(body.inertial.matrix)[0])
         if lost > 1e-9 * largest:
             writes = with_added(body.inertial, lost / largest * term, -1, parts.model.format)
-            yield Change(f"parts of {body.name} fused without their parallel axes", writes)
+            yield FixedChange(f"parts of {body.name} fused without their parallel axes", writes)
 
 
 HYPOTHESIS = hypothesis(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis
 from harness.models.anatomy.parts import Anatomy, Slot
 
 _DEGREE = math.pi / 180
@@ -26,14 +26,14 @@ def _angles(parts: Anatomy) -> Iterator[tuple[Slot, tuple[int, ...]]]:
                     yield found, (0,)
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     if parts.angle is not None:
-        yield Change("angles of the whole file in the other unit", [(parts.angle, [_UNITS[parts.angle.words[0]]])])
+        yield FixedChange("angles of the whole file in the other unit", [(parts.angle, [_UNITS[parts.angle.words[0]]])])
     for slot, places in _angles(parts):
         for factor, statement in ((_DEGREE, "degrees for radians"), (1 / _DEGREE, "radians for degrees")):
             for chosen in [places] if len(places) == 1 else [places, *((place,) for place in places)]:
                 words = [repr(float(word) * factor) if index in chosen else word for index, word in enumerate(slot.words)]
-                yield Change(statement, [(slot, words)])
+                yield FixedChange(statement, [(slot, words)])
 
 
 HYPOTHESIS = hypothesis(

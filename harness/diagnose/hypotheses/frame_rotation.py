@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from harness.diagnose.hypotheses import _rotations
-from harness.diagnose.hypotheses._changes import Change, FreeChange, hypothesis
+from harness.diagnose.hypotheses._changes import FixedChange, FreeChange, hypothesis
 from harness.models.anatomy.parts import Anatomy, Slot
 
 
@@ -15,7 +15,7 @@ def _slots(parts: Anatomy) -> Iterator[tuple[str, Slot]]:
             yield f"the frame of {body.name}", body.rotation
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     return _rotations.changes(_slots, parts)
 
 
@@ -23,7 +23,7 @@ def _free(parts: Anatomy) -> Iterator[FreeChange]:
     return _rotations.free(_slots, parts)
 
 
-def _plants(parts: Anatomy) -> Iterator[Change]:
+def _plants(parts: Anatomy) -> Iterator[FixedChange]:
     return _rotations.plants(_slots, parts)
 
 

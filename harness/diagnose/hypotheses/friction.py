@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis
 from harness.models.anatomy.parts import Anatomy
 
 _LEFT_IN = "0.1"
 
 
-def _plants(parts: Anatomy) -> Iterator[Change]:
-    return (Change("left in", [(joint.friction, [_LEFT_IN])]) for joint in parts.joints if joint.friction is not None)
+def _plants(parts: Anatomy) -> Iterator[FixedChange]:
+    return (FixedChange("left in", [(joint.friction, [_LEFT_IN])]) for joint in parts.joints if joint.friction is not None)
 
 
 HYPOTHESIS = hypothesis(

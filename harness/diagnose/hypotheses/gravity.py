@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis, is_zero
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis, is_zero
 from harness.models.anatomy.parts import Anatomy
 
 STANDARD = "-9.81"
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     gravity = parts.gravity
     if gravity is None:
         return
@@ -19,21 +19,21 @@ def _changes(parts: Anatomy) -> Iterator[Change]:
     for first, second in itertools.combinations(range(3), 2):
         words = list(gravity.words)
         words[first], words[second] = words[second], words[first]
-        yield Change("gravity along another axis", [(gravity, words)])
+        yield FixedChange("gravity along another axis", [(gravity, words)])
     if stage.words == ("disable",):
-        yield Change("gravity switched off", [(stage, ["enable"])])
+        yield FixedChange("gravity switched off", [(stage, ["enable"])])
         for axis in range(3):
             words = ["0", "0", "0"]
             words[axis] = STANDARD
-            yield Change("gravity missing", [(gravity, words), (stage, ["enable"])])
+            yield FixedChange("gravity missing", [(gravity, words), (stage, ["enable"])])
     elif not is_zero(gravity.words):
-        yield Change("gravity switched off", [(stage, ["disable"])])
-        yield Change("gravity missing", [(gravity, ["0", "0", "0"])])
+        yield FixedChange("gravity switched off", [(stage, ["disable"])])
+        yield FixedChange("gravity missing", [(gravity, ["0", "0", "0"])])
     else:
         for axis in range(3):
             words = ["0", "0", "0"]
             words[axis] = STANDARD
-            yield Change("gravity missing", [(gravity, words)])
+            yield FixedChange("gravity missing", [(gravity, words)])
 
 
 HYPOTHESIS = hypothesis(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.diagnose.hypotheses import _rotations
-from harness.diagnose.hypotheses._changes import Change, FreeChange, hypothesis, is_zero
+from harness.diagnose.hypotheses._changes import FixedChange, FreeChange, hypothesis, is_zero
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Slot
 
 
@@ -17,7 +17,7 @@ def _slots(parts: Anatomy) -> Iterator[tuple[str, Slot]]:
             yield f"the inertial frame of {body.name}", body.inertial.rotation
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     return _rotations.changes(_slots, parts)
 
 
@@ -25,7 +25,7 @@ def _free(parts: Anatomy) -> Iterator[FreeChange]:
     return _rotations.free(_slots, parts)
 
 
-def _plants(parts: Anatomy) -> Iterator[Change]:
+def _plants(parts: Anatomy) -> Iterator[FixedChange]:
     yield from _rotations.plants(_slots, parts)
     for body in parts.bodies:
         if body.inertial is None or is_zero([body.inertial.words[name] for name in ENTRIES[3:]]):
@@ -35,7 +35,9 @@ def _plants(parts: Anatomy) -> Iterator[Change]:
         order = np.argmax(np.abs(axes), axis=1)
         moments = np.diag(axes[:, order].T @ body.inertial.matrix @ axes[:, order])
         words = {**dict.fromkeys(ENTRIES, "0"), **dict(zip(ENTRIES, (repr(float(moment)) for moment in moments), strict=False))}
-        yield Change(f"rotation of the principal axes of {body.name} dropped", body.inertial.rewritten(words), [body.inertial.rotation])
+        yield FixedChange(
+            f"rotation of the principal axes of {body.name} dropped", body.inertial.rewritten(words), [body.inertial.rotation]
+        )
 
 
 HYPOTHESIS = hypothesis(

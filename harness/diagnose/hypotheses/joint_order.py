@@ -5,17 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis
 from harness.models.anatomy.parts import Anatomy
 
 _SINGLE = ("hinge", "slide")
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for one, other in itertools.combinations(parts.joints, 2):
         if one.kind == other.kind or {one.kind, other.kind} <= set(_SINGLE):
             statement = f"joints {one.name.words[0]} and {other.name.words[0]} exchanged"
-            yield Change(statement, [(one.name, other.name.words), (other.name, one.name.words)])
+            yield FixedChange(statement, [(one.name, other.name.words), (other.name, one.name.words)])
 
 
 HYPOTHESIS = hypothesis(

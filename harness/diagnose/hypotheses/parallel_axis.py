@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis
 from harness.diagnose.hypotheses._inertia import parallel_axis, with_added
 from harness.diagnose.hypotheses._rotations import matrix_of
 from harness.models.anatomy.parts import Anatomy
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for body in parts.bodies:
         if body.inertial is None:
             continue
@@ -22,7 +22,7 @@ def _changes(parts: Anatomy) -> Iterator[Change]:
             arm = matrix_of(inertial.rotation, parts).T @ (inertial.centre.values - anchor)
             added = parallel_axis(float(inertial.mass.values[0]), arm)
             for sign, statement in ((-1, "parallel axis counted twice"), (1, "parallel axis taken off twice")):
-                yield Change(f"{statement} in {body.name}", with_added(inertial, added, sign, parts.model.format))
+                yield FixedChange(f"{statement} in {body.name}", with_added(inertial, added, sign, parts.model.format))
 
 
 HYPOTHESIS = hypothesis(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis, times
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis, times
 from harness.models.anatomy.parts import ENTRIES, Anatomy
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for body in parts.bodies:
         if body.inertial is None:
             continue
         flipped = {name: times([body.inertial.words[name]], "-1")[0] for name in ENTRIES[3:] if float(body.inertial.words[name])}
         if not flipped:
             continue
-        yield Change(f"signs of all products flipped in {body.name}", body.inertial.rewritten(flipped))
+        yield FixedChange(f"signs of all products flipped in {body.name}", body.inertial.rewritten(flipped))
         for name, word in flipped.items():
-            yield Change(f"sign of {name} flipped in {body.name}", body.inertial.rewritten({name: word}))
+            yield FixedChange(f"sign of {name} flipped in {body.name}", body.inertial.rewritten({name: word}))
 
 
 HYPOTHESIS = hypothesis(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, hypothesis, times
+from harness.diagnose.hypotheses._changes import FixedChange, hypothesis, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
 
@@ -19,15 +19,15 @@ def _slots(parts: Anatomy) -> Iterator[Slot]:
         yield parts.gravity
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for slot in _slots(parts):
         live = [index for index, word in enumerate(slot.words) if float(word)]
         for index in live:
             words = list(slot.words)
             words[index : index + 1] = times(words[index : index + 1], "-1")
-            yield Change("sign flipped", [(slot, words)])
+            yield FixedChange("sign flipped", [(slot, words)])
         if len(live) > 1:
-            yield Change("all signs flipped", [(slot, times(slot.words, "-1"))])
+            yield FixedChange("all signs flipped", [(slot, times(slot.words, "-1"))])
 
 
 HYPOTHESIS = hypothesis(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnose.hypotheses._changes import Change, Write, Writes, hypothesis, times
+from harness.diagnose.hypotheses._changes import FixedChange, Write, Writes, hypothesis, times
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial
 
 _THOUSAND, _THOUSANDTH = "1000", "0.001"
@@ -20,24 +20,24 @@ def _squared(factor: str) -> str:
     return str(times([factor], factor)[0])
 
 
-def _changes(parts: Anatomy) -> Iterator[Change]:
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     factors = (_THOUSANDTH, _THOUSAND)
     for factor in factors:
         for slot in parts.vectors:
-            yield Change("length in other units", [(slot, times(slot.words, factor))])
+            yield FixedChange("length in other units", [(slot, times(slot.words, factor))])
         for inertial in parts.inertials:
-            yield Change("mass in other units", [(inertial.mass, times(inertial.mass.words, factor))])
+            yield FixedChange("mass in other units", [(inertial.mass, times(inertial.mass.words, factor))])
             whole = [(inertial.mass, times(inertial.mass.words, factor)), *_inertia(inertial, factor)]
-            yield Change("mass and inertia in other units", whole)
+            yield FixedChange("mass and inertia in other units", whole)
     for inertial in parts.inertials:
         for factor in _INERTIA:
-            yield Change("inertia in other units", _inertia(inertial, factor))
+            yield FixedChange("inertia in other units", _inertia(inertial, factor))
     for factor in factors:
         masses = [write for inertial in parts.inertials for write in [(inertial.mass, times(inertial.mass.words, factor))]]
-        yield Change("all masses in other units", [*masses, *(write for one in parts.inertials for write in _inertia(one, factor))])
+        yield FixedChange("all masses in other units", [*masses, *(write for one in parts.inertials for write in _inertia(one, factor))])
         lengths: list[Write] = [(slot, times(slot.words, factor)) for slot in parts.vectors]
         inertias = [write for one in parts.inertials for write in _inertia(one, _squared(factor))]
-        yield Change("all lengths in other units", [*lengths, *inertias])
+        yield FixedChange("all lengths in other units", [*lengths, *inertias])
 
 
 HYPOTHESIS = hypothesis(

@@ -1,0 +1,262 @@
+"""What ``import harness`` offers to scripts and notebooks; see the docstring of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.library import Library
+from harness.results.records import Records
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from harness.certify.compare import Comparison
+    from harness.certify.reference import Reference, ReferenceKernel
+    from harness.check.settings import Settings
+    from harness.equations.lagrange import EquationsOfMotion
+    from harness.equations.mechanism import Mechanism
+    from harness.equations.states import States
+    from harness.results.causes import Cause
+
+Names = str | Sequence[str]
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """Certified accelerations of n states.
+
+    Attributes:
+        value: (n, nv) the float64 nearest to the truth [SI per s^2].
+        error_bound: (n, nv) the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
+        data_roundoff: (n,) how far the truth moves, in the energy norm, when every input moves by half an ulp [sqrt(J)/s].
+        certified: (n,) whether the truth is known far below its data roundoff.
+    """
+
+    value: Array
+    error_bound: Array
+    data_roundoff: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+class LoadedSystem:
+    """A textbook mechanism, ready to be read and evaluated; ``harness.load`` makes it.
+
+    Attributes:
+        mechanism: its plain data: coordinates, joints, parameters, ranges.
+        library: where it is from.
+    """
+
+    def __init__(self, library: Library, mechanism: Mechanism) -> None:
+        self.library, self.mechanism = library, mechanism
+
+    @property
+    def name(self) -> str:
+        return self.mechanism.name
+
+    def __repr__(self) -> str:
+        coordinates = ", ".join(f"{name} ({joint})" for name, joint in zip(self.mechanism.coordinates, self.mechanism.joints, strict=True))
+        return f"<{self.name}: {coordinates}>"
+
+    @cached_property
+    def equations(self) -> EquationsOfMotion:
+        """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``."""
+        from harness.equations.derivation import load_system
+        from harness.equations.lagrange import derive
+
+        system, _ = load_system(self.library.system_path(self.name))
+        return derive(system)
+
+    @property
+    def M(self) -> sp.Matrix:  # noqa: N802
+        """The mass matrix, (nv, nv)."""
+        return self.equations.mass_matrix
+
+    @cached_property
+    def C(self) -> sp.Matrix:  # noqa: N802
+        """The Coriolis matrix of Christoffel symbols, (nv, nv); C v are the velocity terms of a T quadratic in the rates."""
+        return self.equations.christoffel_matrix()
+
+    @property
+    def g(self) -> sp.Matrix:
+        """The gravity terms, (nv, 1)."""
+        return self.equations.gravity_terms
+
+    @cached_property
+    def latex(self) -> str:
+        """The equations of motion, one per coordinate, as LaTeX."""
+        import sympy as sp
+
+        from harness.equations.notation import rows
+
+        lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
+        return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+    def _repr_latex_(self) -> str:
+        return f"$${self.latex}$$"
+
+    def accelerations(self, q: Any, v: Any, tau: Any = None) -> Accelerations:
+        """Certified accelerations at one state, or at n states as rows.
+
+        Args:
+            q: (nq,) or (n, nq) [m, rad; a rotation as (w, x, y, z)]. v: (nv,) or (n, nv). tau: applied forces like v; none for None.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+        """
+        reference = self._reference(self._states(q, v, tau))
+        return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
+
+    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None) -> Comparison:
+        """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+        """
+        from harness.certify.compare import compare
+
+        return compare(self._reference(self._states(q, v, tau)), np.atleast_2d(np.asarray(accelerations, dtype=np.float64)))
+
+    @cached_property
+    def _kernel(self) -> ReferenceKernel:
+        from harness.certify.reference import ReferenceKernel
+
+        return ReferenceKernel(self.mechanism)
+
+    def _reference(self, states: States) -> Reference:
+        return self._kernel.evaluate(states)
+
+    def _states(self, q: Any, v: Any, tau: Any) -> States:
+        from harness.equations.states import States
+
+        states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
+        found, expected = (states.q.shape, states.v.shape, states.tau.shape), (self.mechanism.nq, self.mechanism.nv, self.mechanism.nv)
+        if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
+            raise ValueError(f"q, v and tau have shapes {found}; {self.name} has {expected} numbers of each, as many rows of each")
+        return states
+
+
+def _error_bound(reference: Reference) -> Array:
+    """Per coordinate: the part of the midpoint that float64 does not hold, and the radius.
+
+    |x_i| <= |x|_M |row i of R^-1|, with R the factor of M (Cauchy and Schwarz). The radius carries all digits that matter, so
+    the last factor covers the roundings of this bound.
+    """
+    inverse = np.linalg.inv(np.where(np.isfinite(reference.norm_factor), reference.norm_factor, np.eye(reference.high.shape[1])))
+    reach = np.sqrt((inverse**2).sum(axis=2)) * reference.radius[:, None]
+    bound = (np.abs(reference.low) + reach) * (1 + 1e-6)
+    return np.where(reference.certified[:, None], bound, np.inf)
+
+
+def load(name: str, library: str | Path | None = None) -> LoadedSystem:
+    """The mechanism ``name`` of a library; of the built-in one for None.
+
+    Raises:
+        harness.errors.InvalidInput: library or system file cannot be used. harness.errors.InvalidRequest: no such mechanism.
+    """
+    from harness.equations.derivation import load_mechanism
+
+    found = Library.at(library)
+    (name,) = found.select([name])
+    return LoadedSystem(found, load_mechanism(found, name))
+
+
+def check(
+    names: Names = (),
+    *,
+    library: str | Path | None = None,
+    mjcf: str | Path | None = None,
+    urdf: str | Path | None = None,
+    subjects: Names = (),
+    states: int = 1000,
+    seed: int = 0,
+    workers: int | None = None,
+    time_limit: float = 60.0,
+) -> Records:
+    """Cross-check mechanisms, all of the library for none, on worker processes.
+
+    Args:
+        mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
+        states: per system. workers: processes; one per CPU for None. time_limit: of one task [s].
+
+    Raises:
+        harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
+        harness.errors.InvalidRequest: a name that nothing has.
+    """
+    from harness.check.run import CrossCheck
+    from harness.study import run_study
+    from harness.workers import Workers
+
+    study = CrossCheck(_settings(names, library, mjcf, urdf, subjects, states, seed))
+    with Workers(workers, time_limit=time_limit) as pool:
+        for _ in run_study(study, pool):
+            pass
+    for problem in study.problems:
+        raise problem
+    return Records(study.result().records)
+
+
+def diagnose(
+    name: str,
+    *,
+    library: str | Path | None = None,
+    mjcf: str | Path | None = None,
+    urdf: str | Path | None = None,
+    subjects: Names = (),
+    states: int = 1000,
+    seed: int = 0,
+    workers: int | None = None,
+    time_limit: float = 60.0,
+) -> list[Cause]:
+    """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
+
+    What an engine refuses of a file is in the causes.
+
+    Raises:
+        harness.errors.InvalidInput: the library or the system file cannot be used. harness.errors.InvalidRequest: as ``check``.
+    """
+    from harness.check.run import CrossCheck
+    from harness.diagnose.causes import find_causes
+    from harness.study import run_study
+    from harness.workers import Workers
+
+    settings = _settings([name], library, mjcf, urdf, subjects, states, seed)
+    study = CrossCheck(settings)
+    with Workers(workers, time_limit=time_limit) as pool:
+        for _ in run_study(study, pool):
+            pass
+        return find_causes(settings, study.result().records, pool, crashes=study.crashes)
+
+
+def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, library: str | Path | None = None) -> Comparison:
+    """Hold anybody's accelerations of mechanism ``name`` against the truth; arguments as of ``LoadedSystem.compare``.
+
+    Raises:
+        ValueError: the sizes are not those of the mechanism; and as ``load``.
+    """
+    return load(name, library).compare(q, v, accelerations, tau)
+
+
+def _settings(
+    names: Names, library: str | Path | None, mjcf: str | Path | None, urdf: str | Path | None, subjects: Names, states: int, seed: int
+) -> Settings:
+    from harness.check.settings import Settings
+
+    stand_ins: Mapping[str, Path] = {key: Path(path) for key, path in (("mjcf", mjcf), ("urdf", urdf)) if path is not None}
+    given = [("--library", library), ("--mjcf", mjcf), ("--urdf", urdf)]
+    return Settings(
+        library=Library.at(library),
+        names=[names] if isinstance(names, str) else list(names),
+        subjects=[subjects] if isinstance(subjects, str) else list(subjects),
+        states=states,
+        seed=seed,
+        stand_ins=stand_ins,
+        examples=None,
+        replay_options=[word for option, value in given if value is not None for word in (option, str(value))],
+    )

@@ -1,0 +1,164 @@
+"""The bracket around every command that computes: its options, its run, worker processes, progress, JSON, and exit status."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.commands import _options as options
+from harness.errors import InvalidInput, InvalidRequest
+
+if TYPE_CHECKING:
+    from harness.library import Library
+    from harness.results.history import History
+    from harness.results.records import Run
+    from harness.results.study_result import StudyResult
+    from harness.study import Study
+    from harness.workers import Scheduler, Workers
+
+
+@dataclass(kw_only=True)
+class Bracket:
+    """What every command that computes is given.
+
+    Attributes:
+        library_path, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has them.
+        run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
+    """
+
+    library_path: str | None = None
+    seed: int = 0
+    json_path: str | None = None
+    workers: int | None = None
+    scheduler: Scheduler | None = None
+    time_limit: float = 60.0
+    directory: Path = Path("reports")
+    _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    number: int | None = None
+    _run: Run | None = None
+
+    @cached_property
+    def library(self) -> Library:
+        """The library asked for.
+
+        Raises:
+            InvalidInput: there is no such library.
+        """
+        from harness.library import Library
+
+        return Library.at(self.library_path)
+
+    @property
+    def run(self) -> Run:
+        assert self._run is not None, "begin comes first"
+        return self._run
+
+    @property
+    def replay_options(self) -> list[str]:
+        """The options of a command that repeats a part of this one."""
+        return ["--library", self.library_path] if self.library_path else []
+
+    def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
+        """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
+        from harness.check.description import describe_run
+
+        self._run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        if kept_as is not None:
+            self.number = self.history.begin(self._run, kept_as)
+        return self._run
+
+    @cached_property
+    def pool(self) -> Workers:
+        """The worker processes, from the first use to the end of the command.
+
+        Raises:
+            InvalidRequest: the cluster cannot be reached.
+        """
+        from harness.workers import Workers
+
+        return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
+
+    @cached_property
+    def history(self) -> History:
+        """The history in the folder of the report, which is made where it is missing.
+
+        Raises:
+            InvalidInput: folder or history cannot be written.
+        """
+        from harness.results.history import History
+
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"cannot be made: {error.strerror}; name a folder that can be written with --out"
+            raise InvalidInput(self.directory, None, problem) from error
+        return self._exit.enter_context(History(self.directory / "history.sqlite"))
+
+    def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
+        """Run a study to the end and return its result: progress, each part into the history, and the JSON file after each.
+
+        ``document`` gives the arguments of ``write_json``. ``kept`` is False for a study whose parts are no part of the run's.
+        """
+        from harness.commands._terminal import progress
+        from harness.study import run_study
+
+        with progress(study.steps, study.title) as advance:
+            for part in run_study(study, self.pool):
+                if kept:
+                    self.keep(part.value)
+                if document is not None:
+                    self.write_json(**document())
+                advance(part.label)
+        return study.result()
+
+    def keep(self, found: StudyResult) -> None:
+        """Add what was found to the run in the history, where the run is kept there."""
+        if self.number is not None:
+            self.history.append(self.number, found)
+
+    def write_json(self, records: Sequence[Any] = (), **rest: Any) -> None:
+        """Write the JSON file that was asked for, if one was."""
+        from harness.results.records import write_json
+
+        if self.json_path:
+            write_json(self.json_path, self.run, records, **rest)
+
+    def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
+        """End with the status that was earned: invalid input first, then a death, then a verdict."""
+        options.report_errors(problems)
+        if crashed:
+            sys.exit(options.CRASHED)
+        sys.exit(options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+
+
+def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command its ``Bracket`` as first argument, and the options that fill it.
+
+    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler`` and ``directory``, or takes
+    away by False. ``time_limit`` is the default of --time-limit [s]; None leaves the option out.
+    """
+    offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False} | chosen
+    decorators = [options.BY_NAME[name] for name, is_offered in offered.items() if is_offered]
+    if time_limit is not None:
+        decorators.append(options.time_limit_option(time_limit))
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def wrapper(**given: Any) -> None:
+            own = {name: given.pop(name) for name in list(given) if name in Bracket.__dataclass_fields__}
+            bracket = Bracket(**own)
+            try:
+                with bracket._exit:
+                    command(bracket, **given)
+            except (InvalidInput, InvalidRequest) as error:
+                options.report_errors([error])
+
+        return functools.reduce(lambda decorated, decorator: decorator(decorated), reversed(decorators), wrapper)
+
+    return decorate

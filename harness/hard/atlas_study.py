@@ -1,0 +1,96 @@
+"""The atlas as a study: one task per family and subject, and per motion, so that a crash costs that part alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from harness.engines import Subject, installed_version, load_engine, select_subjects
+from harness.errors import InvalidRequest
+from harness.hard.atlas import expectations, failed, measure
+from harness.hard.cases import hard_cases
+from harness.hard.expected import judged
+from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
+from harness.library import Library, nearest
+from harness.results.atlas import Atlas, HardRow
+from harness.study import Part, Rounds
+from harness.workers import Outcome, Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtlasSettings:
+    """What to measure.
+
+    Attributes:
+        library: whose engines are meant; the cases are the harness's own.
+        cases: names; all for none.
+        subjects: as text; for none every native one whose engine is installed, as the cases try engines, not readers.
+        motion: whether partings and stable steps are measured too.
+    """
+
+    library: Library
+    cases: Sequence[str] = ()
+    subjects: Sequence[str] = ()
+    motion: bool = False
+
+
+class AtlasStudy(Rounds):
+    """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
+
+    Raises:
+        InvalidInput: an engine or the file of expected verdicts cannot be used.
+        InvalidRequest: a case or subject that does not exist, or one by name whose engine is not installed.
+    """
+
+    title = "atlas"
+
+    def __init__(self, settings: AtlasSettings) -> None:
+        super().__init__()
+        self._measured = Atlas()
+        self._expected = expectations(settings.library)
+        for name in settings.cases:
+            if name not in hard_cases():
+                raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
+        cases = list(dict.fromkeys(settings.cases)) or list(hard_cases())
+        self._next += [
+            Task((self._rated, name, subject), measure, (name, subject, settings.library))
+            for name in cases
+            for subject in _installed(settings)
+        ]
+        if settings.motion:
+            values = hard_cases()[OSCILLATOR].values
+            self._next += [Task((self._moved, "partings", name), partings, (name, settings.library)) for name in hard_motions()]
+            self._next += [Task((self._moved, "stable_steps", name), stable_steps, (name, values)) for name in STABILITY_LIMITS]
+        self.steps = len(self._next)
+
+    def result(self) -> Atlas:
+        return self._measured
+
+    def _rated(self, outcome: Outcome, name: str, subject: Subject) -> Iterator[Part]:
+        row: HardRow = failed(hard_cases()[name], subject, outcome) if self.failure(outcome) else outcome.value
+        yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected)]))
+
+    def _moved(self, outcome: Outcome, part: str, name: str) -> Iterator[Part]:
+        if failure := self.failure(outcome):
+            noted = f" ({outcome.crash.note})" if outcome.crash is not None and outcome.crash.note else ""
+            yield self._part(name, Atlas(problems=[f"{name}{noted}: {failure}"]))
+        else:
+            yield self._part(name, Atlas(**{part: outcome.value}))
+
+    def _part(self, label: str, found: Atlas) -> Part:
+        self._measured.extend(found)
+        return Part(label, found)
+
+
+def _installed(settings: AtlasSettings) -> list[Subject]:
+    """The native subjects asked for, without those whose engine is not installed where none was named."""
+    chosen = []
+    for subject in select_subjects(settings.library, settings.subjects, native_only=True):
+        engine = load_engine(settings.library, subject.engine)
+        if installed_version(engine) is not None:
+            chosen.append(subject)
+        elif settings.subjects:
+            raise InvalidRequest(f"{subject} cannot be measured: {engine.requires[1]} is not installed")
+    if not chosen:
+        raise InvalidRequest("no engine is installed")
+    return chosen

@@ -1,0 +1,218 @@
+"""The tables of a benchmark; each medium shows all of their columns or some."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeVar
+
+from harness.report.benchmarks import BenchmarkSummary
+from harness.results.benchmark import AccelerationCost, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.pareto import cost_of, error_of
+from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
+
+_Entry = TypeVar("_Entry")
+KINDS = {"accelerations": "per state", "motion": "per second of motion"}
+_CAPTIONS = {"accelerations": "Accelerations: worst relative error over the states", "motion": "Motion: relative error of the end state"}
+
+
+def accelerations(costs: Iterable[AccelerationCost]) -> Table:
+    """One row per way of computing accelerations."""
+    return Table.of(
+        costs,
+        {
+            "system": "system",
+            "method": "method",
+            Column("threads", "count"): "threads",
+            Column("time per state", "seconds"): "seconds_per_state",
+            Column("fastest", "seconds"): "fastest",
+            Column("slowest", "seconds"): "slowest",
+            Column("timed", "plain"): lambda cost: counted(cost.repetitions, "time"),
+            Column("worst backward error", "error"): "backward_error",
+            Column("median backward error", "error"): "median_backward_error",
+            Column("worst relative error", "error"): "relative_error",
+            Column("states", "count"): "states",
+            "remark": "note",
+        },
+    )
+
+
+def growth(summary: BenchmarkSummary) -> Table:
+    """One row per method on a family of sizes."""
+    return Table.of(
+        summary.benchmark.growth,
+        {
+            "family": "family",
+            "method": "method",
+            "bodies": lambda found: ", ".join(map(str, found.sizes)),
+            Column("exponent", "rounded"): "exponent",
+            Column("expected", "plain"): lambda found: found.expected or None,
+        },
+    )
+
+
+def truths(summary: BenchmarkSummary) -> Table:
+    """One row per reference motion."""
+    return Table.of(
+        summary.benchmark.truths,
+        {
+            "system": "system",
+            Column("length", "given", "s"): "horizon",
+            Column("trusted", "figure", "s"): "trusted",
+            Column("error", "error"): "error",
+            "the two runs": "precision",
+            Column("cost", "seconds"): "seconds",
+            "start": lambda truth: "; ".join(f"{name} = [{', '.join(map('{:.4g}'.format, part))}]" for name, part in truth.start.items()),
+        },
+    )
+
+
+def motions(costs: Iterable[MotionCost]) -> Table:
+    """One row per integrator with one step or tolerance."""
+    return Table.of(
+        costs,
+        {
+            "integrator": "integrator",
+            Column("step or tolerance", "plain"): _setting,
+            Column("steps", "count"): "steps",
+            Column("evaluations", "count"): "evaluations",
+            Column("time", "seconds"): "seconds",
+            Column("time per second of motion", "seconds"): cost_of,
+            Column("error of the end state", "error"): "state_error",
+            Column("error of the energy balance", "error"): "energy_error",
+            "remark": "note",
+        },
+    )
+
+
+def best_motions(summary: BenchmarkSummary) -> Table:
+    """One row per system and integrator: its order, and its smallest error."""
+    orders = {(order.system, order.integrator): order for order in summary.benchmark.orders}
+    rows: list[list[object]] = []
+    for system in summary.systems:
+        costs = summary.motion(system)
+        for integrator in sorted({cost.integrator for cost in costs}):
+            known = [(error, cost) for cost in costs if cost.integrator == integrator and (error := error_of(cost)) is not None]
+            error, best = min(known, key=lambda entry: entry[0], default=(None, None))
+            order = orders.get((system, integrator))
+            about = [order.measured, order.expected, order.verdict] if order else [None, None, ""]
+            rows.append([system, integrator, *about, error, cost_of(best) if best else None])
+    numbers = [*_of_kind("rounded", "order", "expected"), Column("verdict"), Column("smallest error", "error")]
+    return Table([*map(Column, ("system", "integrator")), *numbers, Column("time per second of motion", "seconds")], rows)
+
+
+def orders(summary: BenchmarkSummary) -> Table:
+    """System by integrator: the measured order of convergence, and a mark where it differs from theory."""
+    columns, rows = summary.order_table()
+    heads = [f"{name} (order {'any' if expected is None else f'{expected:g}'})" for name, expected in columns]
+    return _matrix(heads, rows, _order_cell)
+
+
+def order_verdicts(summary: BenchmarkSummary) -> Table:
+    """The same with verdicts only, which stay while measured orders vary."""
+    table, (_, rows) = orders(summary), summary.order_table()
+    return Table(table.columns, [[system, *("-" if order is None else order.verdict for order in cells)] for system, cells in rows])
+
+
+def drifts(found: Iterable[Drift]) -> Table:
+    """One row per long run."""
+    return Table.of(
+        found,
+        {
+            "system": "system",
+            "integrator": "integrator",
+            Column("step", "given", "s"): "step",
+            Column("steps", "count"): "steps",
+            Column("largest error", "error"): "largest",
+            Column("grows as time to the", "rounded"): "growth",
+            "energy is": lambda drift: Cell(drift.verdict, tone="" if drift.as_expected else "disagrees"),
+            "expected": lambda drift: drift.expected or "-",
+            Column("time", "seconds"): "seconds",
+        },
+    )
+
+
+def drift_matrix(summary: BenchmarkSummary) -> Table:
+    """System by integrator: how energy wanders."""
+    return _matrix(*summary.drift_table(), _drift_cell)
+
+
+def paths(found: Iterable[Stationarity]) -> Table:
+    """One row per path and step."""
+    return Table.of(
+        found,
+        {
+            "system": "system",
+            "path": "path",
+            Column("step", "given", "s"): "step",
+            Column("residual of the discrete Euler-Lagrange equations", "error"): "residual",
+            Column("S changes as ε to the", "rounded"): "slope",
+            Column("first variation", "error"): "first_variation",
+        },
+    )
+
+
+def path_matrix(summary: BenchmarkSummary) -> Table:
+    """System by path: the power of ε as which the action changes, at the finest step."""
+    return _matrix(*summary.path_table(), lambda entry: Cell(entry.slope, [f"step {entry.step:.1g} s"], "plain", fills=True))
+
+
+def figures(summary: BenchmarkSummary) -> Table:
+    """One row per number that a text prints."""
+    return Table.of(
+        summary.benchmark.figures,
+        {
+            "system": "system",
+            "what": "what",
+            Column("printed", "given"): "printed",
+            Column("computed", "figure"): "computed",
+            Column("true motion", "figure"): "truth",
+            "unit": "unit",
+            "reproduced": _reproduced,
+            "remark": "remark",
+        },
+    )
+
+
+def cheapest(summary: BenchmarkSummary, kind: str, anchors: Mapping[str, str] | None = None) -> Table:
+    """System by error asked for: the fastest way whose error is small enough, and its cost. ``anchors``: of systems on a page."""
+    found = summary.cheapest(kind)
+    heads = [f"error at most {entry.error:g}" for entry in found[0][1]] if found else []
+    rows = [
+        [Cell(system, link=f"#{anchors[system]}" if anchors else "")]
+        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}"]) if e.way else Cell("none reaches it") for e in entries]
+        for system, entries in found
+    ]
+    return Table(["system", *heads], rows, caption=_CAPTIONS[kind])
+
+
+def _of_kind(kind: str, *titles: str) -> list[Column]:
+    return [Column(title, kind) for title in titles]
+
+
+def _matrix(heads: Sequence[str], lines: Sequence[tuple[str, Sequence[_Entry | None]]], cell: Callable[[_Entry], Cell]) -> Table:
+    empty = Cell(None, tone="empty", fills=True)
+    rows = [[system, *(empty if entry is None else cell(entry) for entry in entries)] for system, entries in lines]
+    return Table(["system", *_of_kind("rounded", *heads)], rows, style="matrix numbers")
+
+
+def _order_cell(order: Order) -> Cell:
+    marks = ["✗"] if not order.as_expected else ["explained"] if order.verdict == "differs" else []
+    tone = "empty" if order.measured is None else "disagrees" if not order.as_expected else "unstable" if marks else "agrees"
+    return Cell(order.measured, marks, tone, fills=True, hint=order.explanation)
+
+
+def _drift_cell(drift: Drift) -> Cell:
+    tone = "disagrees" if not drift.as_expected else "agrees" if drift.verdict == "bounded" else "plain"
+    return Cell(f"{drift.verdict}{'' if drift.as_expected else ' ✗'}", [error_text(drift.largest)], tone, fills=True)
+
+
+def _reproduced(figure: Figure) -> Cell:
+    if figure.reproduced:
+        return Cell("yes", tone="agrees")
+    return Cell("no", tone="unstable" if figure.remark else "disagrees")
+
+
+def _setting(cost: MotionCost) -> str | None:
+    if cost.step is not None:
+        return f"{cost.step:g} s"
+    return None if cost.tolerance is None else f"{cost.tolerance:.0e}"

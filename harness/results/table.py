@@ -1,0 +1,232 @@
+"""One table for every medium: terminal, Markdown and HTML, each with its own escaping; and how numbers are written.
+
+A cell holds plain data. Its column says what kind of number that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+# Classes of the page's style sheet to styles of the terminal.
+_STYLES = {"surprise": "bold red", "expected": "green"}
+
+
+def error_text(value: float | None) -> str:
+    """Three significant digits; a dash where nothing was compared."""
+    return "-" if value is None else f"{value:#.3g}".removesuffix(".") if value else "0"
+
+
+def seconds_text(value: float | None) -> str:
+    """Three significant digits in the unit that suits; a dash for None."""
+    if value is None:
+        return "-"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if not abs(value) < size:
+            return f"{error_text(value / size)} {unit}"
+    return f"{error_text(value / 1e-9)} ns"
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 state", "2 states"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+# How a value of each kind is written; all but "text" stand at the right of their column.
+_KINDS: Mapping[str, Callable[[Any], str]] = {
+    "text": str,
+    "error": error_text,
+    "seconds": seconds_text,
+    "count": "{:,}".format,
+    "rounded": "{:.2f}".format,
+    "given": "{:g}".format,
+    "figure": "{:.5g}".format,
+    "plain": str,
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        title: its heading. kind: of its values: "text", "error", "seconds", "count", "rounded" (two decimals), "given" (as
+            somebody wrote it), "figure" (five digits) or "plain" (a text at the right). unit: stands behind each number.
+    """
+
+    title: str
+    kind: str = "text"
+    unit: str = ""
+
+    @property
+    def is_number(self) -> bool:
+        """True where the values stand at the right."""
+        return self.kind != "text"
+
+    def text(self, value: object) -> str:
+        """A value in the column's kind; a dash for a number that is None."""
+        if isinstance(value, str):
+            return value
+        if value is None:
+            return "-" if self.is_number else ""
+        return f"{_KINDS[self.kind](value)} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value with its looks.
+
+    Attributes:
+        value: as a bare cell has it. notes: further lines, smaller where the medium can.
+        tone: classes of the page's style sheet, as "agrees" or "disagrees surprise".
+        fills: whether the tone colours the whole cell of a page and not the value alone.
+        link: address on the page. hint: shown beside the pointer.
+    """
+
+    value: object
+    notes: Sequence[str] = ()
+    tone: str = ""
+    fills: bool = False
+    link: str = ""
+    hint: str = ""
+
+
+@dataclass
+class Table:
+    """Rows under columns.
+
+    Attributes:
+        columns: a bare text is a column of text. rows: a value or a ``Cell`` for each column.
+        caption: stands above the rows. style: class of the page's style sheet; in a "matrix" the first column is a heading too.
+    """
+
+    columns: Sequence[Column | str]
+    rows: Sequence[Sequence[object]]
+    caption: str = ""
+    style: str = ""
+    heads: list[Column] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.heads = [column if isinstance(column, Column) else Column(column) for column in self.columns]
+
+    @classmethod
+    def of(cls, items: Iterable[Any], columns: Mapping[Column | str, str | Callable[[Any], object]]) -> Table:
+        """A row for each item; a column maps to the name of the item's attribute, or to a function of the item."""
+        getters = [attrgetter(value) if isinstance(value, str) else value for value in columns.values()]
+        return cls(list(columns), [[getter(item) for getter in getters] for item in items])
+
+    def only(self, *titles: str) -> Table:
+        """The columns of these titles, in this order.
+
+        Raises:
+            ValueError: there is no such column.
+        """
+        places = [[head.title for head in self.heads].index(title) for title in titles]
+        rows = [[row[place] for place in places] for row in self.rows]
+        return Table([self.heads[place] for place in places], rows, self.caption, self.style)
+
+    def without(self, *titles: str) -> Table:
+        """The other columns."""
+        return self.only(*(head.title for head in self.heads if head.title not in titles))
+
+    def texts(self, between: str = ", ") -> list[list[str]]:
+        """The rows as text, with ``between`` before each note."""
+        return [[_text(head, cell, between) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
+
+    def __str__(self) -> str:
+        """Lines of plain text, none of them wrapped; the headings come first."""
+        lines = [[_printable(text).replace("\n", " ") for text in line] for line in ([head.title for head in self.heads], *self.texts())]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        sides = [str.rjust if head.is_number else str.ljust for head in self.heads]
+        padded = ([side(text, width) for side, text, width in zip(sides, line, widths, strict=True)] for line in lines)
+        return "\n".join("  ".join(line).rstrip() for line in padded)
+
+    def terminal(self) -> RichTable:
+        """A table to print with rich; no markup or control character of a cell reaches the terminal."""
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(box=None, header_style="bold", pad_edge=False)
+        for head in self.heads:
+            table.add_column(Text(_printable(head.title)), justify="right" if head.is_number else "left", overflow="fold")
+        for row, texts in zip(self.rows, self.texts("\n"), strict=True):
+            tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]
+            styles = [next((_STYLES[tone] for tone in own if tone in _STYLES), "") for own in tones]
+            table.add_row(*(Text(_printable(text), style) for text, style in zip(texts, styles, strict=True)))
+        return table
+
+    def markdown(self) -> str:
+        """A table of pipes; "" without rows."""
+        if not self.rows:
+            return ""
+        lines = [[head.title for head in self.heads], ["---:" if head.is_number else "---" for head in self.heads], *self.texts()]
+        return "\n".join("| " + " | ".join(map(markdown_cell, line)) + " |" for line in lines)
+
+    def html(self) -> str:
+        """A ``<table>`` in a ``<div>`` that scrolls; "" without rows."""
+        if not self.rows:
+            return ""
+        caption = f"<caption>{escape(self.caption)}</caption>\n" if self.caption else ""
+        heads = "".join(f"<th{_attributes(_class(head))}>{escape(head.title)}</th>" for head in self.heads)
+        rows = "\n".join(f"<tr>{self._html_row(row)}</tr>" for row in self.rows)
+        opening = f'<div class="wide">\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>'
+        return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
+
+    def __html__(self) -> str:
+        """For templates, which do not escape it again."""
+        return self.html()
+
+    def _repr_html_(self) -> str:
+        return self.html()
+
+    def _html_row(self, row: Sequence[object]) -> str:
+        is_matrix = "matrix" in self.style.split()
+        tags = ["th" if is_matrix and place == 0 else "td" for place in range(len(row))]
+        return "".join(_html_cell(tag, head, cell) for tag, head, cell in zip(tags, self.heads, row, strict=True))
+
+
+def markdown_line(text: str) -> str:
+    """``text`` on one line, without tags."""
+    return " ".join(text.split()).replace("<", "&lt;")
+
+
+def markdown_cell(text: str) -> str:
+    """``text`` as a cell of a Markdown table."""
+    return markdown_line(text).replace("|", "\\|")
+
+
+def _text(head: Column, cell: object, between: str) -> str:
+    if isinstance(cell, Cell):
+        return between.join(filter(None, [head.text(cell.value), *cell.notes]))
+    return head.text(cell)
+
+
+def _html_cell(tag: str, head: Column, cell: object) -> str:
+    look = cell if isinstance(cell, Cell) else Cell(cell)
+    inner = escape(head.text(look.value)) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
+    alone = "" if look.fills else f"verdict {look.tone}" if look.tone else ""
+    if look.link:
+        inner = f"<a{_attributes(look.tone if look.fills else alone, href=look.link)}>{inner}</a>"
+    elif alone or look.fills:
+        inner = f"<span{_attributes(alone)}>{inner}</span>"
+    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), title=look.hint)}>{inner}</{tag}>"
+
+
+def _class(head: Column) -> str:
+    return "number" if head.is_number else ""
+
+
+def _attributes(kind: str, **others: str) -> str:
+    known = {"class": kind} | others
+    return "".join(f' {name}="{escape(value)}"' for name, value in known.items() if value)
+
+
+def _printable(text: str) -> str:
+    """``text`` without control characters other than the ends of lines."""
+    return "".join(character if character == "\n" or character.isprintable() else "?" for character in text)

@@ -1,0 +1,101 @@
+"""Studies: everything the harness computes on worker processes, and the one loop that runs them.
+
+A cross-check, an atlas, a benchmark, a search, a diagnosis and a fault campaign are each a ``Study``. Its tasks come in
+rounds, because what is asked next depends on what was answered: ``tasks`` gives the next round, ``take`` the parts that an
+outcome completes, ``result`` all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from harness.errors import InvalidInput
+from harness.workers import Outcome, Task, Workers
+
+
+@dataclass(frozen=True)
+class Part:
+    """A completed part of a study: ``label`` for a progress bar, ``value`` for the history and the JSON file."""
+
+    label: str
+    value: Any
+
+
+class Study(Protocol):
+    """Work for worker processes.
+
+    Attributes:
+        title: of the progress bar. steps: how many parts there will be, as far as it is known.
+        problems: what its user has to mend. crashed: whether a process died or ran out of time.
+    """
+
+    title: str
+    problems: list[Exception]
+    crashed: bool
+
+    @property
+    def steps(self) -> int: ...
+
+    def tasks(self) -> Sequence[Task]:
+        """The tasks that can run now; none where the study is complete."""
+
+    def take(self, outcome: Outcome) -> Iterable[Part]:
+        """The parts that the outcome of one of ``tasks`` completes."""
+
+    def result(self) -> Any:
+        """Everything that is complete so far."""
+
+
+def run_study(study: Study, workers: Workers) -> Iterator[Part]:
+    """Run to the end on workers whose context the caller has entered; each part as soon as it is complete."""
+    while work := study.tasks():
+        for outcome in workers.run(work):
+            yield from study.take(outcome)
+
+
+class Rounds:
+    """The bookkeeping that studies share: the next round of tasks, each with the method that takes its outcome, and what failed.
+
+    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``.
+    """
+
+    def __init__(self) -> None:
+        self.problems: list[Exception] = []
+        self.crashed = False
+        self._next: list[Task] = []
+        self._coming = self.rounds()
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        """The rounds in order, each made when the one before is complete; by default what was put into ``_next`` meanwhile."""
+        while self._next:
+            work, self._next = self._next, []
+            yield work
+
+    def tasks(self) -> Sequence[Task]:
+        return next((work for work in self._coming if work), [])
+
+    def take(self, outcome: Outcome) -> Iterable[Part]:
+        method, *where = outcome.task.key
+        return method(outcome, *where) or ()
+
+    def failure(self, outcome: Outcome) -> str:
+        """Why a task gave no value, "" where it did; invalid input is added to ``problems``, a death is remembered."""
+        if outcome.crash is not None:
+            self.crashed = True
+            return str(outcome.crash)
+        if isinstance(outcome.exception, InvalidInput):
+            self.report(outcome.exception)
+            return str(outcome.exception)
+        return "" if outcome.exception is None else sentence(outcome.exception)
+
+    def report(self, problem: Exception) -> None:
+        """Add a problem that is not known yet."""
+        if str(problem) not in map(str, self.problems):
+            self.problems.append(problem)
+
+
+def sentence(exception: BaseException) -> str:
+    """An exception as a sentence: kind and message."""
+    return f"{type(exception).__name__}: {exception}"

@@ -1,0 +1,73 @@
+"""Processes that run tasks and survive an engine which aborts, hangs or exhausts memory.
+
+``Workers`` is all that callers need. ``local`` starts processes on this machine and talks to them through pipes and
+unlinked files, ``program`` is what such a process runs, ``cluster`` hands tasks to a Dask cluster. The package uses the
+standard library, and Dask where a scheduler is named.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from harness.workers.local import LocalPool
+from harness.workers.tasks import Crash, Outcome, Task
+
+if TYPE_CHECKING:
+    from harness.workers.cluster import Cluster
+
+__all__ = ["Crash", "Outcome", "Scheduler", "Task", "Workers"]
+
+
+@dataclass(frozen=True)
+class Scheduler:
+    """Address of a Dask scheduler, and PEM files for ``tls://``: the authority's certificate, one's own, and its key."""
+
+    address: str
+    ca_file: str | None = None
+    certificate: str | None = None
+    key: str | None = None
+
+    def __str__(self) -> str:
+        return self.address
+
+
+@dataclass
+class Workers:
+    """Worker processes for as long as the context lasts.
+
+    Attributes:
+        count: largest number of local processes; None for one per CPU. They start as tasks need them.
+        scheduler: an existing cluster to use instead.
+        time_limit: seconds a task may take.
+    """
+
+    count: int | None = None
+    scheduler: Scheduler | None = None
+    time_limit: float = 60.0
+    _pool: LocalPool | Cluster | None = field(default=None, init=False, repr=False)
+
+    def __enter__(self) -> Workers:
+        """Raises ``InvalidRequest`` where the scheduler does not answer."""
+        if self.scheduler is None:
+            self._pool = LocalPool(self.count or os.cpu_count() or 1, self.time_limit)
+        else:
+            from harness.workers.cluster import Cluster
+
+            self._pool = Cluster(self.scheduler, self.time_limit)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._pool is not None:
+            self._pool.close()
+
+    def __len__(self) -> int:
+        assert self._pool is not None, "enter the context first"
+        return len(self._pool)
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """Outcomes in the order in which the tasks end; every task has exactly one."""
+        assert self._pool is not None, "enter the context first"
+        return self._pool.run(tasks)

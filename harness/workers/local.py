@@ -1,0 +1,243 @@
+"""Worker processes on this machine, one task at a time in each, so that a process that dies names its culprit.
+
+No library does this. Pebble and ``concurrent.futures`` start processes by ``multiprocessing``, whose spawn runs the
+user's script again, and give a task to any process; execnet hides the exit status and standard error of a process. None
+kills what an engine has forked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import re
+import secrets
+import selectors
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Hashable, Iterable, Iterator
+from pathlib import Path
+
+from harness.workers import program
+from harness.workers.tasks import Crash, Outcome, Task, TaskQueue
+
+POLL_SECONDS = 0.2
+# Allowed beside the task itself, to start a process and to import the task's function on a busy machine.
+START_SECONDS = 60.0
+# In the environment of each process, with a value of its own; what the process forks inherits it.
+MARK = "HARNESS_WORKER"
+
+
+class LocalPool:
+    """At most ``count`` processes; one more starts when a task waits that no idle one may take."""
+
+    def __init__(self, count: int, time_limit: float) -> None:
+        self._count = count
+        self._time_limit = time_limit
+        self._processes: list[_Process] = []
+        self._owners: dict[Hashable, _Process] = {}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def close(self) -> None:
+        """Kill the processes; nothing runs afterwards."""
+        self._count = 0
+        for process in list(self._processes):
+            self._remove(process)
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """Outcomes as the tasks end. Several runs may be under way; a run goes on while it is asked for outcomes."""
+        run = _Run(tasks)
+        try:
+            while run.queue or run.done or any(process.run is run for process in self._processes):
+                if run.queue and not self._count:
+                    raise RuntimeError("the context of these workers has ended")
+                self._give_out(run)
+                if not run.done:
+                    self._collect()
+                while run.done:
+                    yield run.done.popleft()
+        finally:
+            for process in [process for process in self._processes if process.run is run]:
+                self._remove(process)
+
+    def _give_out(self, run: _Run) -> None:
+        for process in [process for process in self._processes if process.run is None and not process.alive]:
+            self._remove(process)
+        idle = [process for process in self._processes if process.run is None]
+        for process in sorted(idle, key=lambda process: not run.queue.owned_by(process, self._owners)):
+            self._start(run, process)
+        while len(self._processes) < self._count and self._start(run, None):
+            pass
+
+    def _start(self, run: _Run, process: _Process | None) -> bool:
+        """Give the next task to ``process``, or to a new one; False where no task may be given to it."""
+        task = run.queue.take(process, self._owners)
+        if task is None:
+            return False
+        try:
+            content = pickle.dumps(sys.path) + pickle.dumps((task.function, task.arguments), protocol=5)
+        except Exception as error:
+            run.done.append(Outcome(task, exception=error))
+            return True
+        if process is None:
+            process = _Process()
+            self._processes.append(process)
+        if task.affinity is not None:
+            self._owners[task.affinity] = process
+        process.start(run, task, content, self._time_limit)
+        return True
+
+    def _collect(self) -> None:
+        """Wait until a process has something to say, or for a moment; give each outcome to its run."""
+        busy = [process for process in self._processes if process.run is not None]
+        with selectors.DefaultSelector() as selector:
+            for process in busy:
+                selector.register(process.signs, selectors.EVENT_READ)
+            selector.select(min([POLL_SECONDS, *(max(0.0, process.deadline - time.monotonic()) for process in busy)]))
+        for process in busy:
+            run, outcome = process.run, process.outcome(self._time_limit)
+            if run is not None and outcome is not None:
+                run.done.append(outcome)
+                process.run = None
+                if outcome.crash is not None:
+                    self._remove(process)
+
+    def _remove(self, process: _Process) -> None:
+        process.close()
+        self._processes.remove(process)
+        self._owners = {affinity: owner for affinity, owner in self._owners.items() if owner is not process}
+
+
+class _Run:
+    """One call of ``LocalPool.run``: the tasks that wait, and the outcomes that its caller has not taken yet."""
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self.queue = TaskQueue(tasks)
+        self.done: deque[Outcome] = deque()
+
+
+class _Process:
+    """One process, and the run that its task belongs to while it is busy."""
+
+    def __init__(self) -> None:
+        self.run: _Run | None = None
+        self.deadline = 0.0
+        self._mark = secrets.token_hex(16)
+        with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
+            self._mail, self._notes, self._errors = (ours.enter_context(tempfile.TemporaryFile(buffering=0)).fileno() for _ in range(3))
+            wake, self._wake = _pipe(reader=theirs, writer=ours)
+            self.signs, signs = _pipe(reader=ours, writer=theirs)
+            lifeline, _ = _pipe(reader=theirs, writer=ours)
+            os.set_blocking(self.signs, False)
+            descriptors = (self._mail, self._notes, wake, signs, lifeline)
+            self._popen = subprocess.Popen(
+                [sys.executable, "-P", program.__file__, *map(str, descriptors)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._errors,
+                pass_fds=descriptors,
+                # A process group to be killed at once, which the interrupt of a terminal does not reach.
+                start_new_session=True,
+                env={**os.environ, MARK: self._mark},
+            )
+            self._open = ours.pop_all()
+
+    @property
+    def alive(self) -> bool:
+        return self._popen.poll() is None
+
+    def start(self, run: _Run, task: Task, content: bytes, time_limit: float) -> None:
+        self.run, self._task = run, task
+        self.deadline = time.monotonic() + START_SECONDS + time_limit
+        for descriptor in (self._errors, self._notes):
+            program.replace_content(descriptor)
+        program.replace_content(self._mail, content)
+        with contextlib.suppress(BrokenPipeError):
+            os.write(self._wake, b"!")
+
+    def outcome(self, time_limit: float) -> Outcome | None:
+        """What became of the task, None while it runs; after a crash the process is of no more use and to be closed."""
+        # Asked before the pipe is read: an answer may be the last that a process gave.
+        alive = self.alive
+        try:
+            signs = os.read(self.signs, 2)
+        except BlockingIOError:
+            signs = None
+        if signs and signs.endswith(program.ANSWERED):
+            return self._answer()
+        if signs:
+            self.deadline = time.monotonic() + time_limit
+        elif signs is not None or not alive:
+            return self._crash(self._cause_of_death())
+        elif time.monotonic() > self.deadline:
+            return self._crash(f"exceeded its time limit of {time_limit:g} s")
+        return None
+
+    def _answer(self) -> Outcome:
+        try:
+            with program.open_at_start(self._mail) as stream:
+                answer = pickle.load(stream)
+        except Exception as error:
+            return Outcome(self._task, exception=error)
+        if len(answer) == 1:
+            return Outcome(self._task, value=answer[0])
+        pickled, name, text = answer
+        with contextlib.suppress(Exception):
+            return Outcome(self._task, exception=pickle.loads(pickled))
+        # A class that cannot be had here, or whose pickles cannot be read, is stood in for by one of its name.
+        return Outcome(self._task, exception=type(name, (Exception,), {})(text))
+
+    def _crash(self, reason: str) -> Outcome:
+        # What the interpreter adds is not the engine's.
+        message = re.split(r"^Fatal Python error:", _text(self._errors), maxsplit=1, flags=re.MULTILINE)[0].strip()
+        return Outcome(self._task, crash=Crash(reason, _text(self._notes), message))
+
+    def _cause_of_death(self) -> str:
+        try:
+            status = self._popen.wait(2.0)
+        except subprocess.TimeoutExpired:
+            return "closed its pipe to the harness"
+        if status >= 0:
+            return f"ended its process with status {status}"
+        names = {number.value: f" ({number.name})" for number in signal.Signals}
+        return f"crashed by signal {-status}{names.get(-status, '')}"
+
+    def close(self) -> None:
+        """Kill the process and all that was forked in it, also what left its process group where /proc shows it."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._popen.pid, signal.SIGKILL)
+        self._popen.wait()
+        killed: set[int] = set()
+        while left := set(_marked(f"{MARK}={self._mark}".encode())) - killed:
+            for process in left:
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.kill(process, signal.SIGKILL)
+            killed |= left
+        self._open.close()
+
+
+def _pipe(reader: contextlib.ExitStack, writer: contextlib.ExitStack) -> tuple[int, int]:
+    """A pipe's two ends, each to be closed with its stack."""
+    ends = os.pipe()
+    reader.callback(os.close, ends[0])
+    writer.callback(os.close, ends[1])
+    return ends
+
+
+def _marked(mark: bytes) -> Iterator[int]:
+    """Processes with ``mark`` in the environment they were started in; none on a system without /proc."""
+    for environment in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark in environment.read_bytes():
+                yield int(environment.parent.name)
+
+
+def _text(descriptor: int) -> str:
+    with program.open_at_start(descriptor) as stream:
+        return stream.read().decode("utf-8", errors="replace")

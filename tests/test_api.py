@@ -1,0 +1,119 @@
+"""``import harness`` as a script or notebook uses it."""
+
+from __future__ import annotations
+
+import pydoc
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+from support import BUILT_IN, InThisProcess
+
+import harness
+from harness.certify.sampling import sample
+from harness.equations.derivation import load_system
+from harness.errors import InvalidModel, InvalidRequest
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.workers.Workers", InThisProcess)
+
+
+def test_everything_public_is_there_and_documented() -> None:
+    page = pydoc.plain(pydoc.render_doc(harness))
+    for name in harness.__all__:
+        assert getattr(harness, name) is not None
+        assert name in page
+    for name in ("load", "check", "compare", "diagnose", "System", "Library", "Record", "Records", "Verdict"):
+        assert (getattr(harness, name).__doc__ or "").strip()
+    assert set(harness.__all__) <= set(dir(harness))
+    with pytest.raises(AttributeError, match="nothing_like_it"):
+        _ = harness.nothing_like_it
+
+
+def test_rooms_do_not_hide_functions() -> None:
+    """A room of the name of a function would take its place as soon as it is imported."""
+    rooms = {path.name for path in Path(harness.__file__).parent.iterdir() if (path / "__init__.py").is_file()}
+    assert not rooms & set(harness.__all__)
+
+
+def test_importing_costs_nothing() -> None:
+    code = "import sys, harness; print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for heavy in ("numpy", "sympy", "heyoka", "mujoco", "pinocchio", "flint", "scipy", "hypothesis", "click"):
+        assert f"'{heavy}'" not in done.stdout
+
+
+def test_the_equations_are_sympy() -> None:
+    pendulum = harness.load("double_pendulum")
+    q, v = (sp.Matrix(symbols) for symbols in (pendulum.equations.coordinates, pendulum.equations.rates))
+    assert pendulum.M.shape == pendulum.C.shape == (2, 2) and pendulum.g.shape == (2, 1)
+    assert (pendulum.C * v - pendulum.equations.velocity_terms).applyfunc(sp.simplify) == sp.zeros(2, 1)
+    assert pendulum.g.free_symbols & set(q)
+    assert pendulum.latex.count(r"\ddot") >= 2 and pendulum._repr_latex_().startswith("$$")
+    assert "double_pendulum" in repr(pendulum)
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "arm_3r", "collar"])
+def test_the_truth_is_within_its_bound(name: str, exact_of: Callable[[harness.System], Any]) -> None:
+    """Against the equations in mpmath at 80 digits; the bound is no wider than the rounding to float64."""
+    system, mechanism = harness.load(name), harness.load(name).mechanism
+    states = sample(mechanism, 4, 3)
+    found = system.accelerations(states.q, states.v, states.tau)
+    assert found.certified.all()
+    exact = exact_of(load_system(BUILT_IN.system_path(name))[0])
+    for index in range(4):
+        arguments = [*states.q[index], *states.v[index], *states.tau[index], 0.0, *mechanism.parameter_values]
+        for truth, value, bound in zip(exact.accelerations(arguments), found.value[index], found.error_bound[index], strict=True):
+            with mpmath.workdps(60):
+                assert abs(truth - mpmath.mpf(float(value))) <= bound <= 1.5e-16 * abs(truth)
+
+
+def test_a_bound_is_infinite_where_nothing_is_certain() -> None:
+    top = harness.load("heavy_top")
+    found = top.accelerations([0.0] * top.mechanism.nq, [1.0] * top.mechanism.nv)
+    assert not found.certified.any() and np.isinf(found.error_bound).all()
+
+
+def test_sizes_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"double_pendulum has \(2, 2, 2\)"):
+        harness.load("double_pendulum").accelerations([0.0], [0.0, 0.0])
+    with pytest.raises(InvalidRequest, match="did you mean 'double_pendulum'"):
+        harness.load("double_pendulm")
+
+
+def test_anybodys_answers_are_compared() -> None:
+    pendulum = harness.load("double_pendulum")
+    q, v = [[0.3, -0.2], [1.0, 0.4]], [[1.0, 0.5], [0.0, -2.0]]
+    truth = pendulum.accelerations(q, v).value
+    right = harness.compare("double_pendulum", q, v, truth)
+    assert list(right.verdicts) == ["agrees", "agrees"] and (right.backward_error <= 1).all()
+    wrong = harness.compare("double_pendulum", q, v, truth * (1 + 1e-9))
+    assert list(wrong.verdicts) == ["disagrees", "disagrees"]
+
+
+def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
+    records = harness.check("bar_pendulum", states=40)
+    assert {record.subject for record in records} >= {"lagrange", "mujoco/mjcf", "pinocchio/urdf"}
+    assert all(isinstance(record, harness.Record) and record.verdict == harness.Verdict.AGREES for record in records)
+    assert "<table" in records._repr_html_() and "mujoco/mjcf" in str(records)
+    assert [record.subject for record in harness.check("bar_pendulum", subjects="lagrange", states=40)] == ["lagrange"]
+    with pytest.raises(InvalidModel, match="no such file"):
+        harness.check("bar_pendulum", mjcf=tmp_path / "none.xml", states=40)
+
+
+def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
+    model = tmp_path / "heavier.xml"
+    text = BUILT_IN.model_path("bar_pendulum", "mjcf").read_text()
+    model.write_text(text.replace('mass="2"', 'mass="2.0000001"'))
+    causes = harness.diagnose("bar_pendulum", mjcf=model, states=40)
+    assert [cause.subject for cause in causes] == ["mujoco/mjcf", "pinocchio/mjcf"]
+    assert all("explains it with 2 " in cause.first_line for cause in causes)
+    assert harness.diagnose("bar_pendulum", states=40) == []
