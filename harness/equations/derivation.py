@@ -10,7 +10,6 @@ import ast
 import functools
 import hashlib
 import importlib.metadata
-import json
 import math
 import sys
 import time
@@ -45,7 +44,7 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
     if cached is not None:
         return cached
     mechanism = derive_mechanism(path, name)
-    write_entry(entry, json.dumps(mechanism.to_json()))
+    write_entry(entry, mechanism.to_json())
     return mechanism
 
 
@@ -266,7 +265,7 @@ def _restored(text: str | None, name: str) -> Mechanism | None:
     if text is None:
         return None
     try:
-        mechanism = Mechanism.from_json(json.loads(text))
+        mechanism = Mechanism.from_json(text)
     except (ValueError, RecursionError):
         return None
     return mechanism if mechanism.name == name else None
