@@ -6,6 +6,8 @@ Source: Owen, Scrambling Sobol' and Niederreiter-Xing points, J. Complexity 14 (
 
 from __future__ import annotations
 
+import base64
+import importlib.metadata
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -15,6 +17,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.storage import cache_directory, read_entry, write_entry
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -22,22 +25,40 @@ if TYPE_CHECKING:
 # Sampled angles of an unbounded coordinate; the special values go much further.
 ANGLES = (-math.pi, math.pi)
 HUGE_ANGLES = (1e3, 1e8, 1e15)
+# Exponent of 2 of the largest sample that is kept between runs; what takes long to certify need not be found quickly.
+MOST_KEPT = 12
 TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
 
 
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
-    from scipy.stats import qmc
-
     bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
     bounds += [*mechanism.rate_ranges, *mechanism.force_ranges]
     low, high = np.array(bounds).T
-    points = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed)).random_base2(max(0, math.ceil(math.log2(max(count, 1)))))[:count]
+    points = sobol_points(len(bounds), max(0, math.ceil(math.log2(max(count, 1)))), seed)[:count]
     q, v, tau = np.split(low + points * (high - low), 3, axis=1)
     for place in reversed(mechanism.attitudes):
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
     return States.at(q, v, tau) if count else States(q, v, tau, np.zeros(0))
+
+
+def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
+    """2^exponent scrambled Sobol points, (2^exponent, dimensions), of the unit cube.
+
+    They are kept in the cache, bit for bit: ``scipy.stats`` takes longer to import than a small mechanism to check.
+    """
+    versions = "-".join(f"{name}-{importlib.metadata.version(name)}" for name in ("scipy", "numpy"))
+    entry = cache_directory() / "sobol" / f"{dimensions}-{exponent}-{seed}-{versions}.txt"
+    kept = read_entry(entry) if exponent <= MOST_KEPT else None
+    if kept is not None:
+        return np.frombuffer(base64.b64decode(kept), dtype="<f8").reshape(2**exponent, dimensions).astype(np.float64)
+    from scipy.stats import qmc
+
+    points: Array = qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(exponent)
+    if exponent <= MOST_KEPT:
+        write_entry(entry, base64.b64encode(points.astype("<f8").tobytes()).decode())
+    return points
 
 
 def _uniform_rotations(points: Array) -> Array:

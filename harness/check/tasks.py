@@ -14,12 +14,11 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.check.superfluous import SEED, STATES, superfluous
-from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine
+from harness.engines import Model, Subject, linear_velocity_in_body, load_engine, load_model
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.superfluous import SuperfluousPart
@@ -88,15 +87,7 @@ def load_audited(assignment: Assignment) -> Model:
 
 def _load_and_audit(assignment: Assignment) -> Model:
     mechanism, model = assignment.mechanism, assignment.model
-    engine = load_engine(assignment.library, assignment.subject.engine)
-    source = mechanism if assignment.subject.format == EQUATIONS else model
-    assert source is not None
-    try:
-        loaded = engine.load(source, mechanism.joints, mechanism.gravity)
-    except ValueError as error:
-        if model is None:
-            raise
-        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    loaded = load_model(assignment.library, assignment.subject, mechanism, model)
     held = loaded.loaded()
     if held is not None and model is not None:
         audit(held, model, mechanism)

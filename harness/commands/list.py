@@ -20,7 +20,7 @@ def command(library_path: str | None, json_path: str | None) -> None:
     Example: harness list --library mine
     """
     from harness.engines import engine_names, installed_version, load_engine
-    from harness.equations.derivation import load_mechanism
+    from harness.equations.derivation import degrees_of_freedom
     from harness.library import Library, installed_libraries
 
     library = Library.at(library_path)
@@ -29,11 +29,9 @@ def command(library_path: str | None, json_path: str | None) -> None:
     systems: dict[str, tuple[int, str]] = {}
     for name in library.select(()):
         try:
-            mechanism = load_mechanism(library, name)
+            systems[name] = degrees_of_freedom(library, name)
         except InvalidInput as problem:
             problems.append(problem)
-        else:
-            systems[name] = mechanism.nv, mechanism.description.splitlines()[0]
     engines = {name: load_engine(library, name) for name in engine_names(library)}
     if json_path:
         from harness.storage import write_atomically

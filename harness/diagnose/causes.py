@@ -13,7 +13,7 @@ from harness.diagnose.held import Difference, differences, held_by
 from harness.diagnose.model_side import EVALUATIONS
 from harness.diagnose.pattern import infer_from_records
 from harness.diagnose.subject import Scope, SubjectDiagnosis, diagnose_subject
-from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, subjects
+from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_model, subjects
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library
@@ -115,7 +115,7 @@ def find_differences(settings: Settings, name: str, workers: Workers) -> list[Di
 def _hold(library: Library, name: str, subject: Subject, path: Path, note: Callable[[str], None]) -> tuple[ModelFile, HeldModel | None]:
     """The file of a subject and its engine's quantities after loading, as a task for ``harness.workers``; raises as both do."""
     model, mechanism = read_model(path, subject.format), load_mechanism(library, name)
-    return model, held_by(load_engine(library, subject.engine).load(model, mechanism.joints, mechanism.gravity))
+    return model, held_by(load_model(library, subject, mechanism, model))
 
 
 def examine(

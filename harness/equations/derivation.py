@@ -10,7 +10,6 @@ import ast
 import functools
 import hashlib
 import importlib.metadata
-import json
 import math
 import sys
 import time
@@ -40,6 +39,34 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
     Raises:
         InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
     """
+    path, entry = library.system_path(name), _entry(library, name)
+    cached = _restored(read_entry(entry), name)
+    if cached is not None:
+        return cached
+    mechanism = derive_mechanism(path, name)
+    write_entry(entry, mechanism.to_json())
+    return mechanism
+
+
+def degrees_of_freedom(library: Library, name: str) -> tuple[int, str]:
+    """Number of coordinates of system ``name`` and the first line of its description; nothing is derived for them.
+
+    Raises:
+        InvalidSystem: as ``load_mechanism``, but for what only a derivation finds.
+    """
+    cached = _restored(read_entry(_entry(library, name)), name)
+    if cached is not None:
+        return cached.nv, cached.description.splitlines()[0]
+    (system, *_), docstring = load_atlas(library.system_path(name))
+    return len(system.coordinates), docstring.strip().splitlines()[0]
+
+
+def _entry(library: Library, name: str) -> Path:
+    """Where the cache keeps the mechanism.
+
+    Raises:
+        InvalidSystem: the file cannot be read.
+    """
     path = library.system_path(name)
     file, _ = member_of(path) or (path, None)
     try:
@@ -48,13 +75,7 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
         raise InvalidSystem(path, None, f"cannot be read: {error.strerror}") from error
     helpers = b"".join(helper.read_bytes() for helper in sorted(path.parent.glob("_*.py")))
     digest = hashlib.sha256(_toolchain_digest() + name.encode() + b"\0" + source + b"\0" + helpers).hexdigest()
-    entry = cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
-    cached = _restored(read_entry(entry), name)
-    if cached is not None:
-        return cached
-    mechanism = derive_mechanism(path, name)
-    write_entry(entry, json.dumps(mechanism.to_json()))
-    return mechanism
+    return cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
 
 
 def derive_mechanism(path: Path, name: str) -> Mechanism:
@@ -244,7 +265,7 @@ def _restored(text: str | None, name: str) -> Mechanism | None:
     if text is None:
         return None
     try:
-        mechanism = Mechanism.from_json(json.loads(text))
+        mechanism = Mechanism.from_json(text)
     except (ValueError, RecursionError):
         return None
     return mechanism if mechanism.name == name else None

@@ -8,10 +8,12 @@ is read back; it keeps coordinates, rates and parameters alike as run-time input
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -80,13 +82,7 @@ class StraightLineProgram:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object that ``from_json`` turns back into an equal program."""
-        plain: dict[str, Any] = {
-            "inputs": list(self.inputs),
-            "instructions": [list(instruction) for instruction in self.instructions],
-            "outputs": {name: list(indices) for name, indices in self.outputs.items()},
-        }
-        if self.in_coordinates is not None:
-            plain |= {"in_coordinates": self.in_coordinates.to_json(), "measured_from": list(self.measured_from)}
+        plain: dict[str, Any] = msgspec.to_builtins(self)
         return plain
 
     @classmethod
@@ -96,32 +92,27 @@ class StraightLineProgram:
         Raises:
             ValueError: an unknown operation, an operand out of range, or any other malformed part.
         """
-        try:
-            check_lists(data, ("inputs", "instructions"))
-            check_lists(data["instructions"], range(len(data["instructions"])))
-            check_lists(data["outputs"], data["outputs"].keys())
-            inputs = tuple(data["inputs"])
-            instructions = tuple(tuple(instruction) for instruction in data["instructions"])
-            outputs = {name: tuple(indices) for name, indices in data["outputs"].items()}
-            in_coordinates = None if "in_coordinates" not in data else cls.from_json(data["in_coordinates"])
-            measured_from = () if in_coordinates is None else tuple(data["measured_from"])
-        except (TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"not a straight-line program: {error!r}") from error
-        if not all(isinstance(name, str) for name in inputs):
-            raise ValueError("input names are not strings")
-        for position, instruction in enumerate(instructions):
-            _check_instruction(position, instruction, len(inputs))
-        for name, indices in outputs.items():
-            if not all(_is_index(index, len(instructions)) for index in indices):
+        return msgspec.convert(data, cls).checked()
+
+    def checked(self) -> StraightLineProgram:
+        """The program, whose types are right, after a look at its indices.
+
+        Raises:
+            ValueError: an unknown operation, or an index out of range.
+        """
+        for position, instruction in enumerate(self.instructions):
+            _check_instruction(position, instruction, len(self.inputs))
+        for name, indices in self.outputs.items():
+            if not all(_is_index(index, len(self.instructions)) for index in indices):
                 raise ValueError(f"output {name!r} points outside the program")
-        if in_coordinates is not None and in_coordinates.inputs != inputs:
+        if self.in_coordinates is not None and self.in_coordinates.checked().inputs != self.inputs:
             raise ValueError("the program in coordinates has other inputs")
-        if in_coordinates is not None and len(measured_from) != len(outputs.get("velocity", measured_from)):
+        if self.in_coordinates is not None and len(self.measured_from) != len(self.outputs.get("velocity", self.measured_from)):
             raise ValueError("measured_from has another number of coordinates than the program")
-        for place, parent in enumerate(measured_from):
+        for place, parent in enumerate(self.measured_from):
             if not (parent is None or _is_index(parent, place)):
                 raise ValueError(f"coordinate {place} is measured from {parent!r}; expected an earlier one or none")
-        return cls(inputs, instructions, outputs, in_coordinates, measured_from)
+        return self
 
 
 def right_hand_side(outputs: Mapping[str, Sequence[Any]], applied: Sequence[Any] | None = None) -> list[Any]:
@@ -139,17 +130,6 @@ def upper_triangle(n: int) -> list[tuple[int, int]]:
 def position_count(program: StraightLineProgram) -> int:
     """nq of a system's program: time stands behind q, v and tau."""
     return program.inputs.index("t") - 2 * len(program.outputs["velocity"])
-
-
-def check_lists(container: Any, keys: Iterable[Any]) -> None:
-    """A string or an object also turns into a tuple, but is none.
-
-    Raises:
-        ValueError: ``container[key]`` is neither list nor tuple, for one of ``keys``.
-    """
-    for key in keys:
-        if not isinstance(container[key], list | tuple):
-            raise ValueError(f"{key!r} is {type(container[key]).__name__}; expected a list")
 
 
 def _is_index(value: Any, length: int) -> bool:

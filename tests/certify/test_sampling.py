@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +16,7 @@ from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
+from harness.certify import sampling
 from harness.certify.sampling import HUGE_ANGLES, TINY, sample, strategy
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -192,3 +197,29 @@ def test_parts_are_selected_joined_and_printed_exactly() -> None:
 
 def test_tiny_values_reach_the_smallest_number() -> None:
     assert min(TINY) == math.nextafter(0.0, 1.0)
+
+
+def test_kept_points_are_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from scipy.stats import qmc
+
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    expected = qmc.Sobol(5, rng=np.random.default_rng(3)).random_base2(6)
+    made = sampling.sobol_points(5, 6, seed=3)
+    (entry,) = (tmp_path / "sobol").iterdir()
+    monkeypatch.setattr(qmc, "Sobol", None)
+    for points in (made, sampling.sobol_points(5, 6, seed=3)):
+        assert points.tobytes() == expected.tobytes()
+    entry.write_text(entry.read_text()[:-4] + "AAAA")
+    with pytest.raises(TypeError, match="not callable"):
+        sampling.sobol_points(5, 6, seed=3)
+
+
+def test_a_kept_sample_needs_no_scipy(tmp_path: Path) -> None:
+    code = (
+        "import sys; from harness.certify.sampling import sample; from harness.equations.derivation import load_mechanism\n"
+        "from harness.library import Library; sample(load_mechanism(Library.built_in(), 'cart_pendulum'), 100, 0)\n"
+        "print(sorted({name.partition('.')[0] for name in sys.modules} & {'scipy', 'sympy'}))"
+    )
+    environment = {**os.environ, "HARNESS_CACHE": str(tmp_path)}
+    runs = [subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
+    assert [run.stdout.strip() for run in runs] == ["['scipy', 'sympy']", "[]"]

@@ -22,7 +22,7 @@ import sympy as sp
 
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import ANGLES, sample
 from harness.check.tasks import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines._pinocchio_forces import ForceElements
@@ -32,7 +32,7 @@ from harness.equations.kernels import BallKernel, Float64Kernel, float64_kernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, assemble, upper_triangle
-from harness.equations.states import ANGLES, States
+from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.library import Library
 from harness.models.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
