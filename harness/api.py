@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from harness.certify.compare import Comparison
     from harness.certify.reference import Reference, ReferenceKernel
-    from harness.check.settings import Settings
+    from harness.crosscheck.settings import Settings
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
@@ -189,7 +189,7 @@ def check(
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
     """
-    from harness.check.run import CrossCheck
+    from harness.crosscheck.run import CrossCheck
     from harness.study import run_study
     from harness.workers import Workers
 
@@ -221,8 +221,8 @@ def diagnose(
     Raises:
         harness.errors.InvalidInput: the library or the system file cannot be used. harness.errors.InvalidRequest: as ``check``.
     """
-    from harness.check.run import CrossCheck
-    from harness.diagnose.causes import find_causes
+    from harness.crosscheck.run import CrossCheck
+    from harness.diagnosis.causes import find_causes
     from harness.study import run_study
     from harness.workers import Workers
 
@@ -246,7 +246,7 @@ def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, l
 def _settings(
     names: Names, library: str | Path | None, mjcf: str | Path | None, urdf: str | Path | None, subjects: Names, states: int, seed: int
 ) -> Settings:
-    from harness.check.settings import Settings
+    from harness.crosscheck.settings import Settings
 
     stand_ins: Mapping[str, Path] = {key: Path(path) for key, path in (("mjcf", mjcf), ("urdf", urdf)) if path is not None}
     given = [("--library", library), ("--mjcf", mjcf), ("--urdf", urdf)]

@@ -55,7 +55,7 @@ class Library:
             _PACKAGE / "systems",
             models,
             _PACKAGE / "engines",
-            _PACKAGE / "check" / "expected_verdicts.toml",
+            _PACKAGE / "crosscheck" / "expected_verdicts.toml",
             _PACKAGE / "hard" / "states",
         )
 

@@ -16,7 +16,7 @@ import pytest
 from harness.library import BUILT_IN_NAME
 
 if TYPE_CHECKING:
-    from harness.check.run import CrossCheck
+    from harness.crosscheck.run import CrossCheck
     from harness.library import Library
     from harness.results.causes import Cause
     from harness.results.records import Record
@@ -170,8 +170,8 @@ class _Regression:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
         check, _ = self._check_of(system)
         if system not in self._causes:
-            from harness.diagnose.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
-            from harness.diagnose.model_side import EVALUATIONS
+            from harness.diagnosis.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
+            from harness.diagnosis.model_side import EVALUATIONS
 
             # The party at fault follows from those that agree.
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
@@ -199,8 +199,8 @@ class _Regression:
         return self._checks[group]
 
     def _start(self, names: list[str]) -> CrossCheck:
-        from harness.check.run import CrossCheck
-        from harness.check.settings import Settings
+        from harness.crosscheck.run import CrossCheck
+        from harness.crosscheck.settings import Settings
 
         option = self.config.getoption
         settings = Settings(

@@ -21,7 +21,7 @@ from harness.bench import timing
 from harness.bench.methods import select_methods
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.equations.derivation import derive_mechanism, load_mechanism, load_system
 from harness.equations.lagrange import derive
 from harness.equations.system import TIME

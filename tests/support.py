@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from harness.check.run import CrossCheck
-from harness.check.settings import Settings
 from harness.cli import main
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
 from harness.library import MODEL_SUFFIXES, Library
 from harness.results.records import Record
 from harness.study import Study, run_study

@@ -18,8 +18,8 @@ from harness.bench.timing import measure
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
-from harness.check.tasks import Note, reference_kernel
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States

@@ -19,8 +19,8 @@ from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP, prepared
 from harness.certify.reference import UNIT_ROUNDOFF
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
-from harness.check.tasks import Note
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
 from harness.equations.mechanism import Mechanism

@@ -21,8 +21,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import UNIT_ROUNDOFF
-from harness.check.scene import Scene
-from harness.check.tasks import Note
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS, Unsupported
 from harness.equations.energies import EnergyKernel
 from harness.equations.mechanism import Mechanism

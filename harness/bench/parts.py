@@ -11,7 +11,7 @@ from harness.bench.methods import select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.library import Library
 from harness.results.benchmark import Benchmark
 

@@ -29,8 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.check.scene import Scene
-from harness.check.tasks import Note
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS, Unsupported
 from harness.equations.lagrangian import LagrangianKernel
 from harness.equations.mechanism import Mechanism

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from harness.bench.methods import find_methods
 from harness.bench.parts import PARTS, THOROUGHNESS, BenchmarkPart, BenchmarkSettings, Request, load
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import member_of, nearest
 from harness.motion.integrators import integrators

@@ -18,8 +18,8 @@ from decimal import Decimal
 import numpy as np
 
 from harness.arrays import Array
-from harness.check.scene import Scene
-from harness.check.tasks import Note
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
 from harness.equations.energies import EnergyKernel
 from harness.equations.mechanism import Mechanism

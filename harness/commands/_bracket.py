@@ -66,7 +66,7 @@ class Bracket:
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
-        from harness.check.description import describe_run
+        from harness.crosscheck.description import describe_run
 
         self._run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
         if kept_as is not None:

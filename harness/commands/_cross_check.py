@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from harness.commands._bracket import Bracket
 
 if TYPE_CHECKING:
-    from harness.check.run import CrossCheck
-    from harness.check.settings import Settings
+    from harness.crosscheck.run import CrossCheck
+    from harness.crosscheck.settings import Settings
     from harness.results.causes import Cause
 
 
 def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
     """Run to the end, and find why some records are not as expected; the causes are added to the result."""
-    from harness.check.run import CrossCheck
+    from harness.crosscheck.run import CrossCheck
     from harness.results.cross_check import CrossCheckResult
 
     study = CrossCheck(settings)
@@ -34,7 +34,7 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.diagnose.causes import Diagnoses
+    from harness.diagnosis.causes import Diagnoses
 
     diagnoses = Diagnoses(study.settings, records, crashes=study.crashes, **limits)
     bracket.complete(diagnoses, kept=False)

@@ -17,10 +17,10 @@ from harness.results.table import Cell, Column, Table
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
-    from harness.check.settings import Settings
-    from harness.diagnose.faults.smallest import SmallestChange
-    from harness.diagnose.faults.summary import KindOfFault
-    from harness.diagnose.held import Difference
+    from harness.crosscheck.settings import Settings
+    from harness.diagnosis.faults.smallest import SmallestChange
+    from harness.diagnosis.faults.summary import KindOfFault
+    from harness.diagnosis.held import Difference
     from harness.results.causes import Cause
     from harness.results.superfluous import SuperfluousPart
 
@@ -114,7 +114,7 @@ def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
-    from harness.diagnose.faults.baseline import MOST_ABOVE_THEORY
+    from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 
     rows: list[list[object]] = []
     for found in caught:

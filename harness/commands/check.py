@@ -29,7 +29,7 @@ def command(
 
     Example: harness check double_pendulum --mjcf edited.xml
     """
-    from harness.check.settings import Settings
+    from harness.crosscheck.settings import Settings
 
     settings = Settings(
         library=bracket.library,

@@ -28,11 +28,11 @@ def command(
 
     Example: harness diagnose double_pendulum --mjcf edited.xml
     """
-    from harness.check.run import CrossCheck
-    from harness.check.settings import Settings
     from harness.commands._terminal import print_diagnoses, print_superfluous, print_table
-    from harness.diagnose.causes import find_differences
-    from harness.diagnose.pattern import infer_from_records
+    from harness.crosscheck.run import CrossCheck
+    from harness.crosscheck.settings import Settings
+    from harness.diagnosis.causes import find_differences
+    from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput
 
     settings = Settings(

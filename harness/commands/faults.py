@@ -12,7 +12,7 @@ from harness.commands._bracket import Bracket, computing
 from harness.commands._options import states_option, subjects_option
 
 if TYPE_CHECKING:
-    from harness.diagnose.faults.summary import Fault
+    from harness.diagnosis.faults.summary import Fault
 
 # Options of a campaign alone.
 _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
@@ -60,9 +60,9 @@ def command(
     Example: harness faults arm_2r --kind axis
     """
     from harness.commands._terminal import print_caught, print_kinds
-    from harness.diagnose.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
-    from harness.diagnose.faults.study import CampaignStudy, SmallestStudy
-    from harness.diagnose.faults.summary import by_kind
+    from harness.diagnosis.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
+    from harness.diagnosis.faults.study import CampaignStudy, SmallestStudy
+    from harness.diagnosis.faults.summary import by_kind
     from harness.errors import InvalidRequest
     from harness.library import nearest
 

@@ -20,7 +20,7 @@ def command(bracket: Bracket, profile: str) -> None:
 
     Example: harness report --profile nightly --out night
     """
-    from harness.check.settings import Settings
+    from harness.crosscheck.settings import Settings
     from harness.hard.worst_cases import ranked
     from harness.results.cross_check import CrossCheckResult
 

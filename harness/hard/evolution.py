@@ -19,9 +19,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.sampling import HUGE_ANGLES
-from harness.check import hypothesis_search, tasks
-from harness.check.hypothesis_search import note_of, objective
-from harness.check.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
+from harness.crosscheck import hypothesis_search, tasks
+from harness.crosscheck.hypothesis_search import note_of, objective
+from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import SEVERITY, Verdict
@@ -82,7 +82,7 @@ def evolve(
 
 
 def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.Note) -> Hunt:
-    """The same by hypothesis, whose draws hold the special values; see ``harness.check.hypothesis_search``."""
+    """The same by hypothesis, whose draws hold the special values; see ``harness.crosscheck.hypothesis_search``."""
     found = hypothesis_search.explore(assignment, states, seed, note)
     return Hunt(
         found.states[worst_index(found.comparison) :][:1],

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from harness.check.expected import Entry, Text, read_entries
+from harness.crosscheck.expected import Entry, Text, read_entries
 from harness.results.atlas import HardPoint, HardReason, HardRow
 from harness.verdict import SEVERITY, Verdict
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import Reference
-from harness.check import tasks
+from harness.crosscheck import tasks
 from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.kernels import float64_kernel
 from harness.equations.mechanism import Mechanism

@@ -24,7 +24,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import UNIT_ROUNDOFF
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.hard.cases import HardCase, decades, hard_cases, library_of

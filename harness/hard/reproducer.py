@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
-from harness.check import tasks
+from harness.crosscheck import tasks
 from harness.equations.states import States
 
 
@@ -33,7 +33,7 @@ def reproduce(assignment: tasks.Assignment, state: States, file: Path | str | No
     The model stands in the program unless ``file`` names where it is.
 
     Raises:
-        InvalidModel: as ``harness.check.tasks.load_audited``.
+        InvalidModel: as ``harness.crosscheck.tasks.load_audited``.
     """
     model = tasks.load_audited(assignment)
     if not isinstance(model, Reproducible) or assignment.model is None:

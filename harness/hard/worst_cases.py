@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from harness.check import tasks
+from harness.crosscheck import tasks
 from harness.engines import EQUATIONS, Subject, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.check.expected import load_expectations, why_no_model
-from harness.check.tasks import Assignment
-from harness.diagnose.held import SOUND, differences, held_by, soundness
+from harness.crosscheck.expected import load_expectations, why_no_model
+from harness.crosscheck.tasks import Assignment
+from harness.diagnosis.held import SOUND, differences, held_by, soundness
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
 from harness.engines._audit import audit
 from harness.engines._placement import Placement

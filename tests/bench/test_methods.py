@@ -19,7 +19,7 @@ from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.errors import InvalidRequest

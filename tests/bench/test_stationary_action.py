@@ -14,7 +14,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.arrays import Array
 from harness.bench.stationary_action import SIZES, residual, stationarity, stationarity_of, vary
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.equations.lagrangian import LagrangianKernel
 from harness.equations.mechanism import Mechanism

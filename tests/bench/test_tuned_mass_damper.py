@@ -22,7 +22,7 @@ from harness.bench.tuned_mass_damper import (
     true_ride,
     with_damping,
 )
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.motion.integrators import integrators

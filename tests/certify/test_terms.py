@@ -19,8 +19,8 @@ from harness.certify.forward_mode import jacobians
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
-from harness.check.tasks import reference_kernel
-from harness.diagnose.terms import AT_REST, LOADED, MOVING, TermComparison, backward_errors, compare_terms, coordinate_names
+from harness.crosscheck.tasks import reference_kernel
+from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, backward_errors, compare_terms, coordinate_names
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.kernels import Float64Kernel

@@ -23,7 +23,7 @@ import sympy as sp
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, sample
-from harness.check.tasks import Assignment, load_audited
+from harness.crosscheck.tasks import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines._pinocchio_forces import ForceElements
 from harness.equations.derivation import load_mechanism

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.hard import motions as hard_motion
 from harness.hard.cases import hard_cases
 from harness.hard.motions import (

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from harness.certify.sampling import sample
-from harness.check import tasks
+from harness.crosscheck import tasks
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.hard.reproducer import compact, reproduce

@@ -17,8 +17,8 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.factorisation import scaled_condition_number
 from harness.certify.sampling import HUGE_ANGLES, sample
-from harness.check import tasks
-from harness.check.shrinking import KEPT, shrink
+from harness.crosscheck import tasks
+from harness.crosscheck.shrinking import KEPT, shrink
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism

@@ -20,8 +20,8 @@ from support import cross_checked, harness
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.check.expected import Expectation, load_expectations, why_no_model
-from harness.check.settings import Settings
+from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.settings import Settings
 from harness.engines import subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States

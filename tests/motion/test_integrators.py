@@ -9,7 +9,7 @@ import pytest
 
 from harness.arrays import Array
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.errors import InvalidRequest
 from harness.library import Library

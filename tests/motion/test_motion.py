@@ -12,7 +12,7 @@ from harness.bench.motion_cost import Judge, measured_order, motion_costs, work_
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import load_engine
 from harness.library import Library
 from harness.models.model_file import parse_model

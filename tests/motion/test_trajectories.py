@@ -11,7 +11,7 @@ import pytest
 
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.equations.energies import EnergyKernel
 from harness.equations.kernels import BallKernel

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from support import cross_checked, make_library
 
-from harness.check.run import CrossCheck
-from harness.check.settings import Settings
-from harness.check.stored_states import stored_states
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
+from harness.crosscheck.stored_states import stored_states
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library

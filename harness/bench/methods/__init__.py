@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import Engine, Model, load_engine
 from harness.equations.states import States
 from harness.errors import InvalidRequest

@@ -13,8 +13,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, load_model
 from harness.certify.compare import compare
-from harness.check.scene import Scene
-from harness.check.tasks import reference_kernel
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import reference_kernel
 from harness.engines import linear_velocity_in_body
 from harness.equations.states import States
 

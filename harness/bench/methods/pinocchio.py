@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, load_model
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines.pinocchio import PinocchioModel
 from harness.equations.states import States
 

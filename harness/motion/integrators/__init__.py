@@ -14,7 +14,7 @@ import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.errors import InvalidRequest
 from harness.library import nearest
 from harness.motion.trajectories import Path, Start

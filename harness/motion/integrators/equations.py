@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Advance, Integrator

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import load_engine
 from harness.motion.first_order import linear_velocities_turned
 from harness.motion.integrators import Advance, Integrator

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.check.scene import Scene
+from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator

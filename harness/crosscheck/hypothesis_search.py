@@ -1,0 +1,236 @@
+"""The search for the states that subjects do worst at: one search of a system for all its subjects.
+
+States come in blocks. The first state of a block is hypothesis' own draw, which ``target()`` guides towards larger backward
+errors, with one label a subject. The others are drawn beside it: special and random ones first, later neighbours of the worst
+state of each subject so far. A block is certified once, and every subject is judged on all of it. Hypothesis is given the
+errors at its own draw only, so that they depend on nothing but its choices.
+
+Source: Loescher, Sagonas, Targeted property-based testing, ISSTA 2017; Beyer, Schwefel, Evolution strategies: a comprehensive
+introduction, Natural Computing 1 (2002), for the neighbours.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import Comparison, compare
+from harness.certify.reference import Reference
+from harness.certify.sampling import strategy
+from harness.crosscheck.shrinking import count_digits, shrink
+from harness.crosscheck.stages import Answers, frame_of
+from harness.crosscheck.tasks import Assignment, Note, load_audited, reference_kernel
+from harness.crosscheck.variation import Variation, rows_of, states_of
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.verdict import SEVERITY, Verdict
+
+# States of a block. Hypothesis takes 1 to 4 ms for its draw; certifying a state in a block costs a tenth of certifying it alone.
+BLOCK = 25
+# Of the states, how many are drawn before neighbours of the worst are.
+FRESH_SHARE = 0.4
+# log10 of an error that is not finite, and of the smallest that is told from none.
+WORST, LEAST = 400.0, -20.0
+_KEY = b"simplest failing state"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search saw of one subject.
+
+    Attributes:
+        states: every state it was asked at, in order.
+        comparison: the judgement of each.
+        simplest_failure: index of the shrunk state that does not agree, None where all agree.
+    """
+
+    states: States
+    comparison: Comparison
+    simplest_failure: int | None
+
+
+def search(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found | Answers]:
+    """What each subject, all of one mechanism, answered at ``examples`` states; where it does not agree, the simplest such state.
+
+    The simplest failing states are kept below ``folder`` and tried first the next time. They and the shrunk states come on
+    top of ``examples``. A subject that raises an exception has ``Answers`` that say why; the others go on without it. The note
+    names the subject that is being asked, and its states.
+    """
+    panel = _Panel(assignments, note)
+    panel.judge(_kept(folder, panel))
+    _draw(panel, examples, seed)
+    for subject in panel.subjects:
+        panel.simplify(subject)
+        _keep(folder, subject, panel.simplest.get(subject))
+    subjects = [str(assignment.subject) for assignment in assignments]
+    return {one: Answers.missing(panel.failures[one]) if one in panel.failures else panel.found(one) for one in subjects}
+
+
+def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Found:
+    """``search`` of one subject, whose exception is raised; nothing is shrunk or kept."""
+    panel = _Panel([assignment], note)
+    _draw(panel, examples, seed)
+    for failure in panel.failures.values():
+        raise failure
+    return panel.found(str(assignment.subject))
+
+
+def note_of(subject: str, states: States) -> str:
+    """A note that names the states a subject is being asked at: ``{"subject": ..., "states": {"q", "v", "tau"}}``."""
+    return json.dumps({"subject": subject, "states": {name: getattr(states, name).tolist() for name in ("q", "v", "tau")}})
+
+
+def objective(comparison: Comparison) -> Array:
+    """(n,) log10 of the backward error; ``WORST`` where the answer is not finite, ``LEAST`` where nothing is certified."""
+    with np.errstate(divide="ignore"):
+        logarithm = np.clip(np.log10(comparison.backward_error), LEAST, WORST)
+    missing = np.where(comparison.verdicts == Verdict.ERROR.value, WORST, LEAST)
+    return np.asarray(np.where(np.isnan(comparison.backward_error), missing, logarithm))
+
+
+class _Panel:
+    """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves.
+
+    Attributes:
+        mechanism: theirs.
+        failures: the exceptions of those who left.
+        simplest: the simplest failing state of a subject, once ``simplify`` has found it.
+    """
+
+    def __init__(self, assignments: Sequence[Assignment], note: Note) -> None:
+        self.mechanism: Mechanism = assignments[0].mechanism
+        self.failures: dict[str, Exception] = {}
+        self.simplest: dict[str, States] = {}
+        self._assignments = {str(assignment.subject): assignment for assignment in assignments}
+        self._frames = {subject: frame_of(assignment) for subject, assignment in self._assignments.items()}
+        self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._assignments}
+        self._worst: dict[str, tuple[float, Array]] = {}
+        self._note = note
+
+    @property
+    def subjects(self) -> list[str]:
+        """Those that have not left."""
+        return [subject for subject in self._assignments if subject not in self.failures]
+
+    def judge(self, states: States) -> dict[str, Comparison]:
+        """The judgement of each subject's answers at ``states``; the truth is certified once per frame."""
+        subjects = self.subjects if len(states) else []
+        references = {frame: self._certify(frame, states) for frame in {self._frames[subject] for subject in subjects}}
+        comparisons: dict[str, Comparison] = {}
+        for subject in subjects:
+            try:
+                comparison = comparisons[subject] = self._ask(subject, states, references[self._frames[subject]])
+            except Exception as error:
+                self.failures[subject] = error
+                continue
+            self._seen[subject].append((states, comparison))
+            score = objective(comparison)
+            index = int(score.argmax())
+            if subject not in self._worst or score[index] > self._worst[subject][0]:
+                self._worst[subject] = float(score[index]), rows_of(states[index : index + 1])[0]
+        return comparisons
+
+    def _certify(self, frame: bool, states: States) -> Reference:
+        return reference_kernel(self.mechanism, frame).evaluate(states)
+
+    def _ask(self, subject: str, states: States, reference: Reference) -> Comparison:
+        self._note(note_of(subject, states))
+        return compare(reference, load_audited(self._assignments[subject]).forward_dynamics(states.q, states.v, states.tau))
+
+    def worst(self, count: int) -> Array:
+        """``count`` rows, (count, columns): the worst states of the subjects, in turn."""
+        rows = np.array([self._worst[subject][1] for subject in self.subjects])
+        return np.asarray(rows[np.arange(count) % len(rows)])
+
+    def simplify(self, subject: str) -> None:
+        """Shrink the simplest state of the gravest verdict, where a subject does not agree everywhere."""
+        found = self.found(subject)
+        severity = np.array([SEVERITY[verdict] for verdict in found.comparison.verdicts.tolist()])
+        if severity.max() == SEVERITY[Verdict.AGREES]:
+            return
+        rows = rows_of(found.states)
+        index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
+
+        def judge(states: States) -> Comparison:
+            return self._ask(subject, states, self._certify(self._frames[subject], states))
+
+        try:
+            # The verdict is kept, however small the error becomes.
+            state, _ = shrink(judge, self.mechanism, found.states[index : index + 1], kept=0.0)
+            self._seen[subject].append((state, judge(state)))
+            self.simplest[subject] = state
+        except Exception as error:
+            self.failures[subject] = error
+
+    def found(self, subject: str) -> Found:
+        """What was seen of a subject; its simplest failing state comes last."""
+        states = States.concatenate([states for states, _ in self._seen[subject]])
+        comparison = Comparison.concatenate([comparison for _, comparison in self._seen[subject]])
+        return Found(states, comparison, len(states) - 1 if subject in self.simplest else None)
+
+
+def _draw(panel: _Panel, examples: int, seed: int) -> None:
+    """Judge ``examples`` states in blocks."""
+    import hypothesis
+    from hypothesis.internal.conjecture import providers
+
+    mechanism, left = panel.mechanism, examples
+    variation = Variation(mechanism, np.random.default_rng(seed))
+
+    def judge(state: States) -> None:
+        nonlocal left
+        others = min(BLOCK, left) - 1
+        if others < 0 or not panel.subjects:
+            return
+        beside = variation.fresh(others) if left > (1 - FRESH_SHARE) * examples else variation.near(panel.worst(others))
+        left -= 1 + others
+        for subject, comparison in panel.judge(states_of(mechanism, np.vstack([rows_of(state), beside]))).items():
+            if 0 < (error := float(comparison.backward_error[0])) < math.inf:
+                hypothesis.target(math.log10(error), label=subject)
+
+    settings = hypothesis.settings(
+        max_examples=math.ceil(examples / BLOCK),
+        database=None,
+        deadline=None,
+        derandomize=False,
+        suppress_health_check=list(hypothesis.HealthCheck),
+        phases=[hypothesis.Phase.generate, hypothesis.Phase.target],
+        verbosity=hypothesis.Verbosity.quiet,
+    )
+    # Hypothesis would also draw constants from the sources of whatever happens to be imported.
+    providers.is_local_module_file = lambda path: False  # type: ignore[assignment, attr-defined]
+    settings(hypothesis.seed(seed)(hypothesis.given(strategy(mechanism))(judge)))()
+
+
+def _kept(folder: Path | None, panel: _Panel) -> States:
+    """The failing states that earlier searches kept of the panel's subjects, as far as they are states of its mechanism."""
+    mechanism = panel.mechanism
+    none = np.empty((0, mechanism.nq + 2 * mechanism.nv))
+    values = [] if folder is None else [value for subject in panel.subjects for value in _database(folder, subject).fetch(_KEY)]
+    # Subjects that read one file often fail at one state.
+    rows = [np.frombuffer(value)[None] for value in dict.fromkeys(values) if len(value) == none.itemsize * none.shape[1]]
+    return states_of(mechanism, np.vstack([none, *rows]))
+
+
+def _keep(folder: Path | None, subject: str, state: States | None) -> None:
+    """Keep the simplest failing state of a subject instead of the one that was; without a failure there is no folder."""
+    if folder is None or (state is None and not folder.is_dir()):
+        return
+    database = _database(folder, subject)
+    for value in list(database.fetch(_KEY)):
+        database.delete(_KEY, value)
+    if state is not None:
+        database.save(_KEY, rows_of(state).tobytes())
+
+
+def _database(folder: Path, subject: str) -> Any:
+    from hypothesis.database import DirectoryBasedExampleDatabase
+
+    return DirectoryBasedExampleDatabase(folder / subject.replace("/", "-"))

@@ -1,0 +1,336 @@
+"""The cross-check: every subject of every system at the same states as the truth.
+
+Of each system first the equations and the model files are loaded; then one batch of states is certified and every subject
+asked there; then come the other batches, the search by hypothesis, and the superfluous parts of the models. All of it runs
+on worker processes. Whatever goes wrong with one system, model or engine costs the records that depend on it and nothing
+else: where a process dies, the subject that was being asked is set aside, and the others are asked again without it.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from harness.certify.sampling import sample
+from harness.crosscheck import hypothesis_search, tasks
+from harness.crosscheck.description import describe_system
+from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.judgement import Evidence, judge
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
+from harness.crosscheck.stored_states import stored_states
+from harness.crosscheck.tasks import Assignment
+from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects, subjects
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidInput, InvalidModel, InvalidRequest
+from harness.models.model_file import ModelFile
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record
+from harness.study import Part, Rounds
+from harness.verdict import Verdict
+from harness.workers import Outcome, Task
+
+STATES_PER_TASK = 2000
+
+
+@dataclass
+class _Pair:
+    """A subject on a system while its answers come in; ``pending`` counts the tasks that are still to answer for it."""
+
+    subject: Subject
+    assignment: Assignment | None = None
+    evidence: Evidence = field(default_factory=Evidence)
+    pending: int = 0
+
+    def fail(self, failure: str, unsupported: bool = False) -> None:
+        """The first failure is the one that is reported."""
+        if not self.evidence.failure:
+            self.evidence.failure, self.evidence.unsupported = failure, unsupported
+
+
+Pairs = Sequence[_Pair]
+
+
+def answering(pairs: Iterable[_Pair]) -> list[_Pair]:
+    """The pairs that can be asked and have not failed."""
+    return [pair for pair in pairs if pair.assignment is not None and not pair.evidence.failure]
+
+
+@dataclass
+class _System:
+    """A system while it is compared; ``loading`` counts the files that are still to be read."""
+
+    name: str
+    pairs: dict[str, _Pair]
+    loading: int
+    mechanism: Mechanism | None = None
+    models: dict[str, ModelFile | str] = field(default_factory=dict)
+    batches: list[States] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    compilation_seconds: float | None = None
+
+
+class CrossCheck(Rounds):
+    """One cross-check of a library, system by system and subject by subject; a ``harness.study.Study``.
+
+    Attributes:
+        crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
+
+    Raises:
+        InvalidInput: the library or its expected verdicts cannot be used at all.
+        InvalidRequest: a system or subject that does not exist.
+    """
+
+    title = "cross-check"
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        self.settings = settings
+        self.names = settings.library.select(settings.names)
+        self.subjects = select_subjects(settings.library, settings.subjects)
+        every_subject = [str(subject) for subject in subjects(settings.library)]
+        self.expectations = load_expectations(settings.library, every_subject)
+        if settings.stand_ins and len(self.names) != 1:
+            raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
+        if settings.state is not None and len(self.names) != 1:
+            raise InvalidRequest("--state belongs to one system; name exactly one system")
+        if not settings.names:
+            for path in settings.library.orphaned_models():
+                self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
+        self.crashes: set[tuple[str, str | None]] = set()
+        self._found = CrossCheckResult()
+        self._systems = {name: self._loading(name) for name in self.names}
+
+    @property
+    def steps(self) -> int:
+        return len(self.names) * len(self.subjects)
+
+    def result(self) -> CrossCheckResult:
+        return self._found
+
+    # Loading: the equations, and each model file.
+
+    def _loading(self, name: str) -> _System:
+        library = self.settings.library
+        work = [Task((self._loaded, name, None, library.system_path(name)), tasks.derive, (library, name), name)]
+        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format != EQUATIONS):
+            if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in self.subjects):
+                path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
+                work.append(Task((self._loaded, name, model_format, path), tasks.read, (path, model_format), name))
+        self._next += work
+        return _System(name, {str(subject): _Pair(subject) for subject in self.subjects}, loading=len(work))
+
+    def _loaded(self, outcome: Outcome, name: str, model_format: str | None, path: Path) -> Iterator[Part]:
+        system, failure = self._systems[name], self.failure(outcome)
+        system.loading -= 1
+        if outcome.crash is not None:
+            self.crashes.add((name, model_format))
+            self.report(InvalidInput(path, None, failure))
+        if model_format is not None:
+            system.models[model_format] = failure or outcome.value
+        elif failure:
+            for pair in system.pairs.values():
+                pair.fail(failure)
+        else:
+            system.mechanism = outcome.value
+        if not system.loading:
+            if system.mechanism is not None:
+                self._begin(system, system.mechanism)
+            yield from self._completed(system)
+
+    def _begin(self, system: _System, mechanism: Mechanism) -> None:
+        """Choose the states, and ask for the first batch of them."""
+        state = self.settings.state
+        if state is not None and (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
+            given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
+            raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
+        try:
+            states = self._states(mechanism)
+        except InvalidInput as error:
+            self.report(error)
+            for pair in system.pairs.values():
+                pair.fail(str(error))
+            return
+        system.batches = [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
+        for pair in system.pairs.values():
+            self._assign(system, mechanism, pair)
+        self._compare(system, 0, answering(system.pairs.values()))
+
+    def _states(self, mechanism: Mechanism) -> States:
+        if self.settings.state is not None:
+            return self.settings.state
+        sampled = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+        stored = stored_states(self.settings.library, mechanism)
+        return sampled if stored is None else States.concatenate([stored, sampled])
+
+    def _assign(self, system: _System, mechanism: Mechanism, pair: _Pair) -> None:
+        """Give a pair what it is asked with, or the reason why it cannot be asked."""
+        engine = load_engine(self.settings.library, pair.subject.engine)
+        model = system.models.get(pair.subject.format)
+        if reason := self._why_no_model(system.name, pair.subject):
+            pair.fail(reason, unsupported=True)
+        elif isinstance(model, str):
+            pair.fail(model)
+        elif installed_version(engine) is None:
+            pair.fail(f"{engine.requires[1]} is not installed", unsupported=True)
+        else:
+            pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
+
+    def _why_no_model(self, name: str, subject: Subject) -> str:
+        """The reason of the entry that excuses a missing model; a stand-in is a model."""
+        if subject.format in self.settings.stand_ins:
+            return ""
+        return why_no_model(self.settings.library, name, str(subject), subject.format, self.expectations)
+
+    # Comparing: a batch of states is certified once, and every subject is asked there.
+
+    def _compare(self, system: _System, index: int, pairs: Pairs) -> None:
+        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], index=index)
+
+    def _compared(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system = self._systems[name]
+        if self._is_answered(outcome, system, pairs, "the reference", system.batches[index]):
+            seconds, compilation_seconds, answers = outcome.value
+            system.seconds.append(seconds)
+            system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
+            for pair in pairs:
+                self._take(pair, index, system.batches[index], answers[str(pair.subject)])
+            if index == 0:
+                self._go_on(system)
+        else:
+            self._compare(system, index, answering(pairs))
+        yield from self._completed(system)
+
+    def _take(self, pair: _Pair, index: int, states: States, answers: Answers) -> None:
+        if answers.problem is not None:
+            self.report(answers.problem)
+        if answers.failure:
+            pair.fail(answers.failure, answers.unsupported)
+        if answers.comparison is not None and answers.seconds is not None:
+            pair.evidence.bulk[index] = states, answers.comparison
+            pair.evidence.seconds.append(answers.seconds)
+
+    def _go_on(self, system: _System) -> None:
+        """After the first batch: everything else, for the subjects that answered."""
+        pairs = answering(system.pairs.values())
+        for index in range(1, len(system.batches)):
+            self._compare(system, index, pairs)
+        if self.settings.searched:
+            self._search(system, pairs)
+        for pair in pairs:
+            # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
+            if pair.subject.format != EQUATIONS and self.settings.state is None and is_native(self.settings.library, pair.subject):
+                self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
+
+    # Searching: hypothesis looks for the state at which each subject does worst.
+
+    def _search(self, system: _System, pairs: Pairs) -> None:
+        folder = self.settings.examples and self.settings.examples.absolute() / self.settings.library.name / system.name
+        assignments = [pair.assignment for pair in pairs]
+        self._ask(self._searched, system, pairs, hypothesis_search.search, assignments, self.settings.searched, self.settings.seed, folder)
+
+    def _searched(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system = self._systems[name]
+        if self._is_answered(outcome, system, pairs, "the search"):
+            for pair in pairs:
+                found = outcome.value[str(pair.subject)]
+                if isinstance(found, Answers):
+                    self._take(pair, index, system.batches[index], found)
+                else:
+                    pair.evidence.found = found
+        else:
+            self._search(system, answering(pairs))
+        yield from self._completed(system)
+
+    def _examined(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system, [pair] = self._systems[name], pairs
+        pair.pending -= 1
+        if outcome.crash is not None:
+            self.crashes.add((name, str(pair.subject)))
+        if failure := self.failure(outcome):
+            # Errors of the model itself are already in the pair's own answers.
+            pair.fail(f"looking for superfluous parts failed: {failure}")
+        else:
+            # Engines that read the same file find the same parts.
+            self._found.superfluous += [part for part in outcome.value if part not in self._found.superfluous]
+        yield from self._completed(system)
+
+    # Where a process dies: the subject that was being asked is set aside.
+
+    def _ask(
+        self,
+        taker: Callable[..., Iterator[Part]],
+        system: _System,
+        pairs: Pairs,
+        function: Callable[..., Any],
+        *arguments: Any,
+        index: int = 0,
+    ) -> None:
+        """Ask for the next round one task that answers for ``pairs``."""
+        if pairs:
+            for pair in pairs:
+                pair.pending += 1
+            self._next.append(Task((taker, system.name, pairs, index), function, arguments, system.name))
+
+    def _is_answered(self, outcome: Outcome, system: _System, pairs: Pairs, what: str, states: States | None = None) -> bool:
+        """Whether a task gave a value; where its process died, the culprit and the state it died at are noted."""
+        for pair in pairs:
+            pair.pending -= 1
+        failure = self.failure(outcome)
+        if not failure:
+            return True
+        note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
+        culprit = system.pairs.get(note.get("subject", ""))
+        if outcome.crash is not None:
+            self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
+        if culprit is None:
+            for pair in pairs:
+                pair.fail(f"{what} failed: {failure}")
+            return False
+        culprit.fail(failure)
+        states = States.at(**note["states"]) if "states" in note else states
+        if states is not None and culprit.evidence.failed_at is None:
+            self._ask(self._replayed, system, [culprit], ask_one_by_one, culprit.assignment, states)
+        return False
+
+    def _replayed(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
+        system, [pair] = self._systems[name], pairs
+        pair.pending -= 1
+        if outcome.crash is not None and outcome.crash.note:
+            pair.evidence.failed_at = json.loads(outcome.crash.note)
+        yield from self._completed(system)
+
+    # Records.
+
+    def _completed(self, system: _System) -> Iterator[Part]:
+        """Records of the pairs that have all they wait for, and forget them; with the last one goes the system."""
+        if system.loading:
+            return
+        for pair in [pair for pair in system.pairs.values() if not pair.pending]:
+            del system.pairs[str(pair.subject)]
+            record = self._record(system.name, pair)
+            self._found.records.append(record)
+            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
+        if not system.pairs and system.mechanism is not None:
+            self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
+            system.mechanism, system.batches = None, []
+
+    def _record(self, name: str, pair: _Pair) -> Record:
+        """The record of a pair, with what was expected of it and how to see it again."""
+        expectation = self.expectations.get((name, str(pair.subject)), Expectation())
+        record = judge(name, str(pair.subject), pair.evidence, expectation)
+        few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
+        if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
+            # So few states need not meet the one that the expectation is about.
+            record = judge(name, str(pair.subject), pair.evidence, Expectation())
+        command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
+        if record.worst_state is not None:
+            command += ["--state", json.dumps(record.worst_state)]
+        else:
+            command += ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
+        return replace(record, replay=shlex.join(command))

@@ -1,0 +1,135 @@
+"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` hears one subject there.
+
+``compare_all`` is the way of every state from the sample to its verdicts: the truth is certified once, and every subject's
+answers are held against it. What was loaded or compiled stays in the process for the next task.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from harness.arrays import Array
+from harness.certify.compare import Comparison, compare
+from harness.certify.reference import Reference
+from harness.crosscheck.tasks import Assignment, Note, is_reference_known, load_audited, reference_kernel
+from harness.engines import Model, Unsupported, linear_velocity_in_body, load_engine
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidInput
+from harness.study import sentence
+
+# A timing shorter than this is repeated, so that the set-up for the size of a batch is not charged to the engine.
+REPEATED_BELOW_SECONDS = 0.25
+
+
+@dataclass(frozen=True)
+class Certified:
+    """States with their truth.
+
+    Attributes:
+        references: whether linear velocities are in the body's frame, to the reference of all ``states``.
+        seconds: cost per certified state [s]. compilation_seconds: 0 where this process had compiled already.
+    """
+
+    states: States
+    references: Mapping[bool, Reference]
+    seconds: float
+    compilation_seconds: float
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What one subject answered at a batch of states.
+
+    Attributes:
+        comparison: the judgement of each answer; None where there is none.
+        seconds: cost per state [s]; None where there is no answer.
+        failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
+        unsupported: whether the failure is that the engine cannot express the mechanism.
+    """
+
+    comparison: Comparison | None = None
+    seconds: float | None = None
+    failure: str = ""
+    problem: InvalidInput | None = None
+    unsupported: bool = False
+
+    @classmethod
+    def missing(cls, error: Exception) -> Answers:
+        """No answers because of ``error``; only what can be mended in a file keeps its type."""
+        if isinstance(error, InvalidInput):
+            return cls(failure=str(error), problem=error)
+        return cls(failure=str(error), unsupported=True) if isinstance(error, Unsupported) else cls(failure=sentence(error))
+
+
+def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
+    """Seconds per certified state, seconds of compilation, and by subject what it answered at ``states``.
+
+    All assignments are of one mechanism. The note names the subject that is being asked.
+    """
+    certified = prepare(assignments[0].mechanism, {frame_of(assignment) for assignment in assignments}, states)
+    answers = {}
+    for assignment in assignments:
+        note(json.dumps({"subject": str(assignment.subject)}))
+        answers[str(assignment.subject)] = ask(assignment, certified)
+    return certified.seconds, certified.compilation_seconds, answers
+
+
+def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> Certified:
+    """Certify the truth at ``states`` in each of ``frames``: whether linear velocities are in the body's frame."""
+    import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
+    import heyoka  # noqa: F401
+
+    references, seconds, compilation_seconds = {}, 0.0, 0.0
+    for in_body in sorted(frames):
+        known = is_reference_known(mechanism, in_body)
+        started = time.perf_counter()
+        kernel = reference_kernel(mechanism, in_body)
+        kernel.evaluate(states[:1])
+        compiled = time.perf_counter()
+        references[in_body] = kernel.evaluate(states)
+        seconds = max(seconds, (time.perf_counter() - compiled) / len(states))
+        compilation_seconds = max(compilation_seconds, 0.0 if known else compiled - started)
+    return Certified(states, references, seconds, compilation_seconds)
+
+
+def ask(assignment: Assignment, certified: Certified) -> Answers:
+    """The subject's accelerations at the certified states, timed and compared with the truth."""
+    try:
+        accelerations, seconds = timed_accelerations(load_audited(assignment), certified.states)
+        return Answers(compare(certified.references[frame_of(assignment)], accelerations), seconds)
+    except Exception as error:
+        return Answers.missing(error)
+
+
+def timed_accelerations(model: Model, states: States) -> tuple[Array, float]:
+    """The accelerations at ``states``, (n, nv), and seconds per state."""
+    # What is compiled or allocated on first use is not charged to the engine.
+    model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
+    elapsed = math.inf
+    for _ in range(2):
+        started = time.perf_counter()
+        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
+        elapsed = min(elapsed, time.perf_counter() - started)
+        if elapsed > REPEATED_BELOW_SECONDS:
+            break
+    return accelerations, elapsed / len(states)
+
+
+def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
+    """Ask for one state after the other, noting each, so that a crash names its state."""
+    model = load_audited(assignment)
+    for index in range(len(states)):
+        note(json.dumps(states.as_json(index)))
+        one = states[index : index + 1]
+        model.forward_dynamics(one.q, one.v, one.tau)
+
+
+def frame_of(assignment: Assignment) -> bool:
+    """Whether the subject's answers need the reference with linear velocities in the body's frame."""
+    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    return in_body and bool(assignment.mechanism.charts_in_body)

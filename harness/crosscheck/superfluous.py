@@ -1,0 +1,243 @@
+"""Whether a model file holds only what its scene needs, found by taking parts away and watching accelerations.
+
+A number must be felt: lowered by a thousandth it moves some joint's acceleration, or its reader does not
+accept it lower. What is zero or at its default is left out where the reader allows that; so are elements
+whose absence nothing feels, and stages of the engine's pipeline that change nothing. Components of a
+joint's axis are the mechanism's structure and stay.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from harness.arrays import Array
+from harness.certify.sampling import sample
+from harness.engines import Engine, Subject, installed_version, load_engine
+from harness.engines._audit import audit
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.library import Library
+from harness.models.formats import STAGES
+from harness.models.model_file import ModelFile, read_model
+from harness.models.text import Attribute, Element, Number, Watch, find_elements, scaled, with_values, without
+from harness.results.superfluous import SuperfluousPart
+from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+
+# Changing a number by this much moves some acceleration by 3e-7 at least in every shipped model, or by exactly nothing.
+CHANGE = 1e-3
+NOISE = 1e-10
+# MuJoCo refuses a moving body with less mass or inertia.
+LEAST = 1e-15
+# As few as feel everything, for a long chain is asked a thousand times.
+STATES, SEED = 8, 7
+# Elements that hold others together or say how to read them: never unused.
+_KEPT = {
+    "mjcf": {"mujoco", "worldbody", "tendon", "compiler", "option", "flag"},
+    "urdf": {"robot", "axis"},
+}
+# Elements that only move what is inside them.
+_WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
+
+
+def superfluous(
+    library: Library,
+    name: str,
+    subject: Subject,
+    model: ModelFile | None = None,
+    mechanism: Mechanism | None = None,
+    is_sound: Callable[[], bool] = lambda: True,
+) -> list[SuperfluousPart]:
+    """What the model of system ``name`` holds that ``subject`` does not feel, in the order of its lines.
+
+    ``model`` stands in for the library's own. The result is kept on disk. Where nothing is kept, ``is_sound``
+    is asked first whether the subject is right about the model as it is: if not, that comes first.
+
+    Raises:
+        InvalidInput: the system or its model cannot be used; ValueError: the engine refuses it.
+    """
+    mechanism = load_mechanism(library, name) if mechanism is None else mechanism
+    model = read_model(library.model_path(name, subject.format), subject.format) if model is None else model
+    entry = _entry(library, subject, model, mechanism)
+    parts = _restored(read_entry(entry))
+    if parts is None:
+        if not is_sound():
+            return []
+        examination = _Examination(load_engine(library, subject.engine), model, mechanism)
+        parts = sorted(examination.parts())
+        write_entry(entry, json.dumps(parts))
+    return [SuperfluousPart(name, str(subject), str(model.path), *part) for part in parts]
+
+
+Part = tuple[int, str, str, str, str]
+
+
+def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
+    own = library.engines / f"{subject.engine}.py"
+    engine_file = own if own.is_file() else Library.built_in().engines / f"{subject.engine}.py"
+    ranges = mechanism.position_ranges, mechanism.rate_ranges, mechanism.force_ranges
+    identity = [repr(mechanism.key), repr(ranges), str(subject), str(installed_version(load_engine(library, subject.engine))), model.text]
+    digest = hashlib.sha256("\0".join(identity).encode())
+    digest.update(
+        sources_digest("models", "engines", "equations", "certify", "crosscheck") + hashlib.sha256(engine_file.read_bytes()).digest()
+    )
+    return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
+
+
+def _restored(text: str | None) -> list[Part] | None:
+    """What an entry of the cache holds; None where there is none, or something else."""
+    if text is None:
+        return None
+    try:
+        return [
+            (int(line), str(element), str(attribute), str(value), str(why)) for line, element, attribute, value, why in json.loads(text)
+        ]
+    except (ValueError, TypeError):
+        return None
+
+
+class _Examination:
+    """One model in one engine, and what happens to its accelerations when parts of it change or go."""
+
+    def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism) -> None:
+        self._engine, self._mechanism = engine, mechanism
+        self._format, self._text = model.format, model.text
+        self._states = sample(mechanism, STATES, SEED)
+        # A changed number may contradict the system, for that is how it shows; a part that goes must not.
+        self._watch = Watch(model, self._answer)
+        self._audited = Watch(model, self._answer_audited)
+        self._elements = find_elements(model.text, model.format)
+
+    def _answer(self, model: ModelFile) -> Array:
+        states: States = self._states
+        loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
+        return loaded.forward_dynamics(states.q, states.v, states.tau)
+
+    def _answer_audited(self, model: ModelFile) -> Array:
+        states: States = self._states
+        loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
+        held = loaded.loaded()
+        if held is not None:
+            audit(held, model, self._mechanism)
+        return loaded.forward_dynamics(states.q, states.v, states.tau)
+
+    def parts(self) -> Iterator[Part]:
+        """(line, element, attribute, value, why) of everything that is not needed."""
+        needed, dead = self._sorted_numbers()
+        gone: list[Element] = []
+        for element in self._elements:
+            if any(outer.start <= element.start < outer.end for outer in gone):
+                continue
+            why = self._why_unused(element, needed)
+            if why:
+                gone.append(element)
+                yield element.line, element.tag, "", _named(element), why
+                continue
+            for attribute in element.attributes:
+                if self._is_default(element, attribute, needed):
+                    yield attribute.line, element.tag, attribute.name, attribute.value, "is not felt; leave it out"
+                    continue
+                for number in attribute.numbers:
+                    if number in dead:
+                        why = f"is not felt by any acceleration; its least value here is {dead[number]}"
+                        yield number.line, element.tag, attribute.name or "text", self._text[number.start : number.end], why
+        yield from self._stages()
+
+    def _unmoved(self, text: str, audited: bool = False) -> bool:
+        """Whether the reader accepts ``text`` and answers as before."""
+        movement = (self._audited if audited else self._watch).movement(text)
+        return movement is not None and movement <= NOISE
+
+    def _sorted_numbers(self) -> tuple[set[Number], dict[Number, str]]:
+        """Numbers the model needs, and the others, which are not zero, with their least value."""
+        needed: set[Number] = set()
+        dead: dict[Number, str] = {}
+        for element in self._elements:
+            bound: list[Number] = []
+            for number in (number for attribute in element.attributes for number in attribute.numbers):
+                if number.value == 0 or "axis" in (element.tag, number.attribute):
+                    continue
+                movement = self._watch.movement(scaled(self._text, [number], 1 - CHANGE))
+                if movement is not None and movement <= NOISE:
+                    if abs(number.value) > LEAST:
+                        dead[number] = self._least([number])
+                    continue
+                if abs(number.value) > LEAST:
+                    needed.add(number)
+                if movement is None:
+                    bound.append(number)
+            # Numbers that hold each other up, as two equal moments of inertia do, may still go down together.
+            for group in (*itertools.combinations(bound, 2), bound if len(bound) > 2 else ()):
+                free = [number for number in group if number in needed]
+                if len(free) > 1 and self._unmoved(scaled(self._text, free, 1 - CHANGE)):
+                    least = self._least(free)
+                    dead |= dict.fromkeys(free, least)
+                    needed -= set(free)
+        return needed, dead
+
+    def _least(self, numbers: Sequence[Number]) -> str:
+        """The least value, to three digits, that the reader accepts for all ``numbers`` without any acceleration moving."""
+        for value in (0.0, LEAST):
+            if self._unmoved(with_values(self._text, dict.fromkeys(numbers, value))):
+                return f"{value:g}"
+        low, high = 0.0, 1.0
+        while high - low > 1e-3 * high:
+            middle = (low + high) / 2
+            low, high = (low, middle) if self._unmoved(scaled(self._text, numbers, middle)) else (middle, high)
+        return " and ".join(f"{number.value * high:.3g}" for number in numbers)
+
+    def _is_default(self, element: Element, attribute: Attribute, needed: set[Number]) -> bool:
+        if not attribute.name or not attribute.numbers or "axis" in (element.tag, attribute.name) or needed & set(attribute.numbers):
+            return False
+        return self._unmoved(without(self._text, (attribute.start, attribute.end)), audited=True)
+
+    def _why_unused(self, element: Element, needed: set[Number]) -> str:
+        """Why the model can do without ``element``; "" where it cannot."""
+        if element.tag in _KEPT[self._format]:
+            return ""
+        if not any(element.holds(number) for number in needed):
+            if self._unmoved(without(self._text, (element.start, element.end)), audited=True):
+                return "is not used; remove it"
+            carried = self._carried_by(element)
+            if carried is not None and self._unmoved(
+                without(self._text, (element.start, element.end), (carried.start, carried.end)), audited=True
+            ):
+                return f"carries link {carried.get('name')!r}, which nothing needs; remove both"
+        own = {number for attribute in element.attributes for number in attribute.numbers}
+        if element.tag in _WRAPPERS[self._format] and not own & needed:
+            tags = (element.start, element.opened), (element.closed, element.end)
+            if self._unmoved(without(self._text, *tags), audited=True):
+                return "moves nothing; remove it and keep what is inside"
+        return ""
+
+    def _carried_by(self, element: Element) -> Element | None:
+        """The link that a fixed URDF joint carries."""
+        if element.path != ("robot", "joint") or element.get("type") != "fixed":
+            return None
+        inside = [other for other in self._elements if element.start < other.start < element.end and other.tag == "child"]
+        names = {child.get("link") for child in inside}
+        return next((other for other in self._elements if other.path == ("robot", "link") and other.get("name") in names), None)
+
+    def _stages(self) -> Iterator[Part]:
+        """Parts of the pipeline that are on although switching them off changes nothing."""
+        if not STAGES[self._format]:
+            return
+        root = self._elements[0]
+        flags = [element for element in self._elements if element.tag == "flag"]
+        place = next((found[-1] for tag in ("flag", "option") if (found := [e for e in self._elements if e.tag == tag])), root)
+        for stage in STAGES[self._format]:
+            written = [(flag, value) for flag in flags if (value := flag.get(stage)) is not None]
+            flag, value = written[-1] if written else (place, "enable")
+            # A later option overrides an earlier one.
+            off = f'<option><flag {stage}="disable"/></option>'
+            if value != "disable" and self._unmoved(self._text[: root.closed] + off + self._text[root.closed :], audited=True):
+                yield flag.line, "flag", stage, value, f'is on and not needed; write <flag {stage}="disable"/> in <option>'
+
+
+def _named(element: Element) -> str:
+    """What tells the element from its like: a name or what it refers to."""
+    return next((f'{key}="{value}"' for key in ("name", "class", "reference", "site", "joint") if (value := element.get(key))), "")

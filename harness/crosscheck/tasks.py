@@ -1,0 +1,112 @@
+"""What worker processes do: derive, read, load, certify, and judge a subject's answers.
+
+Each function takes ``note`` last, a channel whose text survives a crash; what was loaded or compiled
+stays in the process for the next task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.certify.compare import Comparison, compare
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import sample
+from harness.crosscheck.superfluous import SEED, STATES, superfluous
+from harness.engines import Model, Subject, linear_velocity_in_body, load_engine, load_model
+from harness.engines._audit import audit
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.library import Library
+from harness.models.model_file import ModelFile, read_model
+from harness.results.superfluous import SuperfluousPart
+from harness.storage import Kept
+from harness.verdict import Verdict
+
+Note = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One subject on one mechanism; ``model`` is None for an engine that takes equations."""
+
+    library: Library
+    subject: Subject
+    mechanism: Mechanism
+    model: ModelFile | None
+
+
+def derive(library: Library, name: str, note: Note) -> Mechanism:
+    """The mechanism of system ``name``."""
+    return load_mechanism(library, name)
+
+
+def read(path: Path, model_format: str, note: Note) -> ModelFile:
+    """The validated model file at ``path``."""
+    return read_model(path, model_format)
+
+
+def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
+    """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
+    model, kernel = load_audited(assignment), reference_kernel_of(assignment)
+    return lambda states: compare(kernel.evaluate(states), model.forward_dynamics(states.q, states.v, states.tau))
+
+
+def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
+    """The certified kernel that a subject is judged by, compiled once per process."""
+    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    return reference_kernel(assignment.mechanism, in_body)
+
+
+def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart]:
+    """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
+    mechanism, model = assignment.mechanism, assignment.model
+
+    def is_sound() -> bool:
+        states = sample(mechanism, STATES, SEED)
+        in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+        answers = load_audited(assignment).forward_dynamics(states.q, states.v, states.tau)
+        comparison = compare(reference_kernel(mechanism, in_body).evaluate(states), answers)
+        return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(comparison.verdicts)
+
+    return superfluous(assignment.library, mechanism.name, assignment.subject, model, mechanism, is_sound)
+
+
+def load_audited(assignment: Assignment) -> Model:
+    """The subject's model, loaded once per process and audited.
+
+    Raises:
+        InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
+        harness.engines.Unsupported: the engine cannot express it.
+    """
+    key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
+    return _MODELS.get(key, lambda: _load_and_audit(assignment))
+
+
+def _load_and_audit(assignment: Assignment) -> Model:
+    mechanism, model = assignment.mechanism, assignment.model
+    loaded = load_model(assignment.library, assignment.subject, mechanism, model)
+    held = loaded.loaded()
+    if held is not None and model is not None:
+        audit(held, model, mechanism)
+    return loaded
+
+
+def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> bool:
+    """Whether this process has compiled the kernel."""
+    return _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
+
+
+def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
+    key = _kernel_key(mechanism, linear_velocity_in_body)
+    return _KERNELS.get(key, lambda: ReferenceKernel(mechanism, key[1]))
+
+
+def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
+    return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
+
+
+_MODELS: Kept[Model] = Kept(64)
+_KERNELS: Kept[ReferenceKernel] = Kept(64)

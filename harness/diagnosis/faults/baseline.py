@@ -1,0 +1,127 @@
+"""The baseline of answers to a changed model: certified states, and those of them at which the unchanged model agrees.
+
+A relative change epsilon of a number moves the accelerations by epsilon |D|, D their derivative by its logarithm. The check
+fails from AGREEMENT data roundoffs on, so at one state the smallest change that it catches is, by theory,
+
+    epsilon = AGREEMENT * data roundoff / |D|,
+
+and over many states the least of these. D is taken from the engine itself, by central differences; the change that is
+really caught is searched for by planting it in the file. A state at which the engine lost digits before anything was
+planted shows nothing, and is left out of both.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, energy_norm
+from harness.crosscheck.expected import Expectation
+from harness.engines import Subject
+from harness.errors import InvalidInput
+from harness.models.text import Watch, largest_change
+from harness.verdict import AGREEMENT, Verdict, gravest
+
+# Ratio of the two changes between which the search for the smallest that is caught ends.
+RESOLUTION = 2.0**0.25
+# Beyond this ratio to theory, digits are lost on the way from the engine to the verdict.
+MOST_ABOVE_THEORY = 10.0
+# The search gives up this far above theory, and stops this far below it.
+FURTHEST = 2.0**20
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """One subject's answers to the unchanged model at n certified states.
+
+    Attributes:
+        reference: certified accelerations.
+        watch: the subject's answers to the unchanged model and to changed texts of it.
+        sound: (n,) bool; whether the subject agrees on the unchanged model. A state at which it does not can show no change.
+    """
+
+    reference: Reference
+    watch: Watch
+    sound: np.ndarray[Any, np.dtype[np.bool_]]
+
+    @classmethod
+    def of(cls, reference: Reference, watch: Watch) -> Baseline:
+        """The baseline of the subject that ``watch`` asks, at the states of ``reference``."""
+        return cls(reference, watch, compare(reference, watch.healthy).verdicts == Verdict.AGREES.value)
+
+    def verdict(self, accelerations: Array) -> str:
+        """The worst verdict on answers, (n, nv), over the states that are sound."""
+        return gravest(compare(self.reference, accelerations).verdicts[self.sound].tolist())
+
+    def answer(self, text: Callable[[float], str], size: float) -> Array | None:
+        """The accelerations (n, nv) with a change of a size, in the other direction where that is refused; None where both are."""
+        answers = self.watch.accelerations(text(size))
+        return self.watch.accelerations(text(-size)) if answers is None else answers
+
+    def catches(self, text: Callable[[float], str], size: float) -> bool:
+        """True where the answers to a change of a size are wrong at a sound state."""
+        answers = self.answer(text, size)
+        return answers is not None and self.verdict(answers) != Verdict.AGREES.value
+
+    def movement(self, accelerations: Array) -> float:
+        """The largest change that answers, (n, nv), are of those to the unchanged model, relative to the joint's largest."""
+        return largest_change(self.watch.healthy[self.sound], accelerations[self.sound])
+
+    def theory(self, slope: Array | None) -> float:
+        """Smallest change that theory says is caught, from the accelerations' derivative by the change, (n, nv); inf for None."""
+        if slope is None:
+            return math.inf
+        reference = self.reference[self.sound]
+        with np.errstate(all="ignore"):
+            sizes = AGREEMENT * reference.data_roundoff / energy_norm(reference.norm_factor, slope[self.sound])
+        return float(np.nanmin(sizes))
+
+
+def require_sound(path: Path, system: str, subject: Subject, reference: Reference, healthy: Array, expected: Expectation) -> None:
+    """Refuse a subject whose answers to the unchanged model, (n, nv), are wrong; those that lost digits as expected are right.
+
+    Raises:
+        InvalidInput: it disagrees, answers nothing finite, or agrees nowhere; ``path`` is the file to blame.
+    """
+    comparison = compare(reference, healthy)
+    verdict = gravest(comparison.verdicts.tolist())
+    error = float(np.nanmax(comparison.backward_error, initial=0.0))
+    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.backward_error
+    if verdict != Verdict.AGREES.value and not lost_digits:
+        problem = f"the verdict on {subject} is {verdict!r} before any fault is planted (backward error up to {error:.3g})"
+        raise InvalidInput(path, None, f"{problem}, so that it can show none; make 'harness check {system}' green first")
+    if not (comparison.verdicts == Verdict.AGREES.value).any():
+        raise InvalidInput(
+            path, None, f"{subject} agrees at none of {len(reference)} states before any fault is planted; give more --states"
+        )
+
+
+def smallest_caught(theory: float, catches: Callable[[float], bool]) -> float:
+    """Smallest size that is caught, searched for from that of ``theory``; inf where none up to ``FURTHEST`` times that is.
+
+    Where all sizes down to ``theory / FURTHEST`` are caught it is that: what is caught below has nothing to do with its size.
+    """
+    if not np.finfo(np.float64).tiny * FURTHEST < theory < math.inf:
+        return math.inf
+    low, high = theory, theory
+    while high < FURTHEST * theory and not catches(high):
+        low, high = high, 2 * high
+    if low == high:
+        while low > theory / FURTHEST and catches(low / 2):
+            low, high = low / 2, low / 2
+        if high <= theory / FURTHEST:
+            return high
+        low /= 2
+    while high / low > RESOLUTION:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if catches(middle) else (middle, high)
+    return high if high < FURTHEST * theory else math.inf

@@ -1,0 +1,233 @@
+"""One model under test with all subjects that read it: the verdicts once its text is changed.
+
+Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), on whom to blame.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import sample
+from harness.crosscheck.expected import Expectation
+from harness.crosscheck.superfluous import CHANGE, NOISE
+from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
+from harness.diagnosis.faults.selection import expectations
+from harness.diagnosis.hypotheses import Planted
+from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
+from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.engines import (
+    EQUATIONS,
+    Engine,
+    LoadedModel,
+    Model,
+    Subject,
+    Unsupported,
+    linear_velocity_in_body,
+    load_engine,
+    select_subjects,
+)
+from harness.engines._audit import audit
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidInput, InvalidModel
+from harness.library import Library
+from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.verdict import Verdict, gravest
+
+RED = (Verdict.DISAGREES.value, Verdict.ERROR.value, Verdict.UNSTABLE.value)
+# Stages whose refusal comes before any acceleration.
+REFUSED = ("validator", "reader")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The outcome of a changed text: the stage that refused it and the line, or the verdict and movement of each subject."""
+
+    refused_by: str = ""
+    refusal: str = ""
+    line: int | None = None
+    verdicts: Mapping[str, str] = field(default_factory=dict)
+    movement: float = 0.0
+
+    @property
+    def caught_by(self) -> str:
+        if self.refused_by:
+            return self.refused_by
+        return "check" if set(self.verdicts.values()) & set(RED) else ""
+
+    @property
+    def is_live(self) -> bool:
+        """True where the accelerations are others, or there are none."""
+        return self.refused_by in REFUSED or self.movement > NOISE
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A subject that reads the file, and what its answers to changed texts are judged by."""
+
+    subject: Subject
+    engine: Engine
+    baseline: Baseline
+
+
+class FaultBench:
+    """One model of one system, the subjects that read it, and the others, whose verdicts no fault of the file may change.
+
+    ``subjects`` are the names of those that take part; all for none.
+
+    Attributes:
+        mechanism, model: as they are in the library. readers: of the file; others: the other subjects and their verdicts.
+
+    Raises:
+        harness.errors.InvalidInput: the system or its model cannot be used, or a subject that can express the mechanism refuses its
+            model or is wrong before any fault is planted.
+    """
+
+    def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int, subjects: Sequence[str] = ()) -> None:
+        self._library, self._name = library, name
+        self.mechanism: Mechanism = load_mechanism(library, name)
+        self.model = read_model(library.model_path(name, model_format), model_format)
+        self._states = sample(self.mechanism, states, seed)
+        self._diagnostic_states = diagnostic_states(self.mechanism, seed)
+        self._expected = expectations(library)
+        self._kernels: dict[bool, ReferenceKernel] = {}
+        self._references: dict[tuple[bool, bool], Reference] = {}
+        self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
+        self.readers: list[Reader] = []
+        self.others: dict[str, str] = {}
+        unsupported = [reason for subject in select_subjects(library, subjects) if (reason := self._join(subject))]
+        if not self.readers:
+            raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
+
+    def _reference(self, engine: Engine, diagnostic: bool = False) -> Reference:
+        """Certified once: it does not depend on the fault."""
+        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
+        if in_body not in self._kernels:
+            self._kernels[in_body] = ReferenceKernel(self.mechanism, in_body)
+        if (in_body, diagnostic) not in self._references:
+            states = self._diagnostic_states if diagnostic else self._states
+            self._references[in_body, diagnostic] = self._kernels[in_body].evaluate(states)
+        return self._references[in_body, diagnostic]
+
+    def _join(self, subject: Subject) -> str:
+        """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
+        engine = load_engine(self._library, subject.engine)
+        source: Any = self.mechanism if subject.format == EQUATIONS else self.model
+        if subject.format not in (EQUATIONS, self.model.format):
+            source = _model_or_none(self._library.model_path(self._name, subject.format), subject.format)
+        if source is None:
+            return ""
+        path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
+        watched = None
+        try:
+            if source is self.model:
+                watched = watch(engine, self.mechanism, self.model, self._states)
+            answers = watched.healthy if watched else self._load(engine, source).forward_dynamics(*self._inputs)
+        except Unsupported as reason:
+            return f"{subject}: {reason}"
+        except ValueError as error:
+            raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
+        reference = self._reference(engine)
+        expected = self._expected.get((self._name, str(subject)), Expectation())
+        require_sound(path, self._name, subject, reference, answers, expected)
+        if watched:
+            self.readers.append(Reader(subject, engine, Baseline.of(reference, watched)))
+        else:
+            self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
+        return ""
+
+    @property
+    def _inputs(self) -> tuple[Array, Array, Array]:
+        return self._states.q, self._states.v, self._states.tau
+
+    def _load(self, engine: Engine, source: Any) -> Model:
+        return engine.load(source, self.mechanism.joints, self.mechanism.gravity)
+
+    def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
+        """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
+        if reader.subject not in self._diagnostic:
+            reference = self._reference(reader.engine, diagnostic=True)
+            sound = Baseline.of(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
+            self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
+        return self._diagnostic[reader.subject]
+
+    def ask(self, text: str) -> Answer:
+        """The outcome of the model with another text, at the states of a check."""
+        try:
+            model = parse_model(self.model.path, text, self.model.format)
+        except InvalidModel as error:
+            return Answer("validator", str(error), error.line)
+        verdicts: dict[str, str] = {}
+        movement = 0.0
+        refused: InvalidModel | None = None
+        for one in self.readers:
+            try:
+                loaded = self._load(one.engine, model)
+                answers = loaded.forward_dynamics(*self._inputs)
+            except Unsupported:
+                verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
+                continue
+            except (InvalidModel, ValueError) as error:
+                line = re.search(r"\bline (\d+)", str(error))
+                return Answer("reader", str(error), int(line[1]) if line else None)
+            held = loaded.loaded()
+            if held is not None and refused is None:
+                refused = _refusal_of(held, model, self.mechanism)
+            movement = max(movement, one.baseline.movement(answers))
+            verdicts[str(one.subject)] = one.baseline.verdict(answers)
+        said = ("audit", str(refused), refused.line) if refused is not None else ("", "", None)
+        return Answer(*said, verdicts, movement)
+
+    def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
+        """The outcome of a size, and the size with its sign: negative where only that direction is not refused."""
+        answer = self.ask(planted.text(size))
+        if not planted.sized or answer.refused_by not in REFUSED:
+            return answer, size
+        other = self.ask(planted.text(-size))
+        return (answer, size) if other.refused_by in REFUSED else (other, -size)
+
+    def smallest(self, planted: Planted) -> tuple[float, float, int]:
+        """Smallest size that some reader catches, the same by theory, and the order in which the accelerations depend on the size."""
+        baselines = [one.baseline for one in self.readers]
+        # Theory holds for one reader: the first that has most states.
+        widest = max(baselines, key=lambda baseline: int(baseline.sound.sum()))
+        theory, order = widest.theory(derivative(widest.watch.accelerations, planted.text, 0.0, DIFFERENCE)), 1
+        if theory > DIFFERENCE:
+            # The difference is rounding alone: the accelerations depend on the square of the size.
+            answers, order = widest.answer(planted.text, CHANGE), 2
+            theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
+        caught = smallest_caught(theory, lambda size: any(baseline.catches(planted.text, size) for baseline in baselines))
+        return caught, theory, order
+
+    def blamed(self, answer: Answer) -> str:
+        """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""
+        if not answer.verdicts:
+            return ""
+        party = infer({**self.others, **answer.verdicts}).party
+        return "" if party in (f"model {self.model.format}", NOTHING, UNDECIDED) else party
+
+
+def _model_or_none(path: Path, model_format: str) -> ModelFile | None:
+    """The model at ``path``, which a family's writer may make; None where there is none."""
+    try:
+        return read_model(path, model_format)
+    except InvalidModel:
+        return None
+
+
+def _refusal_of(held: LoadedModel, model: ModelFile, mechanism: Mechanism) -> InvalidModel | None:
+    """The audit's refusal of a model; None where it has none."""
+    try:
+        audit(held, model, mechanism)
+    except InvalidModel as error:
+        return error
+    return None

@@ -1,0 +1,223 @@
+"""The fault campaign: mistakes are made in sound models, unknown to the check and the diagnosis.
+
+Every kind of mistake is made at every place where it applies: each number of a file is changed in sizes from
+``SIZES``, each structural hypothesis plants what it declares. A mistake that moves no acceleration is none. Of the
+others it is recorded whether they are caught, by a refusal or by the states of a check, whom the pattern of agreement
+blames, and, for as many as are asked for, what the diagnosis names.
+
+Source: DeMillo, Lipton, Sayward, Hints on test data selection, IEEE Computer 11(4), 1978 (mutation testing).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from harness.crosscheck.superfluous import CHANGE
+from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+from harness.diagnosis.faults.bench import RED, REFUSED, Answer, FaultBench
+from harness.diagnosis.faults.summary import Fault
+from harness.diagnosis.hypotheses import Candidate, Planted, find_hypotheses
+from harness.diagnosis.model_side import EVALUATIONS, diagnose
+from harness.diagnosis.perturbation import NUMBER, numeric_candidates, watch
+from harness.engines import Unsupported
+from harness.errors import InvalidModel
+from harness.library import Library
+from harness.models.model_file import ModelFile, parse_model
+from harness.models.text import Place
+
+SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
+# Relative size from which on a fault of a live number must be caught.
+MUST_BE_CAUGHT = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignSettings:
+    """The faults to plant and the limits of their diagnosis.
+
+    Attributes:
+        kinds: names of hypotheses, and "number"; all for none.
+        sizes: of changed numbers, relative.
+        states: sampled states of a check; seed: of them.
+        diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
+        evaluations: of changed models that a diagnosis may take.
+    """
+
+    kinds: Sequence[str] = ()
+    sizes: Sequence[float] = SIZES
+    states: int = 1000
+    seed: int = 0
+    diagnosed: int | None = None
+    evaluations: int = EVALUATIONS
+
+
+def kinds_of_faults() -> dict[str, str]:
+    """Name to title of every kind that can be planted."""
+    return {NUMBER: "one number changed", **{hypothesis.name: hypothesis.title for hypothesis in find_hypotheses()}}
+
+
+def number_faults(model: ModelFile) -> Iterator[Planted]:
+    """Every number of a model changed relatively, and zeros by as much of what is natural there.
+
+    A number that comes a second time, together with its neighbours, does so for where it cannot change alone.
+    """
+    alone: dict[Place, Planted] = {}
+    for candidate in numeric_candidates(model):
+        planted = _of_number(candidate)
+        if candidate.place not in alone:
+            alone[candidate.place] = planted
+            yield planted
+        elif not any(_is_valid(model, alone[candidate.place].text(size)) for size in (CHANGE, -CHANGE)):
+            yield planted
+
+
+def _of_number(candidate: Candidate) -> Planted:
+    start = candidate.start or 0.0
+    return Planted(
+        NUMBER,
+        candidate.statement,
+        (candidate.place,),
+        lambda size: candidate.text(start + size * (start or candidate.scale)),
+        sized=True,
+    )
+
+
+class Campaign:
+    """The faults of one model of one system; raises as ``harness.diagnosis.faults.bench.FaultBench``."""
+
+    def __init__(self, library: Library, name: str, model_format: str, settings: CampaignSettings) -> None:
+        self.name, self.settings = name, settings
+        self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
+        self.model = self.bench.model
+
+    def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
+        """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
+        for kind, planted in self._planted().items():
+            found = []
+            for one in planted:
+                note(f"{self.model.path}: {kind}: {one.statement} {one.places[0]}")
+                found.append(self._caught(one))
+            answered = [place for place, fault in enumerate(found) if fault.live and fault.caught_by in ("check", "audit")]
+            chosen = {answered[place] for place in _spread(len(answered), self.settings.diagnosed)}
+            # A party that is blamed wrongly is cleared by a diagnosis that explains its answers.
+            chosen |= {place for place in answered if found[place].blamed}
+            for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
+                note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
+                yield self._diagnosed(fault, one, place) if place in chosen else fault
+
+    def _planted(self) -> dict[str, list[Planted]]:
+        kinds = self.settings.kinds or list(kinds_of_faults())
+        plants: dict[str, Callable[[ModelFile], Iterator[Planted]]] = {NUMBER: number_faults}
+        plants |= {hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}
+        return {kind: list(plants[kind](self.model)) for kind in kinds}
+
+    def _caught(self, planted: Planted) -> Fault:
+        where = tuple(dict.fromkeys(place.key for place in planted.places))
+        about: dict[str, Any] = {
+            "system": self.name,
+            "format": self.model.format,
+            "kind": planted.kind,
+            "statement": planted.statement,
+            "where": where,
+        }
+        if planted.sized:
+            return self._caught_in_sizes(planted, about)
+        answer = self.bench.ask(planted.text(1.0))
+        return Fault(
+            **about, live=answer.is_live, caught_by=answer.caught_by, blamed=self.bench.blamed(answer), **self._refusal(answer, where)
+        )
+
+    def _caught_in_sizes(self, planted: Planted, about: dict[str, Any]) -> Fault:
+        probe, _ = self.bench.ask_sized(planted, CHANGE)
+        about = {**about, "live": probe.is_live, "sizes": tuple(self.settings.sizes)}
+        if probe.refused_by in REFUSED:
+            # Physics forbids the number to change alone: the refusal names it.
+            return Fault(**about, caught_by=probe.refused_by, **self._refusal(probe, about["where"]))
+        if not about["live"]:
+            return Fault(**about)
+        smallest, theory, order = self.bench.smallest(planted)
+        answers = {size: self.bench.ask_sized(planted, size)[0] for size in self.settings.sizes}
+        least = MUST_BE_CAUGHT if order == 1 else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
+        must = [size for size in self.settings.sizes if size >= least]
+        blamed_at = [size for size in must if self.bench.blamed(answers[size])]
+        return Fault(
+            **about,
+            missed=tuple(size for size in must if not answers[size].caught_by),
+            caught_by=next((answer.caught_by for answer in answers.values() if answer.caught_by), ""),
+            smallest=smallest,
+            theory=theory,
+            order=order,
+            blamed=self.bench.blamed(answers[blamed_at[0]]) if blamed_at else "",
+            blamed_at=blamed_at[0] if blamed_at else None,
+        )
+
+    def _refusal(self, answer: Answer, where: Sequence[tuple[int, str, str]]) -> dict[str, Any]:
+        """The result of a refusal: it names the mistake if it names one of its lines."""
+        named = answer.line is not None and answer.line in {line for line, _, _ in where} and answer.line != self.model.root_line
+        return {"named": named, "in_class": named, "answer": answer.refusal} if answer.refused_by else {}
+
+    def _diagnosed(self, fault: Fault, planted: Planted, place: int) -> Fault:
+        size = self._size_to_diagnose(fault, place) if planted.sized else 1.0
+        answer, size = self.bench.ask_sized(planted, size)
+        text = planted.text(size)
+        red = [one for one in self.bench.readers if answer.verdicts.get(str(one.subject), RED[0]) in RED]
+        # A reader that loses digits at every state of a diagnosis cannot be diagnosed.
+        red = [one for one in red if len(self.bench.diagnostic(one)[0])]
+        if not red or answer.refused_by in REFUSED:
+            return fault
+        # The engine whose own format this is, first: what others make of it is partly the harness's.
+        one = min(red, key=lambda one: one.engine.formats[0] != self.model.format)
+        started = time.perf_counter()
+        try:
+            wrong = parse_model(self.model.path, text, self.model.format)
+            states, reference = self.bench.diagnostic(one)
+            watched = watch(one.engine, self.bench.mechanism, wrong, states)
+        except (Unsupported, ValueError):
+            return fault
+        diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
+        seconds = time.perf_counter() - started
+        where = set(fault.where)
+        first = diagnosis.first
+        explained = first is not None and first.explains
+        named = first is not None and first.explains and first.place.key in where
+        return replace(
+            fault,
+            # A mistake that others do not feel makes one reader wrong alone; a change of the file that explains it clears the reader.
+            blamed="" if explained else fault.blamed,
+            cleared=fault.blamed if explained else "",
+            diagnosed=size,
+            named=named,
+            in_class=bool(where & diagnosis.class_keys),
+            answer=diagnosis.first_line,
+            seconds=seconds,
+        )
+
+    def _size_to_diagnose(self, fault: Fault, place: int) -> float:
+        """Sizes are dealt out in turn among those that must be caught."""
+        if fault.blamed_at is not None:
+            return fault.blamed_at
+        least = MUST_BE_CAUGHT if fault.order == 1 or fault.theory is None else MOST_ABOVE_THEORY * fault.theory
+        sizes = [size for size in fault.sizes if size >= least] or [max(fault.sizes)]
+        return sizes[place % len(sizes)]
+
+
+def _is_valid(model: ModelFile, text: str) -> bool:
+    try:
+        parse_model(model.path, text, model.format)
+    except InvalidModel:
+        return False
+    return True
+
+
+def _spread(count: int, most: int | None) -> set[int]:
+    """At most ``most`` of ``count`` places, evenly apart."""
+    if most is None or most >= count:
+        return set(range(count))
+    return {(2 * place + 1) * count // (2 * most) for place in range(most)}
+
+
+def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:
+    """Every fault of one model, as a task for ``harness.workers``."""
+    return list(Campaign(library, name, model_format, settings).faults(note))

@@ -1,0 +1,83 @@
+"""Planted faults as a study: one task per model, so that a crash costs that model alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign
+from harness.diagnosis.faults.selection import select_models, select_pairs
+from harness.diagnosis.faults.smallest import SmallestChange, smallest_changes
+from harness.diagnosis.faults.summary import Fault, broken_bars
+from harness.engines import select_subjects
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import Library
+from harness.study import Part, Rounds
+from harness.workers import Outcome, Task
+
+
+class FaultStudy(Rounds):
+    """Rows of every model, each found by one task; a ``harness.study.Study``.
+
+    Attributes:
+        left_out: (system, subject or format) that is expected to be unsupported, to the reason.
+        deaths: a sentence for each model whose process died.
+    """
+
+    title = "faults"
+    # The order of rows, as names of attributes.
+    order: tuple[str, ...]
+
+    def __init__(
+        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], function: Callable[..., Any], *given: Any
+    ) -> None:
+        super().__init__()
+        self.left_out, self.deaths = dict(left_out), list[str]()
+        self._rows: list[Any] = []
+        self.steps = len(models)
+        library, *rest = given
+        self._next = [Task((self._taken, *model), function, (library, *model, *rest), model[0]) for model in models]
+
+    def result(self) -> list[Any]:
+        return sorted(self._rows, key=lambda row: [getattr(row, name) for name in self.order])
+
+    def _taken(self, outcome: Outcome, name: str, what: Any) -> Iterator[Part]:
+        rows = outcome.value or []
+        if outcome.crash is not None:
+            noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
+            self.deaths.append(f"{name}, {what}: {self.failure(outcome)}{noted}")
+        elif outcome.exception is not None:
+            of_file = isinstance(outcome.exception, InvalidInput)
+            self.report(outcome.exception if of_file else InvalidRequest(f"{name}, {what}: {outcome.exception}"))  # type: ignore[arg-type]
+        self._rows += rows
+        yield Part(f"{name} {what}", rows)
+
+
+class CampaignStudy(FaultStudy):
+    """Every kind of fault in the models of ``names``: what is caught, what is named."""
+
+    order = ("system", "format", "kind")
+
+    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings) -> None:
+        models, left_out = select_models(library, names)
+        super().__init__(models, left_out, run_campaign, library, settings)
+
+    def broken(self) -> list[str]:
+        """A sentence for each bar that does not hold."""
+        rows: list[Fault] = self.result()
+        return broken_bars(rows)
+
+
+class SmallestStudy(FaultStudy):
+    """The smallest change of each number that is caught. The numbers are the same for every reader: its native subject is asked."""
+
+    order = ("system", "subject")
+
+    def __init__(self, library: Library, names: Sequence[str], subjects: Sequence[str], states: int, seed: int) -> None:
+        pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
+        left_out = {(name, str(subject)): reason for (name, subject), reason in excused.items()}
+        super().__init__(pairs, left_out, smallest_changes, library, states, seed)
+
+    def broken(self) -> list[SmallestChange]:
+        """The numbers whose smallest change is not as theory has it."""
+        return [number for number in self.result() if not number.as_in_theory]

@@ -1,0 +1,148 @@
+"""The results of planted faults, and the bars that all of them together must meet."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+
+# Share of the faults that a diagnosis names first, or in its class.
+MUST_BE_NAMED = 0.95
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One planted mistake and its result.
+
+    Attributes:
+        system, format, kind, statement: what was planted; where: (line, element, attribute) of its places.
+        sizes: those it was planted in, () for a mistake without sizes; missed: sizes that must be caught and were not.
+        live: true where it moves any acceleration, or is refused. order: 2 where a small one moves them by its square only.
+        caught_by: "" for nothing, "validator", "reader", "audit" or "check".
+        smallest, theory: least size that the check catches, and the same by theory; None for a mistake without sizes.
+        blamed: a party that the pattern of agreement blames although it is sound; "" for none. blamed_at: in that size.
+        cleared: a party that the pattern would blame, had no change of the file explained what it answers.
+        diagnosed: the size at which it was diagnosed; None where it was not. named, in_class: true where the diagnosis names one of
+            the places first, or among those that explain as well. answer: its first line. seconds: it took.
+    """
+
+    system: str
+    format: str
+    kind: str
+    statement: str
+    where: tuple[tuple[int, str, str], ...]
+    sizes: tuple[float, ...] = ()
+    missed: tuple[float, ...] = ()
+    live: bool = True
+    order: int = 1
+    caught_by: str = ""
+    smallest: float | None = None
+    theory: float | None = None
+    blamed: str = ""
+    blamed_at: float | None = None
+    cleared: str = ""
+    diagnosed: float | None = None
+    named: bool = False
+    in_class: bool = False
+    answer: str = ""
+    seconds: float = 0.0
+
+    @property
+    def judged(self) -> bool:
+        """True where its place was named by a refusal, or asked of a diagnosis."""
+        return self.live and (self.named or self.diagnosed is not None)
+
+    @property
+    def as_in_theory(self) -> bool:
+        """False where the smallest size caught is beyond ``MOST_ABOVE_THEORY`` times theory; True without sizes."""
+        return self.smallest is None or self.theory is None or self.smallest <= MOST_ABOVE_THEORY * self.theory
+
+    @property
+    def caught(self) -> bool:
+        """True where it is caught in every size in which it must be."""
+        return bool(self.caught_by) and not self.missed
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KindOfFault:
+    """All faults of one kind.
+
+    Attributes:
+        kind: its name. planted: mistakes made; live: those that change the dynamics; caught: of these.
+        judged: live ones that were diagnosed or refused by name; named, in_class: of these.
+        blamed: live ones for which somebody sound is blamed.
+        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without
+            sizes.
+        seconds: median of the diagnoses [s]; longest: the longest [s].
+    """
+
+    kind: str
+    planted: int
+    live: int
+    caught: int
+    judged: int
+    named: int
+    in_class: int
+    blamed: int
+    smallest: float | None
+    theory: float | None
+    seconds: float | None
+    longest: float | None
+
+
+def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:
+    """The faults kind by kind, kinds in alphabetical order."""
+    sorted_faults: dict[str, list[Fault]] = {}
+    for fault in faults:
+        sorted_faults.setdefault(fault.kind, []).append(fault)
+    return [_kind(kind, sorted_faults[kind]) for kind in sorted(sorted_faults)]
+
+
+def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
+    live = [fault for fault in faults if fault.live]
+    judged = [fault for fault in live if fault.judged]
+    sized = [
+        (fault.smallest, fault.theory) for fault in live if fault.smallest is not None and fault.theory is not None and fault.order == 1
+    ]
+    seconds = [fault.seconds for fault in judged if fault.diagnosed is not None]
+    return KindOfFault(
+        kind=kind,
+        planted=len(faults),
+        live=len(live),
+        caught=sum(fault.caught for fault in live),
+        judged=len(judged),
+        named=sum(fault.named for fault in judged),
+        in_class=sum(fault.named or fault.in_class for fault in judged),
+        blamed=sum(bool(fault.blamed) for fault in live),
+        smallest=statistics.median(smallest for smallest, _ in sized) if sized else None,
+        theory=statistics.median(theory for _, theory in sized) if sized else None,
+        seconds=statistics.median(seconds) if seconds else None,
+        longest=max(seconds, default=None),
+    )
+
+
+def broken_bars(faults: Sequence[Fault]) -> list[str]:
+    """The bars that a campaign breaks, one sentence each."""
+    live = [fault for fault in faults if fault.live]
+    judged = [fault for fault in live if fault.judged]
+    known = sum(fault.named or fault.in_class for fault in judged)
+    missed = sum(not fault.caught for fault in live)
+    blamed = sum(bool(fault.blamed) for fault in live)
+    above = sum(not fault.as_in_theory for fault in live)
+    bars = [
+        (missed, f"{missed} of {len(live)} faults that change the dynamics were not caught"),
+        (blamed, f"{blamed} faults were blamed on somebody sound"),
+        (above, f"{above} numbers are caught only beyond {MOST_ABOVE_THEORY:g} times what theory promises"),
+        (
+            known < MUST_BE_NAMED * len(judged),
+            f"{known} of {len(judged)} diagnosed faults were named first or in their class, fewer than {MUST_BE_NAMED:.0%}",
+        ),
+    ]
+    return [sentence for broken, sentence in bars if broken]

@@ -1,0 +1,207 @@
+"""The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
+
+Every joint stands at zero. ``harness.diagnosis.held_quantities`` says what is compared, and in which ulps differences are measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.diagnosis.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
+from harness.engines import HeldModel, HeldSpring, Model
+from harness.models import lines as quantities
+from harness.models.formats import LEAST
+from harness.models.model_file import ModelFile
+
+# Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
+# principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned
+# frame costs an axis about 4 ulps.
+SOUND = 256.0
+# Joints from the root up to which that holds. Beyond, the bound grows as the square of the depth, as Pinocchio's MJCF reader
+# loses digits, which takes each placement from the world's: over 210 random chains up to 298 ulps after 10 turned frames, 745
+# after 20, 2138 after 40 and 3331 after 60, at most 3 times the square.
+_SHALLOW = 8
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One quantity that the subjects of a system do not hold alike.
+
+    Attributes:
+        quantity: a name of ``harness.models.lines``.
+        joint: the joint, or the last joint that moves the body; the number of a spring between points, from 1, in the first
+            subject that has the most of them; "" for gravity.
+        subjects: in groups that hold the same, the largest group first. values: what each group holds, as its first subject.
+        ulps: largest difference from the first group; inf where there is no common measure.
+        lines: format to the lines of its file that decide the quantity, the likeliest first. files: format to the path of its file.
+        follows: the joint above whose own difference of place may be the cause of this one; "" where there is none.
+    """
+
+    system: str
+    quantity: str
+    joint: str
+    subjects: tuple[tuple[str, ...], ...]
+    values: tuple[Value, ...]
+    ulps: float
+    lines: Mapping[str, tuple[int, ...]]
+    files: Mapping[str, str]
+    follows: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data; ``ulps`` may be inf."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        owner = f"of {'number ' if self.quantity in OF_SPRINGS else ''}{self.joint} " if self.joint else ""
+        groups = [f"{_written(value)} ({', '.join(names)})" for value, names in zip(self.values, self.subjects, strict=True)]
+        size = f"{self.ulps:.3g} ulps" if math.isfinite(self.ulps) else "no common measure"
+        where = "; ".join(f"{self.files[name]}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines)
+        after = f"; may follow from joint {self.follows}" if self.follows else ""
+        return f"{self.quantity} {owner}is {', but '.join(groups)}: {size}{after}; {where}"
+
+
+def _written(value: Value) -> str:
+    numbers = value if isinstance(value, list) else [value]
+    return " ".join(number if isinstance(number, str) else repr(float(number)).removesuffix(".0") for number in numbers)
+
+
+# What moves everything beyond it with it.
+_MOVES = (quantities.JOINT, quantities.ANCHOR, quantities.AXIS, quantities.FRAME)
+
+
+def held_by(model: Model) -> HeldModel | None:
+    """The quantities of a loaded model; None where its engine does not offer them."""
+    held = getattr(model, "held", None)
+    return None if held is None else held()
+
+
+def soundness(rows: Sequence[Difference], rounded: Sequence[Difference]) -> list[str]:
+    """Lines for people, of the rows beyond ``SOUND`` and of those above 0."""
+    if rows:
+        return [str(row) for row in rows]
+    if not rounded:
+        return ["sound: equal to the last bit"]
+    worst = max(rounded, key=lambda row: row.ulps)
+    named = f"{worst.quantity}{f' of {worst.joint}' if worst.joint else ''}"
+    return [f"sound: alike within {worst.ulps:.3g} ulps ({named}); up to {SOUND:g} is the rounding of readers, and more in deep chains"]
+
+
+def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str, ModelFile], above: float = SOUND) -> list[Difference]:
+    """The quantities that subjects of one system do not hold alike, causes before what may follow from them, then from the root.
+
+    ``held`` is by subject; ``models`` are the files by format, for their lines. Rows have more than ``above`` ulps, or than that
+    many times (d / 8)^2 where the deepest joint concerned is the d-th from the root, d > 8.
+    """
+    if len(held) < 2:
+        return []
+    parents = {name: joint.parent for model in held.values() for name, joint in model.joints.items()}
+    length = max(map(_length, held.values()))
+    moved: set[str] = set()
+    rows = []
+    depths = {joint: 1 + len(list(_joints_above(parents, joint))) for joint in parents}
+    for owner, quantity, found, items, numbers in _compared(held, sorted(depths, key=lambda joint: depths[joint]), length):
+        values = {subject: "none" if item is None else found.value(item) for subject, item in items.items()}
+        depth = max(depths.values(), default=0) if quantity in OF_SPRINGS else depths.get(owner, 0)
+        bound = above * max(1.0, depth / _SHALLOW) ** 2
+        groups, ulps = _groups(items, found, length, bound)
+        if ulps <= bound:
+            continue
+        above_it = list(_joints_above(parents, owner))[::-1] + ([owner] if quantity in OF_BODIES else [])
+        formats = {subject.partition("/")[2] for subject in held} & set(models)
+        rows.append(
+            Difference(
+                system=system,
+                quantity=quantity,
+                joint=owner,
+                subjects=groups,
+                values=tuple(values[group[0]] for group in groups),
+                ulps=ulps,
+                lines={name: quantities.lines_of(models[name], quantity, numbers.get(name, owner)) for name in sorted(formats)},
+                files={name: str(models[name].path) for name in sorted(formats)},
+                follows=next((joint for joint in above_it if joint in moved), ""),
+            )
+        )
+        if quantity in _MOVES:
+            moved.add(owner)
+    return sorted(rows, key=lambda row: bool(row.follows))
+
+
+def _length(model: HeldModel) -> float:
+    points = [joint.anchor for joint in model.joints.values()] + [body.centre for body in model.bodies.values() if body.mass > LEAST]
+    return max((float(np.linalg.norm(point)) for point in points), default=0.0)
+
+
+def _compared(
+    held: Mapping[str, HeldModel], joints: Sequence[str], length: float
+) -> Iterator[tuple[str, str, Quantity, dict[str, Any], Mapping[str, str]]]:
+    """Owner, name of the quantity, the quantity, subject to the item that has it, and format to the number of a spring in it.
+
+    An item is None where a subject has none.
+    """
+    for name, quantity in OF_MODELS.items():
+        yield "", name, quantity, dict(held), {}
+    for joint in joints:
+        own = {subject: model.joints.get(joint) for subject, model in held.items()}
+        present = {subject: item for subject, item in own.items() if item is not None}
+        for name, quantity in OF_JOINTS.items():
+            yield joint, name, quantity, dict(own if name == quantities.JOINT else present), {}
+        for name, quantity in OF_BODIES.items():
+            yield joint, name, quantity, {subject: held[subject].bodies.get(joint, NOTHING) for subject in present}, {}
+    most = max((model.springs for model in held.values()), key=len)
+    partners = {subject: _partners(most, model.springs, length) for subject, model in held.items()}
+    for number in range(len(most)):
+        places = {subject: found[number] for subject, found in partners.items()}
+        springs = {subject: None if place is None else held[subject].springs[place] for subject, place in places.items()}
+        numbers = {subject.partition("/")[2]: "0" for subject in places}
+        numbers |= {subject.partition("/")[2]: str(place + 1) for subject, place in places.items() if place is not None}
+        for name, quantity in OF_SPRINGS.items():
+            yield str(number + 1), name, quantity, dict(springs), numbers
+
+
+def _partners(springs: Sequence[HeldSpring], others: Sequence[HeldSpring], length: float) -> list[int | None]:
+    """For each of ``springs`` the place of the one of ``others`` with the nearest ends, of equals that in the same order."""
+    ends = OF_SPRINGS[quantities.SPRING_ENDS].ulps
+    pairs = [
+        (apart if (apart := ends(one, other, length)) > SOUND else 0.0, abs(place - there), place, there)
+        for place, one in enumerate(springs)
+        for there, other in enumerate(others)
+    ]
+    found: dict[int, int] = {}
+    for _, _, place, there in sorted(pairs):
+        if place not in found and there not in found.values():
+            found[place] = there
+    return [found.get(place) for place in range(len(springs))]
+
+
+def _groups(items: Mapping[str, Any], quantity: Quantity, length: float, above: float) -> tuple[tuple[tuple[str, ...], ...], float]:
+    """Subjects that hold the same, the largest group first, and the largest difference from the first of them."""
+
+    def apart(one: str, other: str) -> float:
+        if items[one] is None or items[other] is None:
+            return 0.0 if items[one] is items[other] else math.inf
+        return quantity.ulps(items[one], items[other], length)
+
+    left, largest = list(items), 0.0
+    groups: list[tuple[str, ...]] = []
+    while left:
+        alike = [[other for other in left if apart(one, other) <= above] for one in left]
+        chosen = max(range(len(left)), key=lambda place: (len(alike[place]), -place))
+        group = [left[chosen], *(other for other in alike[chosen] if other != left[chosen])]
+        if not groups:
+            largest = max(apart(left[chosen], other) for other in left)
+        groups.append(tuple(group))
+        left = [subject for subject in left if subject not in group]
+    return tuple(sorted(groups, key=len, reverse=True)), largest
+
+
+def _joints_above(parents: Mapping[str, str], joint: str) -> Iterator[str]:
+    """From the nearest to the root; models that disagree on the tree may make a cycle, which is left."""
+    seen = {joint}
+    while (joint := parents.get(joint, "")) and joint not in seen:
+        seen.add(joint)
+        yield joint

@@ -1,0 +1,38 @@
+"""The sign of a length, an offset, a spring's reference or a force law is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from harness.diagnosis.hypotheses._changes import FixedChange, hypothesis, times
+from harness.models.anatomy.parts import Anatomy, Slot
+
+
+def _slots(parts: Anatomy) -> Iterator[Slot]:
+    yield from parts.vectors
+    for joint in parts.joints:
+        yield from (slot for slot in (joint.damping, joint.stiffness, joint.spring_reference) if slot is not None)
+    for stiffness, damping, _ in parts.others:
+        yield from (stiffness, damping)
+    # The sign of a gravity that is switched off matters to nobody.
+    if parts.gravity is not None and ("gravity", ("disable",)) not in ((stage, slot.words) for stage, slot in parts.stages):
+        yield parts.gravity
+
+
+def _changes(parts: Anatomy) -> Iterator[FixedChange]:
+    for slot in _slots(parts):
+        live = [index for index, word in enumerate(slot.words) if float(word)]
+        for index in live:
+            words = list(slot.words)
+            words[index : index + 1] = times(words[index : index + 1], "-1")
+            yield FixedChange("sign flipped", [(slot, words)])
+        if len(live) > 1:
+            yield FixedChange("all signs flipped", [(slot, times(slot.words, "-1"))])
+
+
+HYPOTHESIS = hypothesis(
+    "sign",
+    "sign of a length, an offset or a force law flipped",
+    "Khalil, Dombre, Modeling, Identification and Control of Robots, chapter 3: conventions of link frames",
+    _changes,
+)

@@ -1,0 +1,228 @@
+"""The search for the one change that explains a subject's answers: the part that the model's and the textbook's side share.
+
+The residual of a subject's answers at some 100 states, whitened so that 1 is one data roundoff, is fitted by one value at a
+time. Linear screening orders the fits; a change without a value is evaluated outright. A change explains the residual if
+what it leaves agrees at every state, also at those that no fit has seen.
+
+The search is limited by a number of evaluations, never by time: the same question always has the same answer.
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import Reference
+from harness.diagnosis.base_parameters import are_parallel
+from harness.diagnosis.fit import fit, fit_in_order, screen, settled
+from harness.diagnosis.hypotheses import Candidate
+from harness.diagnosis.perturbation import NUMBER, Column, Whitening, held_out
+from harness.diagnosis.result import PARAMETER, Conclusion, digits_of
+from harness.verdict import Verdict
+
+# Where a fit may also start, as factors of the value found: missing, sign, factors of two, other units.
+OTHER_STARTS = (0.0, -1.0, 2.0, 0.5, math.pi / 180, 180 / math.pi, 1e3, 1e-3)
+FITTED_FROM_OTHER_STARTS = 12
+# Share of the evaluations that the search may take; the rest is for rounding the values found.
+SHARE_OF_SEARCH = 0.85
+# Number of changes reported that do not explain.
+UNEXPLAINING_SHOWN = 12
+# Relative error from which on a fit may need another start.
+LARGE = 1e-3
+# Relative size of a value that may be a rounded zero.
+ALL_BUT_ZERO = 1e-6
+
+Evaluated = TypeVar("Evaluated")
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate at a value (None for one without), and the largest backward error it leaves [data roundoffs]."""
+
+    candidate: Candidate
+    value: float | None
+    left: float
+    explains: bool
+
+
+class Search(ABC, Generic[Evaluated]):
+    """One subject's answers that are not the reference's, and the changes tried on them.
+
+    A side of the comparison defines the evaluation of a text, and the residual that follows from it.
+
+    Attributes:
+        before: largest backward error over the certified states without a change; inf where an answer is not finite.
+        seen: (n,) bool, the states that fits see. certified: those that decide.
+        is_large: true where the error is beyond what derivatives describe.
+    """
+
+    def __init__(self, reference: Reference, accelerations: Array, tolerance: float, evaluations: int) -> None:
+        self.reference, self.accelerations, self.tolerance, self.evaluations = reference, accelerations, tolerance, evaluations
+        self.whitening = Whitening(reference)
+        self.certified = reference.certified
+        self._evaluated: dict[str, Evaluated | None] = {}
+        self._tried: dict[tuple[int, float | None], Tried] = {}
+        here = self.whitening.residual(accelerations)
+        comparison = compare(reference, accelerations)
+        self._verdicts = set(comparison.verdicts[self.certified].tolist())
+        finite = np.isfinite(here).all(axis=1)
+        self.seen = self.certified & ~held_out(len(reference))
+        # States without a finite residual count only in the end.
+        if (self.seen & finite).any():
+            self.seen &= finite
+        self.here = here[self.seen]
+        self.before = self.largest(here)
+        with np.errstate(all="ignore"):
+            self.is_large = math.isinf(self.before) or not np.nanmax(comparison.relative_error[self.seen], initial=0.0) < LARGE
+
+    @abstractmethod
+    def evaluate(self, text: str) -> Evaluated | None:
+        """One evaluation of a changed text; None where it is refused."""
+
+    @abstractmethod
+    def residual_of(self, evaluated: Evaluated) -> Array:
+        """Whitened residual in the measure of the unchanged reference, (n, nv)."""
+
+    @abstractmethod
+    def left_of(self, evaluated: Evaluated) -> float:
+        """Largest backward error over the certified states; inf where it is not finite."""
+
+    @abstractmethod
+    def slope(self, candidate: Candidate, value: float) -> Array | None:
+        """Whitened derivative (n, nv) of the residual by the value of a candidate, for all states; None where it has none."""
+
+    @property
+    def is_spent(self) -> bool:
+        """True where the search has no evaluations left."""
+        return len(self._evaluated) >= SHARE_OF_SEARCH * self.evaluations
+
+    @property
+    def nothing_to_explain(self) -> Conclusion | None:
+        """The conclusion without a search; None where one is needed."""
+        if not self.certified.any():
+            return Conclusion.UNDECIDED
+        return Conclusion.SOUND if self.before <= self.tolerance else None
+
+    @property
+    def conclusion(self) -> Conclusion:
+        """The conclusion of the search."""
+        if self.explaining:
+            return Conclusion.EXPLAINED
+        if not np.isfinite(self.accelerations[self.certified]).all():
+            return Conclusion.NOT_FINITE
+        return Conclusion.UNEXPLAINED if Verdict.DISAGREES.value in self._verdicts else Conclusion.UNSTABLE
+
+    @property
+    def explaining(self) -> list[Tried]:
+        return [tried for tried in self._tried.values() if tried.explains]
+
+    def largest(self, residual: Array) -> float:
+        """Largest backward error of a whitened residual (n, nv) over the certified states; inf where it is not finite."""
+        with np.errstate(all="ignore"):
+            errors = np.linalg.norm(residual[self.certified], axis=1)
+        return float(np.where(np.isfinite(errors), errors, np.inf).max(initial=0.0))
+
+    def evaluated(self, text: str) -> Evaluated | None:
+        """``evaluate``, which is counted, once for each text."""
+        if text not in self._evaluated:
+            self._evaluated[text] = self.evaluate(text)
+        return self._evaluated[text]
+
+    def try_without_value(self, candidates: Iterable[Candidate]) -> None:
+        """Evaluate candidates without a free value."""
+        for candidate in candidates:
+            if self.is_spent:
+                return
+            self._try(candidate, None)
+
+    def fit_best(self, columns: Sequence[Column]) -> None:
+        """Fit the candidates whose columns explain most, until what remains cannot explain anything."""
+        seen = [column.values[self.seen] for column in columns]
+        screened = screen(seen, [column.candidate.scale for column in columns], self.here)
+
+        def in_class(place: int) -> bool:
+            explaining = {id(tried.candidate) for tried in self.explaining}
+            return any(are_parallel(columns[place], other) for other in columns if id(other.candidate) in explaining)
+
+        def fit_one(place: int) -> None:
+            candidate = columns[place].candidate
+            assert candidate.start is not None
+            if not self.is_spent:
+                self._fit(candidate, candidate.start, seen[place])
+
+        fit_in_order(screened, fit_one, in_class, lambda: bool(self.explaining))
+
+    def fit_from_other_starts(self, candidates: Sequence[Candidate]) -> None:
+        """Fit the best candidates from values far from those found, if the error is large and no single value explains it."""
+        if not self.is_large or any(tried.candidate.hypothesis in (NUMBER, PARAMETER) for tried in self.explaining):
+            return
+        best: list[tuple[float, int, float]] = []
+        for place, candidate in enumerate(candidates):
+            assert candidate.start is not None
+            sizes = []
+            found = candidate.start
+            for value in [factor * found for factor in OTHER_STARTS] if found else [candidate.scale, -candidate.scale]:
+                if self.is_spent:
+                    return
+                residual = self._residual(candidate, value)
+                if residual is not None and np.isfinite(residual).all():
+                    sizes.append((float(np.linalg.norm(residual)), place, value))
+            best += sorted(sizes, key=lambda one: one[0])[:1]
+        for _, place, value in sorted(best, key=lambda one: one[:2])[:FITTED_FROM_OTHER_STARTS]:
+            self._fit(candidates[place], value, None)
+
+    def _fit(self, candidate: Candidate, start: float, column: Array | None) -> None:
+        def slope(at: float) -> Array | None:
+            found = self.slope(candidate, at)
+            return None if found is None else found[self.seen]
+
+        value = fit(lambda at: self._residual(candidate, at), slope, start, column, candidate.scale, lambda: self.is_spent)
+        if value is not None and not self._try(candidate, value) and 0 < abs(value) <= ALL_BUT_ZERO * candidate.scale:
+            # A term that is left out: the least remainder of the others is a wrong answer where that term acts alone.
+            self._try(candidate, 0.0)
+
+    def _residual(self, candidate: Candidate, value: float) -> Array | None:
+        evaluated = self.evaluated(candidate.text(value))
+        return None if evaluated is None else self.residual_of(evaluated)[self.seen]
+
+    def _left(self, candidate: Candidate, value: float | None) -> float:
+        evaluated = self.evaluated(candidate.text(0.0 if value is None else value))
+        return math.inf if evaluated is None else self.left_of(evaluated)
+
+    def _try(self, candidate: Candidate, value: float | None) -> bool:
+        """Keep a candidate that lessens the error; true where it explains it."""
+        left = self._left(candidate, value)
+        if left < self.before:
+            self._tried[id(candidate), value] = Tried(candidate, value, left, left <= self.tolerance)
+        return left <= self.tolerance
+
+    def result(self) -> list[Tried]:
+        """The changes tried, best first: explaining before others, then without a free value, round values, and little residual."""
+        found: dict[tuple[int, float | None], Tried] = {}
+        for tried in self._tried.values():
+            rounded = self._rounded(tried)
+            found.setdefault((id(tried.candidate), rounded.value), rounded)
+        best = sorted(
+            found.values(),
+            key=lambda tried: (not tried.explains, (tried.value is not None, digits_of(tried.value)) if tried.explains else (), tried.left),
+        )
+        return best[: sum(tried.explains for tried in best) + UNEXPLAINING_SHOWN]
+
+    def _rounded(self, tried: Tried) -> Tried:
+        """With the shortest decimal that explains as well."""
+        candidate, value = tried.candidate, tried.value
+        if value is None or not tried.explains or len(self._evaluated) >= self.evaluations:
+            return tried
+        slope = self.slope(candidate, value)
+        seen = None if slope is None else slope[self.seen]
+        value, left = settled(value, seen, tried.left, self.tolerance, lambda at: self._left(candidate, at))
+        return replace(tried, value=value, left=left)

@@ -1,0 +1,345 @@
+"""Models hold only what their scenes need: each kind of surplus is found at its line, and shipped models have none."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support import harness
+
+from harness.crosscheck.superfluous import superfluous
+from harness.engines import Subject, is_native, subjects
+from harness.library import Library
+from harness.models.model_file import parse_model
+from harness.results.superfluous import SuperfluousPart
+from harness.storage import cache_directory
+
+LIBRARY = Library.built_in()
+PAIRS = [
+    (name, subject)
+    for name in LIBRARY.system_names()
+    for subject in subjects(LIBRARY)
+    if subject.format != "equations" and is_native(LIBRARY, subject) and LIBRARY.has_model(name, subject.format)
+]
+MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
+
+
+@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=[f"{name}-{subject}" for name, subject in PAIRS])
+def test_shipped_models_hold_nothing_superfluous(name: str, subject: Subject) -> None:
+    assert superfluous(LIBRARY, name, subject) == []
+
+
+def planted(name: str, subject: Subject, old: str, new: str) -> tuple[list[SuperfluousPart], int]:
+    """What is found after a change of the shipped model, and the line of the change."""
+    path = LIBRARY.model_path(name, subject.format)
+    text = path.read_text()
+    assert text.count(old) >= 1
+    changed = text.replace(old, new, 1)
+    line = changed.count("\n", 0, text.index(old) + new.rindex("@") if "@" in new else text.index(old)) + 1
+    return superfluous(LIBRARY, name, subject, parse_model(path, changed.replace("@", ""), subject.format)), line
+
+
+# What is planted into a model, with @ where the finding is expected to point: system, subject, old, new, element, attribute, value, why.
+PLANTED = {
+    "dead attribute": (
+        "cart_pendulum",
+        MUJOCO,
+        '<joint name="slide"',
+        '@<joint name="slide" armature="0"',
+        "joint",
+        "armature",
+        "0",
+        "leave it out",
+    ),
+    "default reference": (
+        "cart_pendulum",
+        MUJOCO,
+        'stiffness="270"',
+        '@stiffness="270" springref="0"',
+        "joint",
+        "springref",
+        "0",
+        "leave it out",
+    ),
+    "dead position": (
+        "cart_pendulum",
+        MUJOCO,
+        '<body name="cart"',
+        '@<body name="cart" pos="3 0 0"',
+        "body",
+        "pos",
+        "3 0 0",
+        "leave it out",
+    ),
+    "dead number beside a live one": (
+        "cart_pendulum",
+        MUJOCO,
+        'pos="0 0 -0.3"',
+        '@pos="0 0.7 -0.3"',
+        "inertial",
+        "pos",
+        "0.7",
+        "its least value here is 0",
+    ),
+    "inertia above least": (
+        "cart_pendulum",
+        MUJOCO,
+        '"0.03 0.03 1e-15"',
+        '@"0.03 0.03 1e-3"',
+        "inertial",
+        "diaginertia",
+        "1e-3",
+        "its least value here is 1e-15",
+    ),
+    "inertia above what physics asks": (
+        "bar_pendulum",
+        MUJOCO,
+        '"0.5 0.5 1e-15"',
+        '@"0.75 0.5 0.25"',
+        "inertial",
+        "diaginertia",
+        "0.75",
+        "its least value here is 0.25",
+    ),
+    "unused site": ("collar", MUJOCO, '<site name="eye"', '@<site name="ear"/><site name="eye"', "site", "", 'name="ear"', "not used"),
+    "unused body": (
+        "collar",
+        MUJOCO,
+        '<site name="anchor"',
+        '@<body name="ghost"/><site name="anchor"',
+        "body",
+        "",
+        'name="ghost"',
+        "not used",
+    ),
+    "unused class": (
+        "collar",
+        MUJOCO,
+        "<worldbody>",
+        '@<default><default class="c"/></default><worldbody>',
+        "default",
+        "",
+        "",
+        "not used",
+    ),
+    "frame that moves nothing": (
+        "bar_pendulum",
+        MUJOCO,
+        "<inertial",
+        "@<frame><site/></frame><inertial",
+        "frame",
+        "",
+        "",
+        "not used",
+    ),
+    "tendon without a spring": (
+        "collar",
+        MUJOCO,
+        "<tendon>",
+        '<tendon>@<spatial name="slack"><site site="anchor"/><site site="eye"/></spatial>',
+        "spatial",
+        "",
+        'name="slack"',
+        "not used",
+    ),
+    "stage left on": (
+        "cart_pendulum",
+        MUJOCO,
+        '@<flag constraint="disable"',
+        "@<flag",
+        "flag",
+        "constraint",
+        "enable",
+        "is on and not needed",
+    ),
+    "limit not at its least": (
+        "cart_pendulum",
+        PINOCCHIO,
+        'effort="0"',
+        '@effort="10"',
+        "limit",
+        "effort",
+        "10",
+        "its least value here is 0",
+    ),
+    "limit nobody asks for": (
+        "cart_pendulum",
+        PINOCCHIO,
+        'effort="0"',
+        '@lower="-1" effort="0"',
+        "limit",
+        "lower",
+        "-1",
+        "leave it out",
+    ),
+    "origin at the default": (
+        "cart_pendulum",
+        PINOCCHIO,
+        "<mass",
+        '@<origin xyz="0 0 0"/><mass',
+        "origin",
+        "",
+        "",
+        "not used",
+    ),
+    "URDF inertia above least": (
+        "cart_pendulum",
+        PINOCCHIO,
+        'iyy="0.03" iyz="0" izz="0"',
+        '@iyy="0.03" iyz="0" izz="0.01"',
+        "inertia",
+        "izz",
+        "0.01",
+        "least value here is 0",
+    ),
+    "friction of zero": (
+        "cart_pendulum",
+        PINOCCHIO,
+        'damping="0.2"',
+        '@damping="0.2" friction="0"',
+        "dynamics",
+        "friction",
+        "0",
+        "leave it out",
+    ),
+    "spring without stiffness": (
+        "bar_pendulum",
+        PINOCCHIO,
+        "</robot>",
+        '@<gazebo reference="pin"><springStiffness>0</springStiffness><springReference>3</springReference></gazebo></robot>',
+        "gazebo",
+        "",
+        'reference="pin"',
+        "not used",
+    ),
+    "link that nothing needs": (
+        "bar_pendulum",
+        PINOCCHIO,
+        "</robot>",
+        '<link name="eye"/>@<joint name="weld" type="fixed"><parent link="world"/><child link="eye"/></joint></robot>',
+        "joint",
+        "",
+        'name="weld"',
+        "carries link 'eye', which nothing needs",
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "subject", "old", "new", "element", "attribute", "value", "why"), PLANTED.values(), ids=PLANTED)
+def test_what_is_planted_is_found(
+    name: str, subject: Subject, old: str, new: str, element: str, attribute: str, value: str, why: str
+) -> None:
+    findings, line = planted(name, subject, old.replace("@", ""), new)
+    found = [finding for finding in findings if (finding.element, finding.attribute, finding.value) == (element, attribute, value)]
+    assert found, [str(finding) for finding in findings]
+    assert found[0].line == line
+    assert why in found[0].why
+    assert (found[0].system, found[0].subject) == (name, str(subject))
+    assert str(found[0]).startswith(f"{LIBRARY.model_path(name, subject.format)}:{line}: <{element}")
+    assert {finding.line for finding in findings} == {line}
+
+
+@pytest.mark.parametrize("stage", ["constraint", "contact", "actuation", "sensor", "damper", "spring"])
+def test_every_stage_of_the_pipeline_is_asked_for(stage: str) -> None:
+    findings, _ = planted("acrobot", MUJOCO, f'{stage}="disable"', f'{stage}="enable"')
+    assert [(finding.element, finding.attribute, finding.value) for finding in findings] == [("flag", stage, "enable")]
+
+
+def test_a_stage_that_is_needed_is_none() -> None:
+    for stage in ("spring", "damper", "gravity"):
+        findings, _ = planted("cart_pendulum", MUJOCO, "<flag", f'<flag {stage}="enable"')
+        assert findings == []
+
+
+def test_two_numbers_that_hold_each_other_up_are_found() -> None:
+    """Neither moment about the axes across can shrink alone, but both can together."""
+    findings, _ = planted("quarter_car", MUJOCO, '"1e-15 1e-15 1e-15"', '"0.5 0.5 1e-15"')
+    assert [(finding.attribute, finding.value) for finding in findings] == [("diaginertia", "0.5")] * 2
+
+
+def test_a_reflected_inertia_is_felt() -> None:
+    transmission = (
+        '<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="pin"/>'
+        '<actuator name="a"><drake:rotor_inertia value="{}"/><drake:gear_ratio value="3"/></actuator></transmission></robot>'
+    )
+
+    def findings(inertia: str, effort: str) -> list[SuperfluousPart]:
+        path = LIBRARY.model_path("bar_pendulum", "urdf")
+        text = path.read_text().replace("</robot>", transmission.format(inertia)).replace('effort="0"', f'effort="{effort}"')
+        text = text.replace('<robot name="bar_pendulum"', '<robot name="bar_pendulum" xmlns:drake="http://drake.mit.edu"')
+        return superfluous(LIBRARY, "bar_pendulum", PINOCCHIO, parse_model(path, text, "urdf"))
+
+    assert findings("0.25", "1e-15") == []
+    assert [finding.element for finding in findings("0.25", "10")] == ["limit"]
+    assert [(finding.element, finding.value) for finding in findings("0", "1e-15")] == [("transmission", 'name="t"')]
+
+
+def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    found, _ = planted("cart_pendulum", MUJOCO, "<flag", "<flag")
+    assert found == []
+    surplus, _ = planted("cart_pendulum", MUJOCO, ' contact="disable"', "")
+    entries = sorted((cache_directory() / "superfluous").iterdir())
+    assert len(entries) == 2
+    started = time.perf_counter()
+    assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
+    assert time.perf_counter() - started < 0.1
+    for damage in (b"", b"[[1]]", b"{}", b"\xff"):
+        for entry in entries:
+            entry.write_bytes(damage)
+        assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
+
+
+def test_a_model_that_is_wrong_as_it_is_is_not_examined() -> None:
+    path = LIBRARY.model_path("cart_pendulum", "mjcf")
+    wrong = parse_model(path, path.read_text().replace(' sensor="disable"', ""), "mjcf")
+    assert superfluous(LIBRARY, "cart_pendulum", MUJOCO, wrong, is_sound=lambda: False) == []
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    """A library of the bar pendulum whose MJCF leaves sensors on."""
+    root = tmp_path / "mechanisms"
+    for folder in ("systems", "mjcf", "urdf"):
+        (root / folder).mkdir(parents=True)
+    shutil.copy(LIBRARY.system_path("bar_pendulum"), root / "systems")
+    for model_format in ("mjcf", "urdf"):
+        shutil.copy(LIBRARY.model_path("bar_pendulum", model_format), root / model_format)
+    model = root / "mjcf" / "bar_pendulum.xml"
+    model.write_text(model.read_text().replace(' sensor="disable"', ""))
+    return root
+
+
+def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+
+
+def test_a_surplus_is_exit_status_1_and_in_the_json(library: Path) -> None:
+    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "5 of 5 as expected" in done.stdout
+    assert "1 superfluous part of a model:" in done.stdout
+    model = library / "mjcf" / "bar_pendulum.xml"
+    line = next(number for number, text in enumerate(model.read_text().splitlines(), start=1) if "<flag" in text)
+    assert f'{model}:{line}: <flag sensor="enable"> is on and not needed' in done.stdout
+    (finding,) = json.loads((library / "out.json").read_text())["superfluous"]
+    assert {"path", "line", "element", "attribute", "value", "why"} <= set(finding)
+    assert (finding["system"], finding["subject"], finding["attribute"]) == ("bar_pendulum", "mujoco/mjcf", "sensor")
+    shutil.copy(LIBRARY.model_path("bar_pendulum", "mjcf"), model)
+    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
+    assert done.returncode == 0
+    assert json.loads((library / "out.json").read_text())["superfluous"] == []
+
+
+def test_a_surplus_fails_the_regression_of_its_subject(library: Path) -> None:
+    arguments = ("-p", "no:cacheprovider", "-v", "--harness-library", str(library), "--harness-states", "40")
+    done = run("pytest", *arguments, cwd=library)
+    assert done.returncode == 1
+    assert "1 failed, 4 passed" in done.stdout
+    assert "bar_pendulum.py::mujoco/mjcf FAILED" in done.stdout
+    assert "superfluous parts of the model:" in done.stdout and "Traceback" not in done.stdout

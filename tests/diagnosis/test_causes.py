@@ -1,0 +1,120 @@
+"""A check that is red names who is at fault, the wrong terms, and the number of the file that explains it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support import InThisProcess, cross_checked
+
+from harness.crosscheck.settings import Settings
+from harness.diagnosis import causes
+from harness.diagnosis.causes import EVALUATIONS_IN_ALL, find_causes
+from harness.diagnosis.model_side import EVALUATIONS
+from harness.library import Library
+from harness.results.causes import Cause
+from harness.results.records import Record
+
+LIBRARY = Library.built_in()
+NATIVE = {"mjcf": "mujoco/mjcf", "urdf": "pinocchio/urdf"}
+
+
+def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tuple[list[Record], list[Cause]]:
+    """Records and causes of a check of the pendulum whose model holds ``planted`` in the place of ``found``."""
+    path = LIBRARY.model_path("simple_pendulum", model_format)
+    text = path.read_text()
+    assert text.count(found) == 1
+    stand_in = tmp_path / path.name
+    stand_in.write_text(text.replace(found, planted))
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins={model_format: stand_in}, examples=None)
+    records, _ = cross_checked(settings)
+    return records, list(find_causes(settings, records, InThisProcess()))
+
+
+@pytest.mark.parametrize(
+    ("model_format", "found", "planted"),
+    [
+        ("mjcf", 'mass="1.5"', 'mass="1.5000001"'),
+        ("mjcf", 'mass="1.5"', 'mass="3"'),
+        ("urdf", '<mass value="1.5"/>', '<mass value="1.5000001"/>'),
+    ],
+)
+def test_a_wrong_number_is_named_with_its_line_and_the_value_that_explains_it(
+    tmp_path: Path, model_format: str, found: str, planted: str
+) -> None:
+    records, causes = causes_of(tmp_path, model_format, found, planted)
+    assert {cause.subject for cause in causes} == {f"mujoco/{model_format}", f"pinocchio/{model_format}"}
+    assert {record.subject for record in records if not record.as_expected} == {cause.subject for cause in causes}
+    for cause in causes:
+        assert cause.inference.startswith(f"the {model_format} model is at fault")
+        assert any("gravity" in sentence for sentence in cause.terms)
+        assert planted.split('"')[1] in cause.first_line
+        assert "explains it with 1.5 " in cause.first_line
+        assert cause.found is not None
+        assert cause.found["model"]["finding"] == "explained"
+        assert cause.diagnosed == NATIVE[model_format]
+
+
+def test_where_all_is_well_there_is_no_cause(tmp_path: Path) -> None:
+    records, causes = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
+    assert records and not causes
+
+
+def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_path: Path) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
+    wrong = [replace(record, verdict="disagrees") if record.subject == "lagrange" else record for record in records]
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    (cause,) = find_causes(settings, wrong, InThisProcess())
+    assert (cause.subject, cause.diagnosed, len(cause.sides)) == ("lagrange", "lagrange", 1)
+    assert cause.inference.startswith("the float64 kernel of lagrange is at fault")
+    assert "nothing to explain" in cause.first_line
+
+
+def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
+    stand_ins = {}
+    for model_format, old, new in [("mjcf", 'mass="1.5"', 'mass="1.50001"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.50001"/>')]:
+        path = LIBRARY.model_path("simple_pendulum", model_format)
+        stand_ins[model_format] = tmp_path / path.name
+        stand_ins[model_format].write_text(path.read_text().replace(old, new))
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins=stand_ins, examples=None)
+    records, _ = cross_checked(settings)
+    found = list(find_causes(settings, records, InThisProcess()))
+    assert len(found) == 4
+    for cause in found:
+        assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
+
+
+@pytest.mark.parametrize("workers", [InThisProcess(), InThisProcess(time_limit=4.0)])
+def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: InThisProcess
+) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
+    given: list[int] = []
+
+    def examine(*arguments: Any) -> Any:
+        given.append(arguments[4].evaluations)
+        raise ValueError
+
+    monkeypatch.setattr(causes, "examine", examine)
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    list(find_causes(settings, records, workers))
+    assert given == [EVALUATIONS]
+    given.clear()
+    renamed = [replace(record, system=f"system_{number}") for record in records for number in range(60)]
+    list(find_causes(settings, renamed, workers))
+    assert given == [EVALUATIONS_IN_ALL // 60] * 60
+    given.clear()
+    list(find_causes(settings, records, workers, evaluations=7))
+    assert given == [7]
+
+
+def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
+    records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    causes = find_causes(settings, records, InThisProcess(), crashes={("simple_pendulum", "mjcf")})
+    assert {(cause.subject, cause.diagnosed, cause.first_line == cause.inference) for cause in causes} == {
+        ("mujoco/mjcf", "", True),
+        ("pinocchio/mjcf", "", True),
+    }

@@ -1,0 +1,506 @@
+"""Faults of known place and value are planted, and the diagnosis must name them; where nothing explains, it must say so."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import math
+import random
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support import BUILT_IN, InThisProcess
+
+from harness import workers
+from harness.arrays import Array
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.cli import main
+from harness.crosscheck.tasks import Assignment
+from harness.diagnosis.base_parameters import are_parallel, base_parameters
+from harness.diagnosis.fit import fit, shortest_decimal
+from harness.diagnosis.model_side import diagnose
+from harness.diagnosis.perturbation import (
+    Column,
+    Whitening,
+    backward_errors,
+    diagnostic_states,
+    find_columns,
+    held_out,
+    numeric_candidates,
+    watch,
+)
+from harness.diagnosis.result import Conclusion, Diagnosis
+from harness.diagnosis.subject import Scope, diagnose_subject
+from harness.diagnosis.textbook_side import diagnose_textbook
+from harness.engines import Subject, linear_velocity_in_body, load_engine
+from harness.equations.derivation import load_mechanism
+from harness.errors import InvalidModel
+from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.models.text import Watch
+from harness.verdict import AGREEMENT
+
+NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
+
+
+class Case:
+    """One model of a system in the engine whose format it is, at the states of a diagnosis."""
+
+    def __init__(self, name: str, model_format: str) -> None:
+        self.name, self.format = name, model_format
+        self.mechanism = load_mechanism(BUILT_IN, name)
+        self.engine = load_engine(BUILT_IN, NATIVE[model_format])
+        self.model = read_model(BUILT_IN.model_path(name, model_format), model_format)
+        self.states = diagnostic_states(self.mechanism, 0)
+        self.kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body(self.engine))
+        self.reference: Reference = self.kernel.evaluate(self.states)
+
+    def watch(self, text: str | None = None) -> Watch:
+        model = self.model if text is None else parse_model(self.model.path, text, self.format)
+        return watch(self.engine, self.mechanism, model, self.states)
+
+    def replaced(self, *changes: tuple[str, str]) -> str:
+        text = self.model.text
+        for old, new in changes:
+            assert text.count(old) >= 1, old
+            text = text.replace(old, new, 1)
+        return text
+
+    def diagnosis(self, *changes: tuple[str, str]) -> Diagnosis:
+        return diagnose(self.watch(self.replaced(*changes)), self.reference)
+
+    def columns(self) -> list[Column]:
+        return find_columns(self.watch().accelerations, self.reference, numeric_candidates(self.model))
+
+
+@functools.cache
+def case(name: str, model_format: str) -> Case:
+    return Case(name, model_format)
+
+
+# System, format, what stands in the sound file, what is planted, the attribute, and the value that must be found.
+NUMBERS = [
+    ("cart_pendulum", "mjcf", 'mass="10"', 'mass="10.0000001"', "mass", 10.0),
+    ("cart_pendulum", "mjcf", 'stiffness="270"', 'stiffness="540"', "stiffness", 270.0),
+    ("cart_pendulum", "mjcf", 'damping="0.2"', 'damping="0.200000000002"', "damping", 0.2),
+    ("cart_pendulum", "urdf", 'damping="0.2"', 'damping="2"', "damping", 0.2),
+    ("cart_pendulum", "urdf", '<mass value="1"/>', '<mass value="0.001"/>', "value", 1.0),
+    ("cart_pendulum", "urdf", "<springStiffness>270<", "<springStiffness>27<", "", 270.0),
+    ("arm_2r", "urdf", 'xyz="0.5 0 0"', 'xyz="0.51 0 0"', "xyz", 0.5),
+    ("heavy_top", "mjcf", 'pos="0 0 0.25"', 'pos="0 0 -0.25"', "pos", 0.25),
+    ("collar", "mjcf", 'springlength="2.5"', 'springlength="2.4"', "springlength", 2.5),
+    ("puma_560", "mjcf", 'pos="0.4318 -0.0934 0"', 'pos="0.4318 -0.0943 0"', "pos", -0.0934),
+]
+
+
+@pytest.mark.parametrize(("name", "model_format", "sound", "planted", "attribute", "value"), NUMBERS)
+def test_a_wrong_number_is_named_first_with_the_right_value(
+    name: str, model_format: str, sound: str, planted: str, attribute: str, value: float
+) -> None:
+    own = case(name, model_format)
+    text = own.replaced((sound, planted))
+    diagnosis = diagnose(own.watch(text), own.reference)
+    first = diagnosis.first
+    assert diagnosis.conclusion == Conclusion.EXPLAINED
+    assert first is not None
+    line = text.splitlines()[first.place.line - 1]
+    assert planted in line
+    assert first.place.attribute == attribute
+    shown = first.shown.strip('"').split()
+    assert value in map(float, shown) and len(shown) == (3 if attribute in ("pos", "xyz") else 1)
+    assert first.residual <= AGREEMENT < diagnosis.before
+    assert diagnosis.first_line.startswith(f"{'mjcf' if model_format == 'mjcf' else 'urdf'}/{own.model.path.name}:{first.place.line}: <")
+    runner_up = diagnosis.as_json()["runner_up"]
+    told = [line for line in diagnosis.lines if line.startswith("runner-up: ")]
+    if runner_up is None:
+        assert told == []
+    else:
+        assert not runner_up["explains"]
+        assert f"line {runner_up['line']}, " in told[0] and f"{runner_up['residual']:.2g}" in told[0]
+
+
+def test_the_first_line_shows_the_attribute_as_it_is_and_as_it_would_be() -> None:
+    diagnosis = case("arm_2r", "mjcf").diagnosis(('pos="0.5 0 0"', 'pos="0.5 0 0.001"'))
+    assert '<body pos="0.5 0 0.001"> explains it with "0.5 0 0.0" (residual' in diagnosis.first_line
+    assert "before" in diagnosis.first_line
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 0.3])
+@pytest.mark.parametrize(("name", "model_format"), [("simple_pendulum", "mjcf"), ("simple_pendulum", "urdf"), ("cart_pendulum", "urdf")])
+def test_a_number_that_should_be_zero_is_found(name: str, model_format: str, size: float) -> None:
+    attribute = "pos" if model_format == "mjcf" else "xyz"
+    sound = {"simple_pendulum": "0 0 -2", "cart_pendulum": "0 0 -0.3"}[name]
+    planted = sound.replace("0 0", f"{size!r} 0", 1)
+    diagnosis = case(name, model_format).diagnosis((f'{attribute}="{sound}"', f'{attribute}="{planted}"'))
+    found = {(one.place.attribute, one.place.index, one.value) for one in diagnosis.explaining}
+    assert (attribute, 0, 0.0) in found
+
+
+def test_gravity_and_an_offset_that_no_acceleration_tells_apart_are_one_class() -> None:
+    diagnosis = case("simple_pendulum", "mjcf").diagnosis(('gravity="0 0 -9.81"', 'gravity="1e-7 0 -9.81"'))
+    assert {("option", "gravity"), ("inertial", "pos")} <= {key[1:] for key in diagnosis.class_keys}
+    assert any("tells them apart" in line for line in diagnosis.lines)
+
+
+def test_a_model_that_answers_with_nan_is_explained_from_another_start() -> None:
+    """A point mass on the axis has no inertia about it."""
+    diagnosis = case("simple_pendulum", "urdf").diagnosis(('xyz="0 0 -2"', 'xyz="0 0 0"'))
+    assert math.isinf(diagnosis.before)
+    assert any(one.place.attribute == "xyz" and one.value == -2.0 for one in diagnosis.explaining)
+
+
+def test_two_faults_at_once_are_not_explained_by_one() -> None:
+    diagnosis = case("cart_pendulum", "mjcf").diagnosis(('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"'))
+    assert diagnosis.conclusion == Conclusion.UNEXPLAINED
+    assert diagnosis.explaining == ()
+    assert "no single change explains it; the best leaves" in diagnosis.first_line
+    assert diagnosis.first is not None
+    assert AGREEMENT < diagnosis.first.residual < diagnosis.before
+
+
+@pytest.mark.parametrize(("name", "model_format"), [("arm_2r", "mjcf"), ("heavy_top", "urdf"), ("puma_560", "mjcf")])
+def test_nothing_is_diagnosed_where_nothing_is_wrong(name: str, model_format: str) -> None:
+    own = case(name, model_format)
+    diagnosis = diagnose(own.watch(), own.reference)
+    assert (diagnosis.conclusion, diagnosis.tried) == (Conclusion.SOUND, ())
+    textbook = diagnose_textbook(own.kernel, own.states, own.watch().healthy, BUILT_IN.system_path(name))
+    assert (textbook.conclusion, textbook.tried) == (Conclusion.SOUND, ())
+
+
+def flipped(own: Case) -> Callable[[ModelFile], Array]:
+    """The engine with the sign of its velocity terms flipped."""
+    sound = own.watch().answer
+    (chart, _) = next(own.kernel.by_chart(own.states))
+    terms = chart.float64.terms(own.mechanism.inputs(own.states))
+    twice = 2 * np.linalg.solve(terms["mass"], terms["velocity"][:, :, None])[:, :, 0]
+    return lambda model: sound(model) + twice
+
+
+def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
+    own = case("arm_2r", "mjcf")
+    diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)
+    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNEXPLAINED, ())
+    textbook = diagnose_textbook(own.kernel, own.states, flipped(own)(own.model), BUILT_IN.system_path("arm_2r"))
+    assert (textbook.conclusion, textbook.explaining) == (Conclusion.UNEXPLAINED, ())
+
+
+def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() -> None:
+    """At the states that fits see, the mass alone is wrong; at the others, so is something else."""
+    own = case("cart_pendulum", "mjcf")
+    text = own.replaced(('mass="10"', 'mass="10.5"'))
+    sound, unseen = own.watch().answer, held_out(len(own.states))[:, None]
+    watched = Watch(parse_model(own.model.path, text, "mjcf"), lambda model: sound(model) * np.where(unseen, 1 + 1e-9, 1.0))
+    assert diagnose(watched, own.reference).conclusion == Conclusion.UNEXPLAINED
+
+
+def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
+    own = case("puma_560", "mjcf")
+    sound, noise = own.watch().answer, np.random.default_rng(1).uniform(-1, 1, own.reference.high.shape)
+    # Half of what the verdict allows an unstable factorisation.
+    allowed = 0.5 * own.reference.instability / own.reference.sensitivity
+    lost = noise * (allowed / backward_errors(Whitening(own.reference).change(noise)))[:, None]
+    diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference)
+    assert diagnosis.conclusion == Conclusion.UNSTABLE
+    assert "the digits are the engine's" in diagnosis.first_line
+
+
+def test_an_answer_that_is_not_finite_is_told() -> None:
+    own = case("arm_2r", "mjcf")
+    diagnosis = diagnose(Watch(own.model, lambda model: np.full_like(own.reference.high, np.nan)), own.reference)
+    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.NOT_FINITE, ())
+    assert "not finite" in diagnosis.first_line
+    assert json.loads(json.dumps(diagnosis.as_json(), allow_nan=False))["before"] is None
+
+
+@pytest.mark.parametrize("factor", [1 + 1e-9, 1.01, 2.0])
+@pytest.mark.parametrize(
+    ("name", "parameter", "unit"), [("cart_pendulum", "L", "m"), ("arm_2r", "I2", "kg m^2"), ("heavy_top", "I3", "kg m^2")]
+)
+def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str, parameter: str, unit: str, factor: float) -> None:
+    own = case(name, "mjcf")
+    names = [known for known, _, _ in own.mechanism.parameters]
+    place = names.index(parameter)
+    value = float(f"{own.mechanism.parameter_values[place] * factor:.12g}")
+    values = np.array([value if number == place else known for number, known in enumerate(own.mechanism.parameter_values)])
+    answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
+    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path(name))
+    first = diagnosis.first
+    assert diagnosis.conclusion == Conclusion.EXPLAINED
+    assert first is not None
+    assert (first.place.attribute, first.value) == (parameter, value)
+    assert f"behaves as if {parameter} = {value!r} {unit} instead of" in diagnosis.first_line
+    assert parameter in BUILT_IN.system_path(name).read_text().splitlines()[first.place.line - 1]
+
+
+@pytest.mark.parametrize(("name", "parameter"), [("simple_pendulum", "g"), ("tora", "k"), ("arm_2r", "I2"), ("spring_damper", "c")])
+def test_a_term_that_a_subject_leaves_out_is_a_parameter_of_zero(name: str, parameter: str) -> None:
+    own = case(name, "mjcf")
+    names = [known for known, _, _ in own.mechanism.parameters]
+    values = np.array([0.0 if known == parameter else value for known, value in zip(names, own.mechanism.parameter_values, strict=True)])
+    answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
+    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path(name))
+    assert diagnosis.conclusion == Conclusion.EXPLAINED
+    assert (parameter, 0.0) in {(one.place.attribute, one.value) for one in diagnosis.explaining}
+
+
+def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
+    """A bar pendulum without weight: no gravity, no mass, or its centre on the axis."""
+    own = case("bar_pendulum", "mjcf")
+    answers = own.watch(own.replaced(('gravity="0 0 -9.81"', 'gravity="0 0 0"'))).healthy
+    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path("bar_pendulum"))
+    assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
+
+
+def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_one() -> None:
+    """A wheel at rest without gravity stays at rest; a spring of one side moves it."""
+    own = case("satellite_wheel", "mjcf")
+    joint = '<joint name="wheel" type="hinge"'
+    assert joint in own.model.text
+    wrong = own.watch(own.replaced((joint, f'{joint} stiffness="0.5" springref="0.3"'), (' spring="disable"', ""))).healthy
+    diagnosis = diagnose_textbook(own.kernel, own.states, wrong, BUILT_IN.system_path("satellite_wheel"))
+    assert math.isinf(diagnosis.before)
+    assert diagnosis.conclusion == Conclusion.UNEXPLAINED
+    assert "finite" not in diagnosis.first_line
+
+
+def test_where_nothing_is_certified_nothing_is_fitted() -> None:
+    own = case("simple_pendulum", "mjcf")
+    nothing = replace(own.reference, certified=np.zeros(len(own.states), dtype=bool))
+    diagnosis = diagnose(own.watch(), nothing)
+    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNDECIDED, ())
+
+
+@pytest.mark.parametrize("evaluations", [5, 100])
+def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations: int) -> None:
+    own = case("puma_560", "mjcf")
+    text = own.replaced(('mass="17.4"', 'mass="17.5"'), ('mass="4.8"', 'mass="4.9"'))
+    sound, asked = own.watch(text).answer, []
+
+    def counted(model: ModelFile) -> Array:
+        asked.append(model)
+        return sound(model)
+
+    watched = Watch(parse_model(own.model.path, text, "mjcf"), counted)
+    diagnosis = diagnose(watched, own.reference, evaluations=evaluations)
+    # The first is the model as it is; a column that was begun is finished.
+    assert len(asked) <= evaluations + 5
+    assert diagnosis.stopped
+    assert any(f"stopped after {evaluations} evaluations" in line for line in diagnosis.lines)
+    # Of a part of the file's numbers no count is reported.
+    assert not any("accelerations feel" in line for line in diagnosis.lines)
+
+
+def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = case("arm_2r", "mjcf")
+    evaluated: list[Any] = []
+    evaluate = ReferenceKernel.evaluate
+    monkeypatch.setattr(ReferenceKernel, "evaluate", lambda *arguments: evaluated.append(arguments) or evaluate(*arguments))
+    answers = flipped(own)(own.model)
+    path = BUILT_IN.system_path("arm_2r")
+    assert diagnose_textbook(own.kernel, own.states, answers, path, evaluations=20).stopped
+    assert len(evaluated) <= 20
+    evaluated.clear()
+    whole = diagnose_textbook(own.kernel, own.states, answers, path)
+    assert not whole.stopped
+    assert 20 < len(evaluated) <= whole.evaluations
+
+
+def test_no_clock_changes_a_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = case("cart_pendulum", "mjcf")
+    changes = [('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"')]
+    first = own.diagnosis(*changes).as_json()
+    hours = itertools.count(0.0, 3600.0)
+    for clock in ("monotonic", "perf_counter", "process_time", "time"):
+        monkeypatch.setattr(time, clock, lambda: next(hours))
+    assert own.diagnosis(*changes).as_json() == first
+
+
+def classes(columns: list[Column]) -> list[list[int]]:
+    found: list[list[int]] = []
+    for place, column in enumerate(columns):
+        for members in found:
+            if are_parallel(columns[members[0]], column):
+                members.append(place)
+                break
+        else:
+            found.append([place])
+    return found
+
+
+def test_what_a_pendulum_determines_is_known_from_theory() -> None:
+    """theta'' = a sin theta + b cos theta + tau c - d theta': a rigid body on one axis has three numbers, four with a damper."""
+    pendulum, bar = (case(name, "mjcf").columns() for name in ("simple_pendulum", "bar_pendulum"))
+    assert base_parameters(pendulum).rank == 3
+    assert base_parameters(bar).rank == 4
+    places = [{(bar[one].candidate.place.attribute, bar[one].candidate.place.index) for one in members} for members in classes(bar)]
+    # A sideways offset of the centre and of gravity do the same, and so do the two moments, which only change together.
+    assert {("gravity", 0), ("pos", 0)} in places
+    assert {("diaginertia", 0), ("diaginertia", 1)} in places
+    assert {("damping", 0)} in places
+    base = base_parameters(bar)
+    for place, parts in base.combinations.items():
+        made = sum(factor * bar[part].values for part, factor in parts.items())
+        assert np.linalg.norm(made - bar[place].values) <= 1e-6 * bar[place].norm
+
+
+def test_what_a_two_link_arm_determines_is_known_from_theory() -> None:
+    """In its plane each link has a moment, two first moments and a mass; the first link's mass and moment count once together.
+
+    Khalil and Dombre have a planar arm of two joints: 7 base parameters less gravity's direction, 8 with what the file adds.
+    """
+    for model_format in NATIVE:
+        assert base_parameters(case("arm_2r", model_format).columns()).rank == 8
+
+
+def test_the_derivative_is_the_certified_one() -> None:
+    """A pendulum's mass acts on tau / (m L^2) alone."""
+    own = case("simple_pendulum", "urdf")
+    (column,) = (column for column in own.columns() if column.candidate.place.element == "mass")
+    mass, length = 1.5, 2.0
+    exact = Whitening(own.reference).change(-own.states.tau / (mass**2 * length**2))
+    assert np.linalg.norm(column.values - exact) <= 1e-7 * np.linalg.norm(exact)
+
+
+def test_a_fit_converges_from_afar_and_halves_its_steps() -> None:
+    truth = np.array([[0.0], [1.0], [8.0]])
+    value = fit(lambda x: 1e15 * (np.array([[0.0], [1.0], [1.0]]) * x**3 - truth * [[0], [1], [1]]), lambda x: None, 5.0, None, 1.0)
+    assert value == 5.0
+    points = np.linspace(1, 2, 5)[:, None]
+    value = fit(lambda x: 1e12 * (np.exp(x * points) - np.exp(0.7 * points)), lambda x: 1e12 * points * np.exp(x * points), 4.0, None, 1.0)
+    assert value == pytest.approx(0.7, rel=1e-12)
+    value = fit(lambda x: None if x < 0.5 else points * (x - 0.6), lambda x: points, 9.0, None, 1.0)
+    assert value == pytest.approx(0.6)
+
+
+def test_the_shortest_decimal_is_taken() -> None:
+    always: Callable[[float], bool] = lambda value: True  # noqa: E731
+    assert shortest_decimal(0.20000000000013, 1e-12, always) == 0.2
+    assert shortest_decimal(-3e-17, 1e-15, always) == 0.0
+    assert shortest_decimal(0.123456, 1e-9, always) == 0.123456
+    assert shortest_decimal(1 / 3, 0.1, lambda value: abs(value - 1 / 3) < 1e-4) == 0.3333
+
+
+def assignment(name: str, model_format: str, text: str) -> Assignment:
+    model = parse_model(BUILT_IN.model_path(name, model_format), text, model_format)
+    return Assignment(BUILT_IN, Subject(NATIVE[model_format], model_format), load_mechanism(BUILT_IN, name), model)
+
+
+def test_the_first_line_of_a_check_names_what_the_load_audit_refuses() -> None:
+    own = case("simple_pendulum", "mjcf")
+    task = assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"')))
+    found = diagnose_subject(task, Scope(0), lambda text: None)
+    assert '<inertial mass="1.6"> explains it with 1.5' in found.first_line()
+
+
+def test_the_equations_are_asked_about_the_textbook_only() -> None:
+    task = Assignment(BUILT_IN, Subject("lagrange", "equations"), load_mechanism(BUILT_IN, "collar"), None)
+    found = diagnose_subject(task, Scope(0), lambda text: None)
+    assert found.model is None
+    assert found.textbook.conclusion == Conclusion.SOUND
+
+
+class Here(InThisProcess):
+    def __enter__(self) -> Here:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "Workers", Here)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_the_command_prints_verdicts_terms_and_both_sides_of_a_fault(tmp_path: Path) -> None:
+    faulty, told = tmp_path / "edited.xml", tmp_path / "told.json"
+    faulty.write_text(case("simple_pendulum", "mjcf").replaced(('pos="0 0 -2"', 'pos="0 0 -2.02"')))
+    options = ["--mjcf", str(faulty), "--json", str(told), "--states", "200"]
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", *options])
+    assert done.exit_code == 1, done.output
+    assert 'edited.xml:16: <inertial pos="0 0 -2.02"> explains it with "0 0 -2.0"' in done.output
+    assert "behaves as if L = 2.02 m instead of 2.0" in done.output
+    assert "the mjcf model is at fault" in done.output
+    assert "mass matrix: entry (pin, pin) is wrong" in done.output
+    assert "as mujoco/mjcf, which reads the same file" in done.output
+    assert "held after loading: centre of pin is 0 0 -2.02 (mujoco/mjcf, pinocchio/mjcf), but 0 0 -2 " in done.output
+    (held,) = json.loads(told.read_text())["held"]
+    assert (held["quantity"], held["lines"]) == ("centre", {"mjcf": [16], "urdf": [12]})
+    causes = json.loads(told.read_text())["causes"]
+    assert [cause["diagnosed"] for cause in causes] == ["mujoco/mjcf", "mujoco/mjcf"]
+    for cause in causes:
+        assert cause["found"]["model"]["first"]["value"] == -2.0
+        assert cause["found"]["textbook"]["first"]["attribute"] == "L"
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_the_command_has_nothing_to_say_of_a_sound_mechanism() -> None:
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", "--states", "100"])
+    assert done.exit_code == 0, done.output
+    assert "nothing is wrong" in done.output
+    assert "explains" not in done.output
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_second_file_that_cannot_be_read_is_not_lost_behind_the_first_ones_diagnosis(tmp_path: Path) -> None:
+    faulty = tmp_path / "edited.xml"
+    faulty.write_text(case("simple_pendulum", "mjcf").replaced(('mass="1.5"', 'mass="1.6"')))
+    options = ["--mjcf", str(faulty), "--urdf", str(tmp_path / "nowhere.urdf"), "--states", "100"]
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", *options])
+    assert done.exit_code == 2
+    assert "nowhere.urdf" in done.output
+    assert 'edited.xml:16: <inertial mass="1.6"> explains it with 1.5' in done.output
+    assert "no engine could use its file" in done.output
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_joints_of_another_name_are_told_once_and_in_words(tmp_path: Path) -> None:
+    renamed = tmp_path / "renamed.xml"
+    renamed.write_text(case("simple_pendulum", "mjcf").replaced(('name="pin"', 'name="pen"')))
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", "--mjcf", str(renamed), "--states", "100"])
+    assert done.exit_code == 2
+    assert "no diagnosis" not in done.output
+    assert "has no moving joint 'pin'" in done.output
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_the_command_refuses_what_it_cannot_read(tmp_path: Path) -> None:
+    assert CliRunner().invoke(main, ["diagnose", "simple_pendulums"]).exit_code == 2
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<mujoco>")
+    done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", "--mjcf", str(broken), "--states", "50"])
+    assert done.exit_code == 2
+    assert "broken.xml" in done.output
+
+
+@pytest.mark.nightly
+def test_nearly_every_number_of_the_catalogue_is_named(modelled_name: str) -> None:
+    """Of each model a few live numbers, in sizes from the ninth digit to another sign."""
+    missed: list[str] = []
+    planted = 0
+    for model_format in NATIVE:
+        own = case(modelled_name, model_format)
+        candidates = [column.candidate for column in own.columns()]
+        for candidate in random.Random(1).sample(candidates, min(5, len(candidates))):
+            for size in (1e-9, 1e-3, 1.0, -2.0):
+                assert candidate.start is not None
+                text = candidate.text(candidate.start + size * (candidate.start or candidate.scale))
+                try:
+                    watched = own.watch(text)
+                except (InvalidModel, ValueError):
+                    continue
+                diagnosis = diagnose(watched, own.reference)
+                if diagnosis.conclusion == Conclusion.SOUND:
+                    continue
+                planted += 1
+                if candidate.place.key not in diagnosis.class_keys:
+                    missed.append(f"{model_format} {candidate.place} by {size}: {diagnosis.first_line}")
+    assert planted > 10
+    assert len(missed) <= 0.05 * planted, missed

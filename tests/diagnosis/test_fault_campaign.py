@@ -1,0 +1,240 @@
+"""The fault campaign: mistakes are caught and named, and a check or a diagnosis that cannot see is told by its bars."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support import BUILT_IN, make_library
+
+from harness.certify.compare import compare
+from harness.certify.reference import Reference
+from harness.cli import main
+from harness.diagnosis.faults import baseline
+from harness.diagnosis.faults import bench as fault_bench
+from harness.diagnosis.faults import campaign as fault_campaign
+from harness.diagnosis.faults.bench import FaultBench
+from harness.diagnosis.faults.campaign import CampaignSettings, kinds_of_faults, number_faults, run_campaign
+from harness.diagnosis.faults.selection import select_models
+from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind
+from harness.diagnosis.model_side import Diagnosis, diagnose
+from harness.diagnosis.pattern import Inference
+from harness.diagnosis.perturbation import STATES, watch
+from harness.models.model_file import read_model
+from harness.models.text import Element, Number, Place, find_elements
+from harness.verdict import Verdict
+
+KINDS = ("number", "damping", "friction", "parallel_axis", "units")
+REFUSING = """
+class Refusing:
+    requires = ("mujoco", "mujoco")
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        raise ValueError("mass and inertia are too small")
+
+
+ENGINE = Refusing()
+"""
+SMALL = CampaignSettings(states=64, diagnosed=1, sizes=(1e-12, 1e-9, 1e-3), kinds=KINDS)
+STRUCTURAL = ("axis", "damping", "parallel_axis")
+
+
+def campaign(name: str, model_format: str, settings: CampaignSettings) -> list[Fault]:
+    return run_campaign(BUILT_IN, name, model_format, settings, lambda text: None)
+
+
+@functools.cache
+def small(name: str, model_format: str) -> list[Fault]:
+    return campaign(name, model_format, SMALL)
+
+
+@pytest.mark.parametrize("model_format", ["mjcf", "urdf"])
+@pytest.mark.parametrize("name", ["bar_pendulum", "spring_damper"])
+def test_every_fault_is_caught_and_nearly_every_one_named(name: str, model_format: str) -> None:
+    faults = small(name, model_format)
+    assert broken_bars(faults) == []
+    live = [fault for fault in faults if fault.live]
+    assert {"number", "damping", "friction", "units"} <= {fault.kind for fault in live}
+    # What theory promises is what is measured, for a number that is felt by its first order.
+    ratios = [fault.smallest / fault.theory for fault in live if fault.smallest and fault.theory and fault.order == 1]
+    assert ratios
+    assert all(0.1 < ratio < 10 for ratio in ratios)
+    assert all(fault.named for fault in live if fault.kind == "friction")
+
+
+def test_what_moves_no_acceleration_is_no_fault() -> None:
+    faults = small("bar_pendulum", "mjcf")
+    text = read_model(BUILT_IN.model_path("bar_pendulum", "mjcf"), "mjcf").text
+    numbers = [(element.tag, number.attribute, number.index) for element in find_elements(text, "mjcf") for number in _in_order(element)]
+    alone = [fault for fault in faults if fault.kind == "number" and not fault.statement]
+    assert len(alone) == len(numbers)
+    dead = {number for number, fault in zip(numbers, alone, strict=True) if not fault.live}
+    # The bar hangs along z and turns about y. Gravity along the axis does no work, a centre of mass moved along the axis keeps its
+    # distance, and nothing turns about z. An axis turned towards x turns the plane of the swing about the bar, which is the same all
+    # around; one that is tilted towards z is felt, but by the cosine of its tilt.
+    assert dead == {("option", "gravity", 1), ("joint", "axis", 0), ("inertial", "pos", 1), ("inertial", "diaginertia", 2)}
+    assert {number for number, fault in zip(numbers, alone, strict=True) if fault.order == 2} == {("joint", "axis", 2)}
+    assert all(fault.live and fault.caught for fault in faults if fault.kind != "number")
+    kinds = {kind.kind: kind for kind in by_kind(faults)}
+    assert kinds["number"].planted - kinds["number"].live == len(dead)
+    assert broken_bars([fault for fault in faults if not fault.live]) == []
+
+
+def _in_order(element: Element) -> list[Number]:
+    return [number for attribute in element.attributes for number in attribute.numbers]
+
+
+def test_a_number_is_planted_in_proportion_only_where_it_cannot_change_alone() -> None:
+    free = read_model(BUILT_IN.model_path("free_body", "urdf"), "urdf")
+    assert [planted for planted in number_faults(free) if planted.statement] == []
+    # A thin bar: the two moments across it hold each other.
+    bar = read_model(BUILT_IN.model_path("bar_pendulum", "urdf"), "urdf")
+    assert [planted for planted in number_faults(bar) if planted.statement] != []
+
+
+def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check accepts a million times what the data roundoff allows."""
+
+    def blunt(reference: Reference, accelerations: np.ndarray) -> Any:
+        middle = reference.high + reference.low
+        return compare(reference, middle + (accelerations - middle) / 1e8)
+
+    monkeypatch.setattr(baseline, "compare", blunt)
+    faults = campaign("spring_damper", "urdf", replace(SMALL, kinds=["number"], diagnosed=0))
+    assert any("were not caught" in sentence for sentence in broken_bars(faults))
+    assert any("times what theory promises" in sentence for sentence in broken_bars(faults))
+
+
+def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def first_attribute(*arguments: Any, **options: Any) -> Diagnosis:
+        found = diagnose(*arguments, **options)
+        place = Place(1, "mujoco", "model", None, "")
+        return replace(found, tried=tuple(replace(explanation, place=place) for explanation in found.tried))
+
+    monkeypatch.setattr(fault_campaign, "diagnose", first_attribute)
+    faults = campaign("spring_damper", "mjcf", replace(SMALL, kinds=STRUCTURAL, diagnosed=2))
+    assert any(fault.diagnosed is not None for fault in faults)
+    assert not any(fault.named for fault in faults if fault.diagnosed is not None)
+    assert any("named first or in their class" in sentence for sentence in broken_bars(faults))
+
+
+def test_an_inference_that_blames_an_engine_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fault_bench, "infer", lambda verdicts: Inference("engine mujoco", "mujoco is at fault"))
+    faults = campaign("spring_damper", "mjcf", replace(SMALL, kinds=["damping"], diagnosed=0, evaluations=1))
+    assert any("blamed" in sentence for sentence in broken_bars(faults))
+
+
+def test_subjects_of_the_other_format_stay_green() -> None:
+    bench = FaultBench(BUILT_IN, "spring_damper", "mjcf", 64, 0)
+    assert {one.subject.format for one in bench.readers} == {"mjcf"}
+    assert len(bench.others) >= 2
+    assert set(bench.others.values()) == {Verdict.AGREES.value}
+    assert bench.ask(bench.model.text).caught_by == ""
+
+
+def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not() -> None:
+    bench = FaultBench(BUILT_IN, "chain_6", "mjcf", 1000, 0)
+    sound = {str(one.subject): int(one.baseline.sound.sum()) for one in bench.readers}
+    assert 900 < sound["mujoco/mjcf"] < 1000 == sound["pinocchio/mjcf"]
+    healthy = bench.ask(bench.model.text)
+    assert healthy.caught_by == "" and set(healthy.verdicts.values()) == {Verdict.AGREES.value}
+    assert bench.others["mujoco/urdf"] == Verdict.UNSTABLE.value
+    mass = next(planted for planted in number_faults(bench.model) if planted.places[0].attribute == "mass")
+    smallest, theory, order = bench.smallest(mass)
+    assert order == 1 and 1e-17 < smallest <= 10 * theory < 1e-10
+    assert bench.ask(mass.text(1e-9)).caught_by == "check"
+    # Neither may a diagnosis: no change of the file would explain a state at which the sound file loses digits.
+    asked_at_all = {}
+    for one in bench.readers:
+        states, reference = bench.diagnostic(one)
+        answers = watch(one.engine, bench.mechanism, bench.model, states).healthy
+        assert set(compare(reference, answers).verdicts) == {Verdict.AGREES.value}
+        asked_at_all[str(one.subject)] = len(states) == STATES
+    assert asked_at_all == {"mujoco/mjcf": False, "pinocchio/mjcf": True}
+
+
+def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
+    assert [str(one.subject) for one in FaultBench(BUILT_IN, "coupled_oscillators", "mjcf", 16, 0).readers] == ["mujoco/mjcf"]
+
+
+def test_a_sound_model_that_an_engine_refuses_is_exit_status_2(tmp_path: Path) -> None:
+    """Another reader of the same file does not make a campaign of it."""
+    library = make_library(tmp_path / "refused", ["bar_pendulum"], {"mujoco": REFUSING})
+    done = CliRunner().invoke(main, ["faults", "--kind", "damping", "--states", "16", "--workers", "1", "--library", str(library)])
+    assert done.exit_code == 2, done.output
+    assert "bar_pendulum.xml: mujoco/mjcf refuses it before any fault is planted: mass and inertia are too small" in done.output
+    # Of both campaigns it is told once.
+    assert done.output.count("mujoco/mjcf refuses") == 1
+
+
+def record(**further: Any) -> Fault:
+    return Fault(**{"system": "s", "format": "urdf", "kind": "axis", "statement": "", "where": ((1, "axis", "xyz"),), **further})
+
+
+@pytest.mark.parametrize(
+    ("faults", "broken"),
+    [
+        ([record(caught_by="check", diagnosed=1.0, named=True)], 0),
+        ([record(caught_by="check", diagnosed=1.0, in_class=True)], 0),
+        ([record(caught_by="check", diagnosed=1.0)], 1),
+        ([record(live=False)], 0),
+        ([record()], 1),
+        ([record(caught_by="check", missed=(1e-9,))], 1),
+        ([record(caught_by="check", blamed="engine mujoco")], 1),
+        ([record(caught_by="check", smallest=1e-10, theory=1e-12)], 1),
+    ],
+)
+def test_each_bar_breaks_by_itself(faults: Sequence[Fault], broken: int) -> None:
+    assert len(broken_bars(faults)) == broken
+
+
+def test_families_come_by_their_smallest_member_and_models_that_nobody_can_write_not_at_all() -> None:
+    found, left_out = select_models(BUILT_IN, ())
+    assert ("puma_560", "mjcf") in found and ("puma_560", "urdf") in found
+    assert [pair for pair in found if "chain" in pair[0]] == [("chain_3", "mjcf"), ("chain_3", "urdf")]
+    assert not any(name == "cycloid_bead" for name, _ in found)
+    assert {model_format for name, model_format in left_out if name == "cycloid_bead"} == {"mjcf", "urdf"}
+
+
+def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> None:
+    path = tmp_path / "faults.json"
+    options = ["--kind", "damping", "--kind", "number", "--size", "1e-6", "--states", "64", "--diagnoses", "1", "--workers", "1"]
+    done = CliRunner().invoke(main, ["faults", "spring_damper", *options, "--json", str(path)])
+    assert done.exit_code == 0, done.output
+    rows = json.loads(path.read_text())["faults"]
+    assert {row["kind"] for row in rows} == {"damping", "number"}
+    assert {row["format"] for row in rows} == {"mjcf", "urdf"}
+    assert "faults that change the dynamics" in done.output
+    assert any(line.startswith("damping ") and "100%" in line for line in done.output.splitlines())
+
+
+def test_a_kind_that_can_be_made_nowhere_is_told() -> None:
+    done = CliRunner().invoke(main, ["faults", "spring_damper", "--kind", "products", "--states", "16", "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    assert done.output.strip() == "no faults: mistakes of these kinds can be made nowhere in the models"
+
+
+def test_an_unknown_kind_is_told_with_all_there_are() -> None:
+    done = CliRunner().invoke(main, ["faults", "--kind", "dampig"])
+    assert done.exit_code == 2
+    assert "did you mean 'damping'?" in done.output
+    assert all(kind in done.output for kind in kinds_of_faults())
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "model_format"), select_models(BUILT_IN, ())[0])
+def test_the_whole_catalogue(name: str, model_format: str) -> None:
+    faults = campaign(name, model_format, CampaignSettings(diagnosed=2))
+    live = [fault for fault in faults if fault.live]
+    assert [fault for fault in live if not fault.caught or fault.blamed] == []
+    judged = [fault for fault in live if fault.judged]
+    # Five in a hundred of the whole catalogue; of a single model a little more.
+    assert sum(fault.named or fault.in_class for fault in judged) >= 0.9 * len(judged)

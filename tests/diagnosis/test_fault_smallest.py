@@ -1,0 +1,235 @@
+"""A relative change of 1e-11 of any number in any model that enters the equations turns the check red.
+
+Every model of the library is walked, number by number, and the smallest change that is caught stands
+beside what the data roundoff promises.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import json
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support import cross_checked, make_library
+
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import sample
+from harness.cli import main
+from harness.crosscheck import tasks
+from harness.crosscheck.expected import Expectation
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.diagnosis.faults import baseline
+from harness.diagnosis.faults.baseline import FURTHEST, RESOLUTION, Baseline, require_sound, smallest_caught
+from harness.diagnosis.faults.campaign import number_faults
+from harness.diagnosis.faults.selection import select_pairs
+from harness.diagnosis.faults.smallest import SmallestChange, smallest_changes
+from harness.diagnosis.perturbation import watch
+from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
+from harness.equations.derivation import load_mechanism
+from harness.errors import InvalidInput, InvalidModel
+from harness.library import Library
+from harness.models.model_file import parse_model, read_model
+from harness.results.records import Record
+from harness.verdict import gravest
+
+LIBRARY = Library.built_in()
+PAIRS, _ = select_pairs(LIBRARY, (), select_subjects(LIBRARY, (), native_only=True))
+IDENTIFIERS = [f"{name}-{subject}" for name, subject in PAIRS]
+CHANGE = 1e-11
+SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
+
+
+@functools.cache
+def smallest(name: str, subject: Subject) -> list[SmallestChange]:
+    return smallest_changes(LIBRARY, name, subject, SAMPLED, 0, lambda text: None)
+
+
+def with_change(name: str, subject: Subject, number: SmallestChange) -> str:
+    """The file with a change of 1e-11 of a number, in the direction that physics allows."""
+    model = read_model(LIBRARY.model_path(name, subject.format), subject.format)
+    planted = next(one for one in number_faults(model) if (one.places[0], one.statement) == (number.place, number.statement))
+    for size in (CHANGE, -CHANGE):
+        with contextlib.suppress(InvalidModel):
+            return parse_model(model.path, planted.text(size), model.format).text
+    raise AssertionError(number)
+
+
+def check(name: str, subject: Subject, path: Path) -> tuple[CrossCheck, Record]:
+    settings = Settings(library=LIBRARY, names=[name], subjects=[str(subject)], stand_ins={subject.format: path}, examples=None)
+    [record], cross_check = cross_checked(settings)
+    assert (record.system, record.subject) == (name, str(subject))
+    return cross_check, record
+
+
+@pytest.fixture(autouse=True)
+def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every changed model would be searched for them again."""
+    monkeypatch.setattr(tasks, "find_superfluous", lambda assignment, note: [])
+
+
+@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+def test_what_is_caught_is_what_theory_says(name: str, subject: Subject) -> None:
+    numbers = smallest(name, subject)
+    # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers.
+    assert len(numbers) >= 2
+    assert [number for number in numbers if not number.ratio >= 0.1 or not number.as_in_theory] == []
+
+
+@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+def test_a_change_of_1e_11_of_any_live_number_turns_the_check_red(name: str, subject: Subject, tmp_path: Path) -> None:
+    numbers = smallest(name, subject)
+    hardest = max(number.smallest for number in numbers)
+    # What the sampled states alone catch needs no run of its own; the hardest goes all the way, to the search and the record.
+    changed = tmp_path / LIBRARY.model_path(name, subject.format).name
+    for number in numbers:
+        if number.smallest <= CHANGE and number.smallest < hardest:
+            continue
+        changed.write_text(with_change(name, subject, number))
+        cross_check, record = check(name, subject, changed)
+        assert not cross_check.problems
+        assert record.verdict in ("disagrees", "unstable"), number
+        assert not record.as_expected, number
+
+
+def test_nearly_every_number_is_seen_to_the_tenth_digit() -> None:
+    sizes = np.array([number.smallest for name, subject in PAIRS for number in smallest(name, subject)])
+    assert len(sizes) > 600
+    assert (sizes < 1e-10).mean() >= 0.95
+
+
+def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check accepts a hundred times what the data roundoff of the states allows: no number reaches theory."""
+    accepted = compare
+
+    def blunt(reference: Reference, accelerations: np.ndarray) -> object:
+        middle = reference.high + reference.low
+        return accepted(reference, middle + (accelerations - middle) / 100)
+
+    monkeypatch.setattr(baseline, "compare", blunt)
+    for subject in subjects(LIBRARY):
+        if subject.format != "equations" and is_native(LIBRARY, subject):
+            numbers = smallest_changes(LIBRARY, "cart_pendulum", subject, 64, 0, lambda text: None)
+            assert all(number.ratio > 10 for number in numbers)
+
+
+def test_a_number_that_is_never_caught_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Baseline, "catches", lambda *arguments: False)
+    numbers = smallest_changes(LIBRARY, "simple_pendulum", Subject("mujoco", "mjcf"), 16, 0, lambda text: None)
+    assert numbers
+    assert all(math.isinf(number.smallest) for number in numbers)
+
+
+@pytest.mark.parametrize("theory", [1e-12, 1e-300])
+def test_the_search_ends_whatever_is_caught(theory: float) -> None:
+    asked: list[float] = []
+
+    def catches(size: float) -> bool:
+        asked.append(size)
+        assert len(asked) < 100, size
+        return True
+
+    assert smallest_caught(theory, catches) == theory / FURTHEST
+    assert min(asked) > 0
+
+
+@pytest.mark.parametrize("threshold", [1e-15, 1e-12, 0.9e-12, 3e-9])
+def test_the_search_finds_the_smallest_size_that_is_caught(threshold: float) -> None:
+    assert threshold <= smallest_caught(1e-12, lambda size: size >= threshold) <= RESOLUTION * threshold
+
+
+def test_what_lost_digits_before_shows_nothing() -> None:
+    """Straight chains are beyond a factorisation of M: those states are known, and no number is caught at them."""
+    numbers = smallest_changes(LIBRARY, "chain_6", Subject("mujoco", "mjcf"), SAMPLED, 0, lambda text: None)
+    assert len(numbers) >= 12
+    # A state of the chain that agrees only just is driven beyond by less than theory asks of a sound one.
+    assert all(number.smallest > 1e-17 and number.as_in_theory for number in numbers)
+
+
+def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
+    subject, mechanism = Subject("mujoco", "mjcf"), load_mechanism(LIBRARY, "chain_6")
+    states = sample(mechanism, SAMPLED, 0)
+    model = read_model(LIBRARY.model_path("chain_6", "mjcf"), "mjcf")
+    healthy = watch(load_engine(LIBRARY, "mujoco"), mechanism, model, states).healthy
+    reference = ReferenceKernel(mechanism).evaluate(states)
+    assert gravest(compare(reference, healthy).verdicts.tolist()) == "unstable"
+    require_sound(model.path, "chain_6", subject, reference, healthy, Expectation("unstable", backward_error=2000.0))
+    for expected in (Expectation(), Expectation("unstable", backward_error=65.0), Expectation("disagrees")):
+        with pytest.raises(InvalidInput, match="make 'harness check chain_6' green first"):
+            require_sound(model.path, "chain_6", subject, reference, healthy, expected)
+    only_lost = np.flatnonzero(compare(reference, healthy).verdicts == "unstable")
+    with pytest.raises(InvalidInput, match="agrees at none of"):
+        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], Expectation("unstable"))
+
+
+@pytest.mark.parametrize(
+    "options", [["--kind", "damping"], ["--size", "1e-6"], ["--diagnoses", "4"], ["--every-diagnosis"], ["--kind", "axis", "--size", "1"]]
+)
+def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]) -> None:
+    done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", *options])
+    assert done.exit_code == 2
+    assert all(option in done.output for option in options if option.startswith("--"))
+    assert "drop" in done.output
+
+
+@pytest.mark.parametrize("options", [[], ["--smallest"]])
+def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
+    done = CliRunner().invoke(main, ["faults", "cycloid_bead", *options])
+    assert done.exit_code == 0, done.output
+    (line,) = done.output.splitlines()
+    assert line.startswith("cycloid_bead: no ") and "mjcf" in line and "urdf" in line
+    assert "a rolling wheel ties a slide to a hinge" in line
+
+
+@pytest.mark.parametrize("options", [[], ["--smallest"]])
+def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
+    """A mass that both models have wrong: no fault beside it could be told from it."""
+    library = make_library(tmp_path / "wrong", ["double_pendulum"])
+    for path, mass in ((library / "mjcf/double_pendulum.xml", 'mass="1.25"'), (library / "urdf/double_pendulum.urdf", 'mass value="1.25"')):
+        text = path.read_text()
+        assert mass in text
+        path.write_text(text.replace(mass, mass.replace("1.25", "2.5")))
+    done = CliRunner().invoke(main, ["faults", *options, "--states", "32", "--workers", "1", "--library", str(library)])
+    assert done.exit_code == 2, done.output
+    assert "'disagrees' before any fault is planted" in done.output
+    assert "make 'harness check double_pendulum' green first" in done.output
+    assert "no model was" not in done.output
+
+
+def test_the_unchanged_models_agree() -> None:
+    """The runs of the changed models mean something only beside these."""
+    for name, subject in PAIRS:
+        if name == "cart_pendulum":
+            cross_check, record = check(name, subject, LIBRARY.model_path(name, subject.format))
+            assert record.as_expected
+            assert not cross_check.problems
+
+
+def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
+    path = tmp_path / "faults.json"
+    done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path)])
+    assert done.exit_code == 0, done.output
+    rows = json.loads(path.read_text())["faults"]
+    assert {row["element"] for row in rows} == {"joint", "inertial", "mass", "dynamics", "springStiffness"}
+    assert all(0 < row["smallest"] <= 10 * row["theory"] for row in rows)
+    assert f"{len(rows)} live numbers; 100.0% caught below 1e-10" in done.output
+    assert re.search(r"spring_damper\.urdf:\d+ +springStiffness +80 ", done.output)
+
+
+def test_a_model_that_cannot_be_read_is_exit_status_2_and_costs_its_subject_only(tmp_path: Path) -> None:
+    for folder in ("systems", "mjcf", "urdf"):
+        (tmp_path / folder).mkdir()
+    shutil.copy(LIBRARY.system_path("spring_damper"), tmp_path / "systems")
+    shutil.copy(LIBRARY.model_path("spring_damper", "urdf"), tmp_path / "urdf")
+    done = CliRunner().invoke(main, ["faults", "--smallest", "--states", "16", "--library", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "spring_damper.xml" in done.output
+    assert "pinocchio/urdf" in done.output
