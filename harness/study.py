@@ -1,8 +1,8 @@
 """Studies: everything the harness computes on worker processes, and the one loop that runs them.
 
-A cross-check, an atlas, a benchmark, a search, a diagnosis and a fault campaign are each a ``Study``. Its tasks come in
-rounds, because what is asked next depends on what was answered: ``tasks`` gives the next round, ``take`` the parts that an
-outcome completes, ``result`` all of them.
+A cross-check, an atlas, a benchmark, a search, a diagnosis and a fault campaign are each a ``Study``. What is asked next
+depends on what was answered: ``tasks`` gives what can run by now, ``take`` the parts that an outcome completes, ``result`` all
+of them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Study(Protocol):
     def steps(self) -> int: ...
 
     def tasks(self) -> Sequence[Task]:
-        """The tasks that can run now; none where the study is complete."""
+        """The tasks that can run by now and were not given out before."""
 
     def take(self, outcome: Outcome) -> Iterable[Part]:
         """The parts that the outcome of one of ``tasks`` completes."""
@@ -50,33 +50,37 @@ class Study(Protocol):
 
 def run_study(study: Study, workers: Workers) -> Iterator[Part]:
     """Run to the end on workers whose context the caller has entered; each part as soon as it is complete."""
-    while work := study.tasks():
-        for outcome in workers.run(work):
-            yield from study.take(outcome)
+    for outcome in workers.run(study.tasks(), study.tasks):
+        yield from study.take(outcome)
 
 
 class Rounds:
-    """The bookkeeping that studies share: the next round of tasks, each with the method that takes its outcome, and what failed.
+    """The bookkeeping that studies share: their tasks, each with the method that takes its outcome, and what failed.
 
-    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``.
+    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``. Tasks that a method puts into ``_next`` run
+    at once; those of a round run when all before are done.
     """
 
     def __init__(self) -> None:
         self.problems: list[Exception] = []
         self.crashed = False
         self._next: list[Task] = []
-        self._coming = self.rounds()
+        self._under_way = 0
+        self._rounds = self.rounds()
 
     def rounds(self) -> Iterator[Sequence[Task]]:
-        """The rounds in order, each made when the one before is complete; by default what was put into ``_next`` meanwhile."""
-        while self._next:
-            work, self._next = self._next, []
-            yield work
+        """The rounds in order, each made when the one before is complete."""
+        yield from ()
 
     def tasks(self) -> Sequence[Task]:
-        return next((work for work in self._coming if work), [])
+        work, self._next = self._next, []
+        if not work and not self._under_way:
+            work = list(next((coming for coming in self._rounds if coming), ()))
+        self._under_way += len(work)
+        return work
 
     def take(self, outcome: Outcome) -> Iterable[Part]:
+        self._under_way -= 1
         method, *where = outcome.task.key
         return method(outcome, *where) or ()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -48,6 +49,14 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
     return root
 
 
+def given_out(tasks: Iterable[Task], further: Callable[[], Iterable[Task]]) -> Iterator[Task]:
+    """The tasks one by one, and after each those that its outcome made possible."""
+    waiting = deque(tasks)
+    while waiting:
+        yield waiting.popleft()
+        waiting.extend(further())
+
+
 class InThisProcess(Workers):
     """Runs tasks here and now, for engines that do not crash."""
 
@@ -60,8 +69,8 @@ class InThisProcess(Workers):
     def __len__(self) -> int:
         return 1
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        for task in tasks:
+    def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
+        for task in given_out(tasks, further):
             try:
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
             except Exception as error:
@@ -118,10 +127,14 @@ class Stage:
     def tasks(self) -> list[Task]:
         return [task for tasks in self.rounds for task in tasks]
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        self.rounds.append([])
-        for task in tasks:
-            self.rounds[-1].append(task)
+    def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
+        def noted() -> list[Task]:
+            if round_of_tasks := list(further()):
+                self.rounds.append(round_of_tasks)
+            return round_of_tasks
+
+        self.rounds.append(list(tasks))
+        for task in given_out(self.rounds[-1], noted):
             yield self.answers(task)
 
 

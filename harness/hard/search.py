@@ -130,7 +130,6 @@ class Search(Rounds):
             Task((self._replayed, assignments[subject], crash), ask_one_by_one, (assignments[subject], _noted(crash)))
             for subject, crash in self._crashes.items()
         ]
-        yield self._next
         self._conclude()
 
     def result(self) -> SearchResult:

@@ -10,7 +10,7 @@ Start with ``tasks``. ``local`` starts processes on this machine and talks to th
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -69,7 +69,10 @@ class Workers:
         assert self._pool is not None, "enter the context first"
         return len(self._pool)
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
-        """Outcomes in the order in which the tasks end; every task has exactly one."""
+    def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
+        """Outcomes in the order in which the tasks end; every task has exactly one.
+
+        ``further`` is asked after each outcome for the tasks that it made possible.
+        """
         assert self._pool is not None, "enter the context first"
-        return self._pool.run(tasks)
+        return self._pool.run(tasks, further)

@@ -11,7 +11,8 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidRequest
@@ -66,7 +67,7 @@ class Cluster:
         with self._open:
             self._client.run(_end_session, self._session, on_error="ignore")
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+    def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end; tasks that no worker comes for are reported as crashed."""
         from distributed import wait
 
@@ -97,6 +98,7 @@ class Cluster:
                     if future.done() or seat not in seats:
                         del running[seat]
                         yield self._outcome(task, future)
+                        queue.add(further())
         finally:
             for _, future in running.values():
                 future.cancel()
@@ -107,7 +109,8 @@ class Cluster:
     def _submit(self, task: Task, seat: Seat) -> Any:
         if task.affinity is not None:
             self._owners[task.affinity] = seat
-        call = (self._session, seat[1], self._time_limit, task)
+        # The key is the caller's own, and need not be picklable.
+        call = (self._session, seat[1], self._time_limit, replace(task, key=None))
         return self._client.submit(_run_here, *call, workers=[seat[0]], pure=False, retries=0, allow_other_workers=False)
 
     def _outcome(self, task: Task, future: Any) -> Outcome:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
 
 from harness.workers import program
@@ -50,7 +50,7 @@ class LocalPool:
         for process in list(self._processes):
             self._remove(process)
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+    def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end. Several runs may be under way; a run goes on while it is asked for outcomes."""
         run = _Run(tasks)
         try:
@@ -62,6 +62,7 @@ class LocalPool:
                     self._collect()
                 while run.done:
                     yield run.done.popleft()
+                    run.queue.add(further())
         finally:
             for process in [process for process in self._processes if process.run is run]:
                 self._remove(process)

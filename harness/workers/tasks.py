@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
@@ -54,8 +55,13 @@ class TaskQueue:
     def __init__(self, tasks: Iterable[Task]) -> None:
         self._waiting: dict[Hashable | None, deque[tuple[int, Task]]] = {}
         self._begun: set[Hashable] = set()
-        for index, task in enumerate(tasks):
-            self._waiting.setdefault(task.affinity, deque()).append((index, task))
+        self._count = itertools.count()
+        self.add(tasks)
+
+    def add(self, tasks: Iterable[Task]) -> None:
+        """Let more tasks wait, behind those that do."""
+        for task in tasks:
+            self._waiting.setdefault(task.affinity, deque()).append((next(self._count), task))
 
     def __bool__(self) -> bool:
         return bool(self._waiting)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from support import Stage
 
 from harness.cli import main
 from harness.errors import InvalidRequest
@@ -23,7 +24,7 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundState, keep, path_of
 from harness.results.history import History
 from harness.results.search import Case, SearchResult
-from harness.workers import Task
+from harness.workers import Outcome, Task
 
 FOUND = FoundState(
     state={"q": [1.0], "v": [0.0], "tau": [0.0]}, subject="mujoco/mjcf", backward_error=1e4, digits_lost=4.0, verdict="unstable",
@@ -51,8 +52,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
             yield from ()
 
     monkeypatch.setattr(search, "Search", Answered)
-    monkeypatch.setattr("harness.workers.Workers.__enter__", lambda self: self)
-    monkeypatch.setattr("harness.workers.Workers.__exit__", lambda self, *exception: None)
+    monkeypatch.setattr("harness.workers.Workers", Stage(Outcome))
     return asked
 
 

@@ -175,7 +175,7 @@ def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
-    assert re.search(r"^bar_pendulum +mujoco/mjcf +0 +unsupported *$", done.stdout, re.MULTILINE)
+    assert re.search(r"^bar_pendulum +mujoco/mjcf +0 +unsupported \(as expected\) ", done.stdout, re.MULTILINE)
     assert "10 of 10 as expected" in done.stdout
     records = {(record["system"], record["subject"]): record for record in json.loads((root / "out.json").read_text())["records"]}
     assert records["bar_pendulum", "mujoco/mjcf"]["message"] == "no such joint"
