@@ -1,0 +1,227 @@
+"""The cross-check as a study: one certified batch for all subjects, and what a death costs."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support import BUILT_IN, InThisProcess, completed, cross_checked, make_library
+
+from harness.certify.reference import ReferenceKernel
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
+from harness.crosscheck.stages import compare_all
+from harness.library import Library
+from harness.results.records import Record
+from harness.study import Part, Rounds, run_study
+from harness.workers import Crash, Outcome, Task, Workers
+
+ENGINE = """
+import os, time
+import numpy as np
+from harness.engines.mujoco import MujocoEngine
+
+
+class Model:
+    def __init__(self, model):
+        self._model = model
+
+    def loaded(self):
+        return self._model.loaded()
+
+    def forward_dynamics(self, q, v, tau):
+        {body}
+        return self._model.forward_dynamics(q, v, tau)
+
+
+class Engine(MujocoEngine):
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        return Model(super().load(source, joints, gravity))
+
+
+ENGINE = Engine()
+"""
+SOUND = {"lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"}
+
+
+def library(tmp_path: Path, names: tuple[str, ...] = ("bar_pendulum",), **bodies: str) -> Library:
+    return Library.at(make_library(tmp_path / "library", names, {name: ENGINE.format(body=body) for name, body in bodies.items()}))
+
+
+def by_subject(records: list[Record]) -> dict[str, Record]:
+    return {record.subject: record for record in records}
+
+
+def test_the_truth_of_a_batch_is_certified_once_for_all_subjects(monkeypatch: pytest.MonkeyPatch) -> None:
+    certified: list[int] = []
+    evaluate = ReferenceKernel.evaluate
+
+    def counted(self: ReferenceKernel, states: Any, *parameters: Any) -> Any:
+        certified.append(len(states))
+        return evaluate(self, states, *parameters)
+
+    monkeypatch.setattr(ReferenceKernel, "evaluate", counted)
+    settings = Settings(library=BUILT_IN, names=["bar_pendulum"], states=300, examples=None)
+    records, _ = cross_checked(settings)
+    assert len(records) == 5 and {record.states for record in records} == {300}
+    # Beside the states themselves: one state to compile with, and the few of each examination for superfluous parts.
+    assert 300 <= sum(certified) <= 300 + 1 + 2 * 9
+
+
+def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: Path) -> None:
+    """The engine dies far from the sampled middle, so that the state must be looked for."""
+    planted = library(tmp_path, dying="os.abort() if (q > 2.5).any() else None")
+    with Workers(1, time_limit=60) as workers:
+        records, study = cross_checked(Settings(library=planted, states=80, examples=None), workers)
+    found = by_subject(records)
+    assert {found[subject].verdict for subject in SOUND} == {"agrees"}
+    assert {found[subject].states for subject in SOUND} == {80}
+    dying = found["dying/mjcf"]
+    assert dying.verdict == "error" and "SIGABRT" in dying.message
+    assert dying.worst_state is not None and dying.worst_state["q"][0] > 2.5
+    assert study.crashes == {("bar_pendulum", "dying/mjcf")} and study.crashed
+
+
+def test_two_subjects_that_die_are_both_set_aside(tmp_path: Path) -> None:
+    planted = library(tmp_path, first="os.abort()", second="os._exit(5)")
+    with Workers(1, time_limit=60) as workers:
+        records, study = cross_checked(Settings(library=planted, states=40, examples=None), workers)
+    found = by_subject(records)
+    assert "SIGABRT" in found["first/mjcf"].message and "status 5" in found["second/mjcf"].message
+    assert {found[subject].states for subject in SOUND} == {40}
+    assert {what for _, what in study.crashes} == {"first/mjcf", "second/mjcf"}
+
+
+def test_an_exception_costs_the_subject_that_raised_it(tmp_path: Path) -> None:
+    planted = library(tmp_path, raising="raise RuntimeError('no can do')")
+    records, study = cross_checked(Settings(library=planted, states=40, examples=None))
+    found = by_subject(records)
+    assert (found["raising/mjcf"].verdict, found["raising/mjcf"].message) == ("error", "RuntimeError: no can do")
+    assert {found[subject].verdict for subject in SOUND} == {"agrees"}
+    assert not study.crashed and study.problems == []
+
+
+def test_a_death_while_certifying_is_nobodys_engine(tmp_path: Path) -> None:
+    class Dying(InThisProcess):
+        def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
+            for outcome in super().run(tasks, further):
+                died = outcome.task.function is compare_all
+                yield Outcome(outcome.task, crash=Crash("crashed by signal 9 (SIGKILL)", "", "")) if died else outcome
+
+    records, study = cross_checked(Settings(library=BUILT_IN, names=["bar_pendulum"], states=40, examples=None), Dying())
+    assert {record.message for record in records} == {"the reference failed: crashed by signal 9 (SIGKILL)"}
+    assert study.crashes == {("bar_pendulum", None)}
+
+
+def test_a_system_that_hangs_delays_no_other(tmp_path: Path) -> None:
+    """Every record of the other system is there before the time limit of the hanging one has passed."""
+    planted = library(
+        tmp_path, ("bar_pendulum", "spring_damper"), hanging="time.sleep(1000) if len(q) and self._model.loaded().gravity[2] else None"
+    )
+    study, limit = CrossCheck(Settings(library=planted, states=40, examples=None)), 25.0
+    complete: dict[str, float] = {}
+    with Workers(2, time_limit=limit) as workers:
+        started = time.monotonic()
+        for part in run_study(study, workers):
+            [record] = part.value.records
+            complete[record.system] = time.monotonic() - started
+            if list(complete) == ["spring_damper"] and sum(r.system == "spring_damper" for r in study.result().records) == 6:
+                break
+    assert list(complete) == ["spring_damper"] and complete["spring_damper"] < limit
+
+
+def test_tasks_of_a_system_share_a_worker() -> None:
+    study = CrossCheck(Settings(library=BUILT_IN, names=["collar", "bar_pendulum"], states=40, examples=None))
+    given: list[Task] = []
+
+    class Watching(InThisProcess):
+        def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
+            for outcome in super().run(tasks, further):
+                given.append(outcome.task)
+                yield outcome
+
+    completed(study, Watching())
+    assert {task.affinity for task in given} == {"collar", "bar_pendulum"}
+    assert all(task.affinity == task.key[1] for task in given)
+
+
+@dataclass
+class Counting(Rounds):
+    """Three rounds, of which the second grows while it runs."""
+
+    title: str = "counting"
+    steps: int = 6
+    taken: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__()
+
+    def rounds(self) -> Iterator[list[Task]]:
+        for numbers, before in (([], []), ([0, 1], []), ([2], [0, 1, 1.5]), ([], [0, 1, 1.5, 2])):
+            assert sorted(self.taken) == before
+            yield [Task((self._counted, number), int, ()) for number in numbers]
+        self.taken.append(-1)
+
+    def _counted(self, outcome: Outcome, number: float) -> Iterator[Part]:
+        self.taken.append(number)
+        if number == 1:
+            self._next.append(Task((self._counted, 1.5), int, ()))
+        yield Part(str(number), number)
+
+    def result(self) -> list[float]:
+        return self.taken
+
+
+def test_rounds_wait_for_each_other_and_what_an_outcome_makes_possible_does_not() -> None:
+    class Answering:
+        def run(self, tasks: Any, further: Callable[[], Any]) -> Iterator[Outcome]:
+            waiting = list(tasks)
+            while waiting:
+                # The last that came is answered first.
+                yield Outcome(waiting.pop(), value=0)
+                waiting += further()
+
+    study = Counting()
+    assert [part.value for part in run_study(study, Answering())] == [1, 1.5, 0, 2]  # type: ignore[arg-type]
+    assert study.result() == [1, 1.5, 0, 2, -1]
+
+
+def cpu_seconds(*command: str, cwd: Path) -> float:
+    """User and system time of a command with its children [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *command], check=True, stdout=subprocess.DEVNULL, cwd=cwd)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def test_a_warm_check_of_one_mechanism_costs_three_times_the_imports_at_most(tmp_path: Path) -> None:
+    """4 CPU seconds where the imports cost 1.3; the ratio holds on slower machines too."""
+    check = ("-m", "harness", "check", "double_pendulum")
+    cpu_seconds(*check, cwd=tmp_path)
+    imports = min(
+        cpu_seconds("-c", "import sympy, heyoka, mujoco, pinocchio, hypothesis, flint, lxml.etree", cwd=tmp_path) for _ in range(2)
+    )
+    assert min(cpu_seconds(*check, cwd=tmp_path) for _ in range(2)) <= 3.1 * imports
+
+
+def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:
+    settings = Settings(library=BUILT_IN, names=["collar", "chain_3"], states=120, examples=None)
+    here, _ = cross_checked(settings)
+    with Workers(2, time_limit=60) as workers:
+        there, _ = cross_checked(settings, workers)
+    for one, other in zip(*(sorted(records, key=lambda record: (record.system, record.subject)) for records in (here, there)), strict=True):
+        assert (one.system, one.subject, one.backward_error, json.dumps(one.worst_state)) == (
+            other.system, other.subject, other.backward_error, json.dumps(other.worst_state)
+        )  # fmt: skip
+        assert np.isfinite(one.backward_error or 0)
