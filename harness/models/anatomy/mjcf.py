@@ -44,7 +44,7 @@ def anatomy(parts: Parts) -> Anatomy:
             for tendon in tendons
         ),
         gravity=gravity,
-        stages=tuple(stages.items()),
+        stages=stages,
         angle=angle,
         euler_sequence=(compiler and compiler.get("eulerseq")) or "xyz",
     )
@@ -78,7 +78,7 @@ def _body(parts: Parts, element: Element, bodies: list[Element], stages: dict[st
         parent=around[-1].get("name") if around else None,
         offset=parts.slot(element, "pos"),
         rotation=_orientation(parts, element),
-        inertial=None if inertial is None else _inertial(parts, inertial),
+        inertial=None if inertial is None else _inertial(parts, element, inertial),
         joints=tuple(_joint(parts, joint, stages) for joint in own),
     )
 
@@ -92,9 +92,10 @@ def _orientation(parts: Parts, element: Element) -> Slot:
     return parts.slot(element, next((name for name in ORIENTATIONS if element.get(name) is not None), "quat"), "1 0 0 0")
 
 
-def _inertial(parts: Parts, element: Element) -> Inertial:
-    name = "fullinertia" if element.get("fullinertia") is not None else "diaginertia"
-    return Inertial(parts.slot(element, "mass"), parts.slot(element, "pos"), (parts.slot(element, name),), _orientation(parts, element))
+def _inertial(parts: Parts, body: Element, element: Element) -> Inertial:
+    entries = parts.slot(element, "fullinertia" if element.get("fullinertia") is not None else "diaginertia")
+    mass, centre = parts.slot(element, "mass"), parts.slot(element, "pos")
+    return Inertial(body.get("name") or "", mass, centre, (entries,), _orientation(parts, element))
 
 
 def _joint(parts: Parts, element: Element, stages: dict[str, Slot]) -> Joint:

@@ -8,8 +8,8 @@ Sources: MuJoCo 4 XML reference; http://wiki.ros.org/urdf/XML; ``harness.models.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -103,8 +103,9 @@ class Joint:
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass, centre of mass, inertia by its entries, and orientation of the frame that both are given in."""
+    """Name of the body, its mass, centre of mass, inertia by its entries, and orientation of the frame that both are given in."""
 
+    body: str
     mass: Slot
     centre: Slot
     entries: tuple[Slot, ...]
@@ -162,7 +163,7 @@ class Anatomy:
     positions: tuple[Slot, ...]
     others: tuple[tuple[Slot, Slot, Slot], ...]
     gravity: Slot | None = None
-    stages: tuple[tuple[str, Slot], ...] = ()
+    stages: Mapping[str, Slot] = field(default_factory=dict)
     angle: Slot | None = None
     euler_sequence: str = "xyz"
 

@@ -51,7 +51,7 @@ def _body(parts: Parts, link: Element, joint: Element | None) -> Body:
         parent=None if joint is None else _parent(parts, joint),
         offset=None if joint is None else parts.slot_inside(joint, "origin", "xyz"),
         rotation=None if joint is None else parts.slot_inside(joint, "origin", "rpy"),
-        inertial=None if inertial is None else _inertial(parts, inertial),
+        inertial=None if inertial is None else _inertial(parts, link, inertial),
         joints=_joints(parts, link, joint),
     )
 
@@ -61,8 +61,9 @@ def _parent(parts: Parts, joint: Element) -> str | None:
     return None if parent is None else parent.get("link")
 
 
-def _inertial(parts: Parts, inertial: Element) -> Inertial:
+def _inertial(parts: Parts, link: Element, inertial: Element) -> Inertial:
     return Inertial(
+        body=link.get("name") or "",
         mass=parts.slot_inside(inertial, "mass", "value", "0", alone=False),
         centre=parts.slot_inside(inertial, "origin", "xyz"),
         entries=tuple(parts.slot_inside(inertial, "inertia", f"i{name}", "0", alone=False) for name in ENTRIES),
