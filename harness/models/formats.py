@@ -1,4 +1,4 @@
-"""What a model file may hold, as data: every element and attribute of MJCF and URDF that is understood.
+"""Every element and attribute of MJCF and URDF that is understood, as data.
 
 Whatever is not in these tables is refused by name, because engines ignore much of it in silence or read
 it differently. Decoration is accepted where the file declares it.

@@ -31,42 +31,27 @@ class Unexpressed:
     what: str
 
 
-@dataclass(frozen=True)
-class MjcfForces:
-    """What an MJCF states.
-
-    Attributes:
-        gravity: [m/s^2], (x, y, z); zero where it is switched off.
-        elements: springs and dampers that are not switched off, joints' before tendons', in document order.
-        unexpressed: what is missing among them.
-    """
-
-    gravity: tuple[float, float, float]
-    elements: tuple[ForceElement, ...]
-    unexpressed: tuple[Unexpressed, ...]
-
-
-def read_forces(document: Document) -> MjcfForces:
-    """What the valid MJCF ``document`` states."""
+def read_forces(document: Document) -> tuple[tuple[ForceElement, ...], tuple[Unexpressed, ...]]:
+    """The springs and dampers of a valid MJCF that are switched on, joints' before tendons', and what is missing among them."""
     found = [*_of_joints(document), *_of_tendons(document)]
-    return MjcfForces(
-        gravity=_gravity(document.root),
-        elements=tuple(item for item in found if not isinstance(item, Unexpressed)),
-        unexpressed=tuple(item for item in found if isinstance(item, Unexpressed)),
+    return (
+        tuple(item for item in found if not isinstance(item, Unexpressed)),
+        tuple(item for item in found if isinstance(item, Unexpressed)),
     )
 
 
-def in_degrees(root: etree._Element) -> bool:
-    """Whether the file's angles are in degrees, as they are where it does not say."""
+def _in_degrees(root: etree._Element) -> bool:
+    """True where the file's angles are in degrees, as they are where it does not say."""
     return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
 
 
 def is_on(root: etree._Element, stage: str) -> bool:
-    """Whether a stage of MuJoCo's pipeline, like "spring", is not switched off."""
+    """False where a stage of MuJoCo's pipeline, like "spring", is switched off."""
     return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
 
 
-def _gravity(root: etree._Element) -> tuple[float, float, float]:
+def gravity(root: etree._Element) -> tuple[float, float, float]:
+    """The gravity that an MJCF states, (x, y, z) [m/s^2]; zero where it is switched off."""
     if not is_on(root, "gravity"):
         return 0.0, 0.0, 0.0
     written = [option.get("gravity") for option in root.iterfind("option[@gravity]")]
@@ -107,7 +92,7 @@ def _of_joints(document: Document) -> Iterator[ForceElement | Unexpressed]:
             yield _unexpressed(document, joint, "stiffness", resolved(joint, "stiffness"), f"is a spring in a {kind_name} joint")
         elif stiffness:
             (reference,) = _numbers(resolved(joint, "springref")) or (0.0,)
-            if kind_name == "hinge" and in_degrees(document.root):
+            if kind_name == "hinge" and _in_degrees(document.root):
                 reference = math.radians(reference)
             yield JointSpring(name, stiffness, reference, _line(document, joint, "stiffness"))
         if isinstance(damping, Unexpressed):

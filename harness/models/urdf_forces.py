@@ -1,4 +1,4 @@
-"""What a URDF declares beside links and joints: springs, dampers and reflected inertias, in existing conventions.
+"""The springs, dampers and reflected inertias that a URDF declares beside links and joints, in existing conventions.
 
 ``harness.models.model_file`` says which conventions are read.
 """
@@ -77,7 +77,7 @@ class Armature:
 
     @property
     def reflected_inertia(self) -> float:
-        """What the joint feels [kg m^2, or kg]: gear_ratio^2 rotor_inertia."""
+        """The inertia added to the joint [kg m^2, or kg]: gear_ratio^2 rotor_inertia."""
         return self.gear_ratio**2 * self.rotor_inertia
 
 

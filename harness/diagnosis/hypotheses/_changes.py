@@ -13,9 +13,9 @@ from decimal import Context, Decimal
 
 from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted
 from harness.models.anatomy import anatomy
-from harness.models.anatomy.parts import Anatomy, Slot, Words, edited
+from harness.models.anatomy.parts import Anatomy, Slot, Words
 from harness.models.model_file import ModelFile
-from harness.models.text import Place
+from harness.models.text import Place, edited
 
 # A slot with its new words, None where it goes.
 Write = tuple[Slot, Words | None]
