@@ -107,12 +107,6 @@ class Whitening:
         return whitened
 
 
-def backward_errors(residual: Array) -> Array:
-    """Backward error of each state, (n,), of whitened residuals (n, nv)."""
-    with np.errstate(all="ignore"):
-        return np.asarray(np.linalg.norm(residual, axis=1))
-
-
 def derivative(answer: Callable[[str], Array | None], text: Callable[[float], str], at: float, step: float) -> Array | None:
     """Derivative (n, nv) by the value of ``text`` of the accelerations that ``answer`` gives for a text, None where it is refused.
 
@@ -191,7 +185,7 @@ def find_column(answer: Callable[[str], Array | None], whitening: Whitening, can
     values = whitening.change(slope)
     values[~np.isfinite(values).all(axis=1)] = 0.0
     norm = float(np.linalg.norm(values))
-    if float(backward_errors(values).max()) * step <= AGREEMENT:
+    if float(np.linalg.norm(values, axis=1).max()) * step <= AGREEMENT:
         return Column(candidate, np.zeros_like(values), 0.0)
     return Column(candidate, values, ROUNDOFFS * math.sqrt(values.shape[0]) / (step * norm) + SECOND_ORDER)
 

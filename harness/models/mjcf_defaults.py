@@ -31,6 +31,12 @@ def resolved(element: etree._Element, name: str) -> Written | None:
     return next(writings(element, name), None)
 
 
+def resolved_text(element: etree._Element, name: str, default: str = "") -> str:
+    """The text of ``resolved``; ``default`` where nobody gives the attribute."""
+    written = resolved(element, name)
+    return default if written is None else written.text
+
+
 def writings(element: etree._Element, name: str) -> Iterator[Written]:
     """Wherever an attribute of ``element`` is written: in itself, in its class, in the classes around that.
 

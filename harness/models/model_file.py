@@ -37,16 +37,7 @@ from lxml import etree
 
 from harness.models.checks import check_elements, check_inertia, numbers
 from harness.models.mjcf_forces import Unexpressed, gravity, read_forces
-from harness.models.urdf_forces import (
-    Armature,
-    Elements,
-    ForceElement,
-    JointDamper,
-    JointSpring,
-    PointSpring,
-    armatures,
-    force_elements,
-)
+from harness.models.urdf_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
 from harness.models.values import Numbers, positive
 from harness.models.xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, parse_document, read_document, resolve
 
