@@ -26,13 +26,7 @@ from harness.equations.states import States
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"
-TITLES = {
-    MASS: "mass matrix",
-    VELOCITY: "velocity terms",
-    GRAVITY: "gravity",
-    PASSIVE: "springs and dampers",
-    APPLIED: "applied forces",
-}
+TITLES = {MASS: "mass matrix", VELOCITY: "velocity terms", GRAVITY: "gravity", PASSIVE: "springs and dampers", APPLIED: "applied forces"}
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
@@ -147,11 +141,7 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
     ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``.
     """
     still = np.zeros_like(states.v)
-    batches = {
-        AT_REST: States(states.q, still, still, states.time),
-        MOVING: States(states.q, states.v, still, states.time),
-        LOADED: states,
-    }
+    batches = {AT_REST: States(states.q, still, still, states.time), MOVING: States(states.q, states.v, still, states.time), LOADED: states}
     verdicts = {
         name: gravest(compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts.tolist())
         for name, batch in batches.items()

@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields
 
 from lxml import etree
 
+from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.models.xml import Document, literal_tag, parse_document
-
-_MJCF_POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,8 @@ def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name:
 
 
 def _pose(element: etree._Element) -> str:
-    written = [element.get(name) if name == "pos" else f"{name} {element.get(name)}" for name in _MJCF_POSE if name in element.attrib]
-    return ", ".join(written) or "(0 0 0)"
+    turns = [f"{name} {element.get(name)}" for name in ORIENTATIONS if name in element.attrib]
+    return ", ".join([*filter(None, [element.get("pos")]), *turns]) or "(0 0 0)"
 
 
 def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:

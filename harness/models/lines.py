@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from harness.models.formats import rules_at
+from harness.models.formats import ORIENTATIONS, POINT_SPRING, rules_at
 from harness.models.mjcf_defaults import resolved
 from harness.models.mjcf_forces import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
@@ -26,7 +26,6 @@ MASS, CENTRE, INERTIA = "mass", "centre", "inertia"
 SPRING_ENDS, SPRING_STIFFNESS = "point spring ends", "point spring stiffness"
 SPRING_DAMPING, SPRING_LENGTH = "point spring damping", "point spring length"
 
-_POINT_SPRING = "drake:linear_spring_damper"
 # format -> quantity of a spring between points -> attributes of the tendon, or ends of the tags in Drake's element
 _COEFFICIENTS = {SPRING_STIFFNESS: ("stiffness",), SPRING_DAMPING: ("damping",)}
 _SPRING_PARTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
@@ -35,22 +34,21 @@ _SPRING_PARTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
 }
 # Quantity to the stage of MuJoCo's pipeline that applies it.
 _STAGES = {DAMPING: "damper", STIFFNESS: "spring", SPRING_DAMPING: "damper", SPRING_STIFFNESS: "spring"}
-_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 # format -> quantity -> (part of the model that belongs to the joint, attributes of it that decide the quantity), the likeliest
 # first; of the first part the element itself is reported where it has none of them
 _PLACES: Mapping[str, Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]]] = {
     "mjcf": {
         JOINT: (("joint", ()),),
         ANCHOR: (("body", ("pos",)), ("joint", ("pos",))),
-        AXIS: (("joint", ("axis",)), ("body", _TURNS)),
-        FRAME: (("body", _TURNS),),
+        AXIS: (("joint", ("axis",)), ("body", ORIENTATIONS)),
+        FRAME: (("body", ORIENTATIONS),),
         ARMATURE: (("joint", ("armature",)),),
         DAMPING: (("joint", ("damping",)),),
         STIFFNESS: (("joint", ("stiffness",)),),
         SPRING_REFERENCE: (("joint", ("springref",)),),
         MASS: (("inertial", ("mass",)),),
-        CENTRE: (("inertial", ("pos",)), ("body", ("pos", *_TURNS))),
-        INERTIA: (("inertial", ("diaginertia", "fullinertia", *_TURNS)), ("body", _TURNS)),
+        CENTRE: (("inertial", ("pos",)), ("body", ("pos", *ORIENTATIONS))),
+        INERTIA: (("inertial", ("diaginertia", "fullinertia", *ORIENTATIONS)), ("body", ORIENTATIONS)),
     },
     "urdf": {
         JOINT: (("joint", ()),),
@@ -124,7 +122,7 @@ class _Text:
 
     def is_spring(self, element: Element) -> bool:
         """True for a spring or damper between points that is switched on."""
-        if element.tag == _POINT_SPRING:
+        if element.tag == POINT_SPRING:
             parts = filter(element.holds, self.elements)
             return any(self.number(part, "value") for part in parts if part.tag.endswith(("_stiffness", "_damping")))
         if element.path[-2:] != ("tendon", "spatial"):
@@ -160,7 +158,7 @@ def _spring_lines(text: _Text, spring: Element, names: Sequence[str], quantity: 
     for name in names:
         yield from text.lines(spring, name)
     inside = list(filter(spring.holds, text.elements))
-    yield from (element.line for element in inside if element.tag.removeprefix(f"{_POINT_SPRING}_") in names)
+    yield from (element.line for element in inside if element.tag.removeprefix(f"{POINT_SPRING}_") in names)
     ends = {element.get("site") for element in inside if quantity == SPRING_ENDS and element.tag == "site"}
     for site in text.elements:
         if site.tag == "site" and site.get("name") in ends - {None}:

@@ -129,7 +129,7 @@ class FaultBench:
         expected = self._expected.get((self._name, str(subject)), Expectation())
         require_sound(path, self._name, subject, reference, answers, expected)
         if watched:
-            self.readers.append(Reader(subject, engine, Baseline.of(reference, watched)))
+            self.readers.append(Reader(subject, engine, Baseline(reference, watched)))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
@@ -145,7 +145,7 @@ class FaultBench:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
             reference = self._reference(reader.engine, diagnostic=True)
-            sound = Baseline.of(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
+            sound = Baseline(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
 

@@ -65,23 +65,16 @@ def number_faults(model: ModelFile) -> Iterator[Planted]:
     """
     alone: dict[Place, Planted] = {}
     for candidate in numeric_candidates(model):
-        planted = _of_number(candidate)
+
+        def at(size: float, candidate: Candidate = candidate, start: float = candidate.start or 0.0) -> str:
+            return candidate.text(start + size * (start or candidate.scale))
+
+        planted = Planted(NUMBER, candidate.statement, (candidate.place,), at, sized=True)
         if candidate.place not in alone:
             alone[candidate.place] = planted
             yield planted
         elif not any(_is_valid(model, alone[candidate.place].text(size)) for size in (CHANGE, -CHANGE)):
             yield planted
-
-
-def _of_number(candidate: Candidate) -> Planted:
-    start = candidate.start or 0.0
-    return Planted(
-        NUMBER,
-        candidate.statement,
-        (candidate.place,),
-        lambda size: candidate.text(start + size * (start or candidate.scale)),
-        sized=True,
-    )
 
 
 class Campaign:

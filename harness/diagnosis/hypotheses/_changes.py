@@ -6,7 +6,6 @@ Then one list of changes serves both to mend and to plant.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Context, Decimal
@@ -92,19 +91,15 @@ def _effective(text: str, changes: Iterable[FixedChange]) -> Iterator[tuple[Fixe
 def _same(slot: Slot, words: Words | None) -> bool:
     if words is None:
         return slot.absent
-    return not slot.renamed and _values(slot.words) == _values(words)
+    return not slot.renamed and list(map(_value, slot.words)) == list(map(_value, words))
 
 
-def _values(words: Words) -> list[float | str]:
-    return [float(word) if _is_number(word) else word for word in words]
-
-
-def _is_number(word: str) -> bool:
+def _value(word: str) -> float | str:
+    """A number, or the word itself."""
     try:
-        float(word)
+        return float(word)
     except ValueError:
-        return False
-    return True
+        return word
 
 
 def _with_value(name: str, text: str, change: FreeChange) -> Candidate:
@@ -132,14 +127,9 @@ def _made(slot: Slot, words: Words | None) -> Place:
     return Place(slot.inserted_line, place.element, slot.renamed or place.attribute, None, " ".join(words))
 
 
-def times(words: Words, factor: str | Decimal) -> list[str]:
+def times(words: Words, factor: str) -> list[str]:
     """Numbers times a factor, exactly as decimals."""
     return [str(_EXACT.multiply(Decimal(word), Decimal(factor))) for word in words]
-
-
-def divided(words: Words, divisor: str | Decimal) -> list[str]:
-    """Numbers divided, exactly where the quotient has an end."""
-    return [str(_EXACT.divide(Decimal(word), Decimal(divisor))) for word in words]
 
 
 def plus(words: Words, others: Words, sign: int = 1) -> list[str]:
@@ -160,8 +150,3 @@ def exchanged(words: Words, first: int, second: int) -> list[str]:
 
 def is_zero(words: Words) -> bool:
     return not any(float(word) for word in words)
-
-
-def rounded(value: float) -> str:
-    """A value to one digit, for what a mistake may leave in a file."""
-    return repr(float(f"{value:.1g}")) if value and math.isfinite(value) else "0"

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from harness.diagnosis.hypotheses import Hypothesis
-from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, divided, hypothesis, is_zero, rounded, times
+from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, hypothesis, is_zero, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
-# What a mistake leaves in, of the natural size.
+# What a mistake leaves in, of the natural size, to one digit.
 _LEFT_IN = 0.1
 
 
@@ -35,7 +35,7 @@ def _coefficient_hypothesis(
             yield FixedChange(f"{stage} stage switched off", [(slot, ["enable"])])
         for one in coefficients(parts):
             if not is_zero(one.slot.words):
-                yield FixedChange("counted twice", [(one.slot, divided(one.slot.words, "2"))])
+                yield FixedChange("counted twice", [(one.slot, times(one.slot.words, "0.5"))])
                 yield FixedChange("left in", [(one.slot, None if one.removable else ["0"])])
 
     def free(parts: Anatomy) -> Iterator[FreeChange]:
@@ -52,7 +52,7 @@ def _coefficient_hypothesis(
                 yield FixedChange("doubled", [(one.slot, times(one.slot.words, "2"))])
                 yield FixedChange("left out", [(one.slot, None if one.removable else ["0"])])
             elif one.slot.absent:
-                yield FixedChange("left in", [(one.slot, [rounded(_LEFT_IN * one.size)])])
+                yield FixedChange("left in", [(one.slot, [repr(float(f"{_LEFT_IN * one.size:.1g}"))])])
 
     return hypothesis(name, title, source, changes, free, plants)
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from harness.models.anatomy.parts import Anatomy, Body, Inertial, Joint, Parts, Slot
+from harness.models.formats import ORIENTATIONS
 from harness.models.text import Edit, Element, innermost
 
 STAGES = ("gravity", "spring", "damper")
-ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _GRAVITY = "0 0 -9.81"
 
 

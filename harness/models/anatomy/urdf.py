@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial, Joint, Parts, Slot
+from harness.models.formats import POINT_SPRING
 from harness.models.text import Edit, Element
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
-_POINT_SPRING = "drake:linear_spring_damper"
 _NAMESPACE = ' xmlns:drake="http://drake.mit.edu"'
 _ROTOR = (
     '<transmission name="{name}_transmission"><type>transmission_interface/SimpleTransmission</type>'
@@ -26,8 +26,8 @@ _SPRING = ('<gazebo reference="{name}"><springStiffness>', "</springStiffness><s
 def anatomy(parts: Parts) -> Anatomy:
     """Take the model apart."""
     carried = {_link(parts, joint, "child"): joint for joint in parts.all("robot", "joint")}
-    springs = parts.all("robot", _POINT_SPRING)
-    points = [parts.inside(spring, f"{_POINT_SPRING}_{end}") for spring in springs for end in ("p_AP", "p_BQ")]
+    springs = parts.all("robot", POINT_SPRING)
+    points = [parts.inside(spring, f"{POINT_SPRING}_{end}") for spring in springs for end in ("p_AP", "p_BQ")]
     return Anatomy(
         model=parts.model,
         bodies=tuple(_body(parts, link, carried.get(link.get("name"))) for link in parts.all("robot", "link")),
@@ -38,7 +38,7 @@ def anatomy(parts: Parts) -> Anatomy:
 
 def _point_spring(parts: Parts, spring: Element) -> tuple[Slot, Slot, Slot]:
     stiffness, damping, length = (
-        parts.slot_inside(spring, f"{_POINT_SPRING}_{name}", "value", "0", alone=False) for name in ("stiffness", "damping", "free_length")
+        parts.slot_inside(spring, f"{POINT_SPRING}_{name}", "value", "0", alone=False) for name in ("stiffness", "damping", "free_length")
     )
     return stiffness, damping, length
 
