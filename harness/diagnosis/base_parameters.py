@@ -35,13 +35,11 @@ class BaseParameters:
 
     Attributes:
         rank: number of combinations of the k values that accelerations feel.
-        base: places of ``rank`` columns that span all others.
-        combinations: place of each other column to the places of base columns that it is a combination of, with factors:
+        combinations: place of each column that others span to the places of those that it is a combination of, with factors:
             a change of 1 of its value does what these changes of theirs do.
     """
 
     rank: int
-    base: tuple[int, ...]
     combinations: Mapping[int, Mapping[int, float]]
 
     def together_with(self, place: int) -> set[int]:
@@ -58,7 +56,7 @@ def base_parameters(columns: Sequence[Column]) -> BaseParameters:
     Source: Gautier (1991), section 3; Golub, Van Loan, Matrix Computations, 4th ed., sections 5.2.8 and 5.4.2.
     """
     if not columns:
-        return BaseParameters(0, (), {})
+        return BaseParameters(0, {})
     # By the modified process of Gram and Schmidt: libraries start threads for it that busy processors keep waiting.
     rest = np.stack([column.direction for column in columns], axis=1)
     # What rounding leaves of a column that is a combination of others.
@@ -83,4 +81,4 @@ def base_parameters(columns: Sequence[Column]) -> BaseParameters:
         combinations[place] = {
             row: factor * columns[place].norm / columns[row].norm for row, factor in parts if abs(factor) > math.sqrt(left)
         }
-    return BaseParameters(len(base), tuple(base), combinations)
+    return BaseParameters(len(base), combinations)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from harness.crosscheck.settings import Settings
 from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.held import Difference, differences, held_by
 from harness.diagnosis.model_side import EVALUATIONS
-from harness.diagnosis.pattern import infer_from_records
+from harness.diagnosis.pattern import infer_from_records, subject_named
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, diagnose_subject
 from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_model, subjects
 from harness.equations.derivation import load_mechanism
@@ -27,11 +27,6 @@ from harness.workers import Outcome, Task, Workers
 # Evaluations of all diagnoses of one call together, when very much is wrong, and the least of any.
 EVALUATIONS_IN_ALL, LEAST_EVALUATIONS = 30_000, 300
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
-
-
-def wrong_records(records: Iterable[Record]) -> list[Record]:
-    """Those that have a cause: wrong, and not for a reason that is known."""
-    return [record for record in records if record.verdict in _WRONG and not record.as_expected]
 
 
 class Diagnoses(Rounds):
@@ -58,20 +53,20 @@ class Diagnoses(Rounds):
         inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
         chosen: dict[tuple[str, str], Record] = {}
         alike: dict[tuple[str, str], list[Cause]] = {}
-        for record in sorted(wrong_records(records), key=lambda record: not _is_native(settings, record)):
+        wrong = [(record, subject_named(record.subject)) for record in records if record.verdict in _WRONG and not record.as_expected]
+        for record, subject in sorted(wrong, key=lambda pair: not is_native(settings.library, pair[1])):
             inference = inferences[record.system]
             cause = Cause(system=record.system, subject=record.subject, inference=inference.sentence, first_line=inference.sentence)
-            _, _, model_format = record.subject.partition("/")
-            if any((record.system, what) in crashes for what in (record.subject, model_format, None)):
+            if any((record.system, what) in crashes for what in (record.subject, subject.format, None)):
                 self._causes.append(cause)
                 continue
-            is_of_the_model = inference.party == f"model {model_format}"
-            key = record.system, model_format if is_of_the_model else record.subject
+            is_of_the_model = inference.party == f"model {subject.format}"
+            key = record.system, subject.format if is_of_the_model else record.subject
             chosen.setdefault(key, record)
             alike.setdefault(key, []).append(cause)
         share = min(evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
         for key, record in chosen.items():
-            subject = _subject(record)
+            subject = subject_named(record.subject)
             path = None if subject.format == EQUATIONS else _path(settings, record.system, subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
             worst = [] if record.worst_state is None else [record.worst_state]
@@ -85,13 +80,15 @@ class Diagnoses(Rounds):
 
     def _diagnosed(self, outcome: Outcome, diagnosed: str, alike: list[Cause], suspects_textbook: bool) -> Iterator[Part]:
         found: SubjectDiagnosis | None = outcome.value
+        about: dict[str, Any] = {"diagnosed": diagnosed}
+        if found is not None:
+            about |= {"first_line": found.first_line(suspects_textbook), "found": found.as_json()}
+        elif not isinstance(outcome.exception, InvalidInput):
+            # The record's own message has the reason why a model is refused.
+            about |= {"first_line": f"no diagnosis: {outcome.crash or outcome.exception}"}
         for cause in alike:
-            if found is None:
-                cause = _unanswered(cause, diagnosed, outcome.crash or outcome.exception)
-            else:
-                cause = replace(cause, first_line=found.first_line(suspects_textbook), diagnosed=diagnosed, found=found.as_json())
-            self._causes.append(cause)
-            yield Part(f"{cause.system} {cause.subject}", cause)
+            self._causes.append(replace(cause, **about))
+            yield Part(f"{cause.system} {cause.subject}", self._causes[-1])
 
 
 def find_causes(settings: Settings, records: Sequence[Record], workers: Workers, **options: Any) -> list[Cause]:
@@ -133,19 +130,3 @@ def examine(
 
 def _path(settings: Settings, name: str, subject: Subject) -> Path:
     return settings.stand_ins.get(subject.format) or settings.library.model_path(name, subject.format)
-
-
-def _is_native(settings: Settings, record: Record) -> bool:
-    return is_native(settings.library, _subject(record))
-
-
-def _subject(record: Record) -> Subject:
-    engine, _, model_format = record.subject.partition("/")
-    return Subject(engine, model_format or EQUATIONS)
-
-
-def _unanswered(cause: Cause, diagnosed: str, problem: object) -> Cause:
-    """Without a diagnosis; what refuses a model, the record's own message says."""
-    if isinstance(problem, InvalidInput):
-        return replace(cause, diagnosed=diagnosed)
-    return replace(cause, first_line=f"no diagnosis: {problem}", diagnosed=diagnosed)

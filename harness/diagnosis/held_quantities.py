@@ -36,10 +36,6 @@ def _ulps(difference: float, magnitude: float) -> float:
     return difference / unit if unit and math.isfinite(difference) else math.inf
 
 
-def _numbers(one: float, other: float, length: float) -> float:
-    return _ulps(abs(one - other), max(abs(one), abs(other)))
-
-
 def _vectors(one: Array, other: Array, least: float = 0.0) -> float:
     norms = [float(np.linalg.norm(vector)) for vector in (one, other, one - other)]
     return _ulps(norms[2], max(norms[0], norms[1], least))
@@ -56,12 +52,6 @@ def _anchors(one: HeldJoint, other: HeldJoint, length: float) -> float:
     # Zero for joints without an axis.
     apart = apart - (apart @ one.axis) * one.axis
     return _vectors(one.anchor, one.anchor + apart, length)
-
-
-def _references(one: HeldJoint, other: HeldJoint, length: float) -> float:
-    if not (one.stiffness and other.stiffness):
-        return 0.0
-    return _numbers(one.spring_reference, other.spring_reference, length)
 
 
 def _masses(one: HeldBody, other: HeldBody, length: float) -> float:
@@ -96,10 +86,6 @@ def _ends(one: HeldSpring, other: HeldSpring, length: float) -> float:
     return min(max(_vectors(a, b, length) for a, b in zip(one.points, order, strict=True)) for order in orders)
 
 
-def _free_lengths(one: HeldSpring, other: HeldSpring, length: float) -> float:
-    return _numbers(one.free_length, other.free_length, length) if one.stiffness and other.stiffness else 0.0
-
-
 def _inertia_values(body: HeldBody) -> list[float]:
     return [float(body.inertia[place]) for place in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
@@ -112,11 +98,14 @@ class Quantity:
     ulps: Callable[[Any, Any, float], float]
 
 
-def _number(attribute: str) -> Quantity:
-    return Quantity(
-        lambda item: float(getattr(item, attribute)),
-        lambda one, other, length: _numbers(getattr(one, attribute), getattr(other, attribute), length),
-    )
+def _number(attribute: str, of_springs: bool = False) -> Quantity:
+    """A number; ``of_springs``: compared where both items have a stiffness."""
+
+    def ulps(one: Any, other: Any, length: float) -> float:
+        first, second = getattr(one, attribute), getattr(other, attribute)
+        return _ulps(abs(first - second), max(abs(first), abs(second))) if not of_springs or (one.stiffness and other.stiffness) else 0.0
+
+    return Quantity(lambda item: float(getattr(item, attribute)), ulps)
 
 
 def _vector(attribute: str, least: float) -> Quantity:
@@ -134,7 +123,7 @@ OF_JOINTS: Mapping[str, Quantity] = {
     quantities.ARMATURE: _number("armature"),
     quantities.DAMPING: _number("damping"),
     quantities.STIFFNESS: _number("stiffness"),
-    quantities.SPRING_REFERENCE: Quantity(lambda joint: float(joint.spring_reference), _references),
+    quantities.SPRING_REFERENCE: _number("spring_reference", of_springs=True),
 }
 OF_BODIES: Mapping[str, Quantity] = {
     quantities.MASS: Quantity(lambda body: float(body.mass), _masses),
@@ -145,7 +134,7 @@ OF_SPRINGS: Mapping[str, Quantity] = {
     quantities.SPRING_ENDS: Quantity(lambda spring: spring.points.ravel().tolist(), _ends),
     quantities.SPRING_STIFFNESS: _number("stiffness"),
     quantities.SPRING_DAMPING: _number("damping"),
-    quantities.SPRING_LENGTH: Quantity(lambda spring: float(spring.free_length), _free_lengths),
+    quantities.SPRING_LENGTH: _number("free_length", of_springs=True),
 }
 OF_MODELS: Mapping[str, Quantity] = {quantities.GRAVITY: _vector("gravity", 0.0)}
 NOTHING = HeldBody(0.0, np.zeros(3), np.zeros((3, 3)))

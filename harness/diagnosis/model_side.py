@@ -8,11 +8,13 @@ Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.diagnosis.base_parameters import BaseParameters, base_parameters
-from harness.diagnosis.hypotheses import Candidate, Hypothesis, find_hypotheses
+from harness.diagnosis.hypotheses import Candidate, find_hypotheses
 from harness.diagnosis.perturbation import DIFFERENCE, NUMBER, Column, derivative, find_columns, numeric_candidates
 from harness.diagnosis.result import Diagnosis, TriedChange, tag, to_four_digits, written
 from harness.diagnosis.search import Search, Tried
@@ -24,14 +26,7 @@ from harness.verdict import AGREEMENT
 EVALUATIONS = 1500
 
 
-def diagnose(
-    watch: Watch,
-    reference: Reference,
-    *,
-    evaluations: int = EVALUATIONS,
-    tolerance: float = AGREEMENT,
-    hypotheses: Sequence[Hypothesis] | None = None,
-) -> Diagnosis:
+def diagnose(watch: Watch, reference: Reference, *, evaluations: int = EVALUATIONS, tolerance: float = AGREEMENT) -> Diagnosis:
     """Find the one change of a model's text that explains why its accelerations are not the reference's.
 
     Args:
@@ -40,15 +35,13 @@ def diagnose(
         reference: certified accelerations; states that are not certified do not count.
         evaluations: of changed texts, after which the best so far is reported.
         tolerance: the largest backward error that explains [data roundoffs].
-        hypotheses: what may be wrong beside single numbers; all that are declared by default.
     """
     model = watch.model
     search = _ModelSearch(watch, reference, tolerance, evaluations)
-    if search.nothing_to_explain is not None:
-        return Diagnosis(file=model.path, conclusion=search.nothing_to_explain, before=search.before, evaluations=evaluations)
-    hypotheses = find_hypotheses() if hypotheses is None else hypotheses
+    if not search.is_needed:
+        return search.diagnosis(model.path, partial(_tried_change, model))
     numbers = numeric_candidates(model)
-    structural = [candidate for hypothesis in hypotheses for candidate in hypothesis.mend(model)]
+    structural = [candidate for hypothesis in find_hypotheses() for candidate in hypothesis.mend(model)]
     valued = [candidate for candidate in structural if candidate.start is not None]
     # Numbers first: they explain most of what is wrong, should the evaluations run out.
     columns = find_columns(search.evaluated, reference, numbers, lambda: search.is_spent)
@@ -60,19 +53,11 @@ def diagnose(
     search.fit_best(find_columns(search.evaluated, reference, valued, lambda: search.is_spent))
     # What is left out may be felt by its square only, or there may be no answer without it.
     search.fit_from_other_starts([*numbers, *valued])
-    stopped = search.is_spent
-    tried = search.result()
-    return Diagnosis(
-        file=model.path,
-        conclusion=search.conclusion,
-        before=search.before,
-        tried=tuple(_tried_change(model, one) for one in tried),
-        evaluations=evaluations,
-        stopped=stopped,
-        live=0 if base is None else len(columns),
-        rank=0 if base is None else base.rank,
-        together=_together(model, tried[0].candidate, columns, base) if base is not None and search.explaining else (),
-    )
+    diagnosis = search.diagnosis(model.path, partial(_tried_change, model))
+    if base is None:
+        return diagnosis
+    together = _together(model, diagnosis.tried[0], columns, base) if diagnosis.explaining else ()
+    return replace(diagnosis, live=len(columns), rank=base.rank, together=together)
 
 
 class _ModelSearch(Search[Array]):
@@ -113,8 +98,9 @@ def _tried_change(model: ModelFile, tried: Tried) -> TriedChange:
     return TriedChange(candidate.hypothesis, candidate.statement, place, value, tag(place, found), shown, tried.left, tried.explains)
 
 
-def _together(model: ModelFile, candidate: Candidate, columns: Sequence[Column], base: BaseParameters) -> tuple[str, ...]:
+def _together(model: ModelFile, change: TriedChange, columns: Sequence[Column], base: BaseParameters) -> tuple[str, ...]:
     """The other values whose changes together do what a change of this one does, as the file has them."""
-    own = next((number for number, column in enumerate(columns) if column.candidate is candidate), None)
+    of_change = change.place, change.statement
+    own = next((n for n, column in enumerate(columns) if (column.candidate.place, column.candidate.statement) == of_change), None)
     partners = [columns[partner].candidate.place for partner in sorted(base.together_with(own))] if own is not None else []
     return tuple(dict.fromkeys(f"line {place.line} {tag(place, written(model.text, model.format, place))}" for place in partners))

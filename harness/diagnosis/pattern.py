@@ -100,7 +100,7 @@ def infer(verdicts: Mapping[str, str], available: Collection[str] | None = None)
 
     ``available`` are all subjects there are; by default every engine of ``verdicts`` with every format of them.
     """
-    given = {_subject(name): verdict for name, verdict in verdicts.items()}
+    given = {subject_named(name): verdict for name, verdict in verdicts.items()}
     wrong = {subject for subject, verdict in given.items() if verdict in _WRONG}
     right = {subject for subject, verdict in given.items() if verdict == Verdict.AGREES}
     unstable = {subject for subject, verdict in given.items() if verdict == Verdict.UNSTABLE}
@@ -135,14 +135,15 @@ def infer_from_records(records: Iterable[Record], available: Collection[str] | N
     return {system: infer({record.subject: record.verdict for record in own}, available) for system, own in by_system}
 
 
-def _subject(name: str) -> Subject:
-    engine, separator, model_format = name.partition("/")
-    return Subject(engine, model_format if separator else EQUATIONS)
+def subject_named(name: str) -> Subject:
+    """The subject that prints as ``name``."""
+    engine, _, model_format = name.partition("/")
+    return Subject(engine, model_format or EQUATIONS)
 
 
 def _everyone(given: Collection[Subject], available: Collection[str] | None) -> set[Subject]:
     if available is not None:
-        return set(given) | {_subject(name) for name in available}
+        return set(given) | {subject_named(name) for name in available}
     readers = [subject for subject in given if _reads(subject)]
     return set(given) | {Subject(one.engine, other.format) for one in readers for other in readers}
 

@@ -25,6 +25,7 @@ from harness.diagnosis.hypotheses import Candidate
 from harness.engines import Engine, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.models.formats import ORIENTATIONS, POINT_SPRING
 from harness.models.model_file import ModelFile
 from harness.models.text import Attribute, Element, Number, Place, Watch, find_elements, with_values
 from harness.verdict import AGREEMENT
@@ -46,8 +47,8 @@ SECOND_ORDER = 1e-8
 _INERTIAS = {("urdf", "inertia"): ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ("mjcf", "inertial"): ("diaginertia", "fullinertia")}
 _LENGTHS = {"pos", "xyz", "springlength"}
 # Elements whose value is a length or a point.
-_POINTS = ("drake:linear_spring_damper_p_", "drake:linear_spring_damper_free_length")
-_ANGLES = {"rpy", "euler", "quat", "axisangle", "xyaxes", "zaxis", "axis"}
+_POINTS = (f"{POINT_SPRING}_p_", f"{POINT_SPRING}_free_length")
+_ANGLES = {"rpy", "axis", *ORIENTATIONS}
 
 
 def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States) -> Watch:
@@ -105,12 +106,6 @@ class Whitening:
         # A body at rest without gravity has no data roundoff, and nothing to explain.
         whitened[(difference == 0).all(axis=1)] = 0.0
         return whitened
-
-
-def backward_errors(residual: Array) -> Array:
-    """Backward error of each state, (n,), of whitened residuals (n, nv)."""
-    with np.errstate(all="ignore"):
-        return np.asarray(np.linalg.norm(residual, axis=1))
 
 
 def derivative(answer: Callable[[str], Array | None], text: Callable[[float], str], at: float, step: float) -> Array | None:
@@ -173,27 +168,17 @@ def find_columns(
         identity = candidate.hypothesis, candidate.place
         if candidate.start is None or (candidate.hypothesis == NUMBER and identity in answered):
             continue
-        column = find_column(answer, whitening, candidate)
-        if column is not None:
-            answered.add(identity)
-            if column.norm > 0:
-                found.append(column)
+        step = DIFFERENCE * candidate.scale
+        slope = derivative(answer, candidate.text, candidate.start, step)
+        if slope is None:
+            continue
+        answered.add(identity)
+        values = whitening.change(slope)
+        values[~np.isfinite(values).all(axis=1)] = 0.0
+        if float(np.linalg.norm(values, axis=1).max()) * step > AGREEMENT:
+            noise = ROUNDOFFS * math.sqrt(values.shape[0]) / (step * float(np.linalg.norm(values))) + SECOND_ORDER
+            found.append(Column(candidate, values, noise))
     return found
-
-
-def find_column(answer: Callable[[str], Array | None], whitening: Whitening, candidate: Candidate) -> Column | None:
-    """The column of one candidate: zero where nothing feels it, None where the reader refuses every change."""
-    assert candidate.start is not None
-    step = DIFFERENCE * candidate.scale
-    slope = derivative(answer, candidate.text, candidate.start, step)
-    if slope is None:
-        return None
-    values = whitening.change(slope)
-    values[~np.isfinite(values).all(axis=1)] = 0.0
-    norm = float(np.linalg.norm(values))
-    if float(backward_errors(values).max()) * step <= AGREEMENT:
-        return Column(candidate, np.zeros_like(values), 0.0)
-    return Column(candidate, values, ROUNDOFFS * math.sqrt(values.shape[0]) / (step * norm) + SECOND_ORDER)
 
 
 def numeric_candidates(model: ModelFile) -> list[Candidate]:
@@ -216,7 +201,9 @@ def _of_number(
     model: ModelFile, elements: Sequence[Element], element: Element, attribute: Attribute, number: Number
 ) -> Iterator[Candidate]:
     place = Place(number.line, element.tag, attribute.name, number.index, model.text[number.start : number.end])
-    group = [other for name in _inertias(model, element, attribute) for other in _numbers_of(element, name)] or list(attribute.numbers)
+    names = _INERTIAS.get((model.format, element.tag), ())
+    inertia = [other for own in element.attributes if own.name in names for other in own.numbers] if attribute.name in names else []
+    group = inertia or list(attribute.numbers)
     scale = _scale(elements, element, attribute, number, group)
     if "axis" in (element.tag, attribute.name):
         rest = math.hypot(*(other.value for other in group if other is not number))
@@ -225,8 +212,8 @@ def _of_number(
             yield Candidate(NUMBER, "", place, _turned(model.text, group, number, rest, length), number.value, length)
             return
     yield Candidate(NUMBER, "", place, lambda value: with_values(model.text, {number: value}), number.value, scale)
-    moments = [other for other in group if other.value != 0]
-    if number in moments and len(moments) > 1 and _inertias(model, element, attribute):
+    moments = [other for other in inertia if other.value != 0]
+    if number in moments and len(moments) > 1:
         yield Candidate(
             NUMBER,
             "with the other moments of inertia in proportion",
@@ -248,16 +235,6 @@ def _turned(text: str, components: Sequence[Number], number: Number, rest: float
         return with_values(text, {**others, number: value})
 
     return turned
-
-
-def _inertias(model: ModelFile, element: Element, attribute: Attribute) -> tuple[str, ...]:
-    """Names of the attributes that hold the inertia of which ``attribute`` is a part; () for others."""
-    names = _INERTIAS.get((model.format, element.tag), ())
-    return names if attribute.name in names else ()
-
-
-def _numbers_of(element: Element, name: str) -> list[Number]:
-    return [number for attribute in element.attributes if attribute.name == name for number in attribute.numbers]
 
 
 def _scale(elements: Sequence[Element], element: Element, attribute: Attribute, number: Number, group: Sequence[Number]) -> float:

@@ -5,7 +5,7 @@ The same shape serves changes of a model file and of a textbook parameter.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -58,20 +58,11 @@ class TriedChange:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data: where, what is found, what explains it, and what that leaves."""
-        where = {key: value for key, value in asdict(self.place).items() if key != "found"}
-        return {
-            "hypothesis": self.hypothesis,
-            "statement": self.statement,
-            **where,
-            "found": self.place.found,
-            "value": self.value,
-            "shown": self.shown,
-            "residual": self.residual,
-            "explains": self.explains,
-        }
+        about = asdict(self)
+        return {**about.pop("place"), **about}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Diagnosis:
     """The result of a diagnosis.
 
@@ -108,7 +99,7 @@ class Diagnosis:
     @property
     def runner_up(self) -> TriedChange | None:
         """The best that does not explain, at another place than the first's."""
-        others = (other for other in self.tried if self.first and other.place.key != self.first.place.key)
+        others = (other for other in self.tried if other.place.key != self.tried[0].place.key)
         return next((other for other in others if not other.explains), None)
 
     @property
@@ -150,10 +141,12 @@ class Diagnosis:
         return (self.first_line, *self._class_lines(), *self._remarks())
 
     def _class_lines(self) -> Iterable[str]:
-        first = self.first
-        others = [other for other in self._one_of_each_place(self.explaining) if first and other.place.key != first.place.key]
-        if others:
+        of_place: dict[tuple[int, str, str], TriedChange] = {}
+        for explanation in self.explaining:
+            of_place.setdefault(explanation.place.key, explanation)
+        if len(of_place) > 1:
             yield "explain it as well, and no acceleration here tells them apart:"
+            others = list(of_place.values())[1:]
             yield from (f"  line {other.place.line}: {other.change}, residual {other.residual:.2g}" for other in others)
 
     def _remarks(self) -> Iterable[str]:
@@ -166,13 +159,6 @@ class Diagnosis:
             yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
         if self.stopped:
             yield f"stopped after {self.evaluations} evaluations; what was not tried by then may explain it as well"
-
-    @staticmethod
-    def _one_of_each_place(explanations: Sequence[TriedChange]) -> list[TriedChange]:
-        best: dict[tuple[int, str, str], TriedChange] = {}
-        for explanation in explanations:
-            best.setdefault(explanation.place.key, explanation)
-        return list(best.values())
 
     def as_json(self) -> dict[str, Any]:
         """Plain data; infinite numbers as None."""

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -26,7 +27,7 @@ from harness.diagnosis.base_parameters import are_parallel
 from harness.diagnosis.fit import fit, fit_in_order, screen, settled
 from harness.diagnosis.hypotheses import Candidate
 from harness.diagnosis.perturbation import NUMBER, Column, Whitening, held_out
-from harness.diagnosis.result import PARAMETER, Conclusion, digits_of
+from harness.diagnosis.result import PARAMETER, Conclusion, Diagnosis, TriedChange, digits_of
 from harness.verdict import Verdict
 
 # Where a fit may also start, as factors of the value found: missing, sign, factors of two, other units.
@@ -106,15 +107,13 @@ class Search(ABC, Generic[Evaluated]):
         return len(self._evaluated) >= SHARE_OF_SEARCH * self.evaluations
 
     @property
-    def nothing_to_explain(self) -> Conclusion | None:
-        """The conclusion without a search; None where one is needed."""
-        if not self.certified.any():
-            return Conclusion.UNDECIDED
-        return Conclusion.SOUND if self.before <= self.tolerance else None
+    def is_needed(self) -> bool:
+        """False where nothing is wrong, or nothing certified."""
+        return bool(self.certified.any()) and self.before > self.tolerance
 
-    @property
-    def conclusion(self) -> Conclusion:
-        """The conclusion of the search."""
+    def _conclusion(self) -> Conclusion:
+        if not self.is_needed:
+            return Conclusion.SOUND if self.certified.any() else Conclusion.UNDECIDED
         if self.explaining:
             return Conclusion.EXPLAINED
         if not np.isfinite(self.accelerations[self.certified]).all():
@@ -205,7 +204,13 @@ class Search(ABC, Generic[Evaluated]):
             self._tried[id(candidate), value] = Tried(candidate, value, left, left <= self.tolerance)
         return left <= self.tolerance
 
-    def result(self) -> list[Tried]:
+    def diagnosis(self, file: Path, as_change: Callable[[Tried], TriedChange]) -> Diagnosis:
+        """The result, of changes of ``file``."""
+        stopped = self.is_spent
+        tried = tuple(map(as_change, self._result()))
+        return Diagnosis(file, self._conclusion(), self.before, tried, self.evaluations, stopped)
+
+    def _result(self) -> list[Tried]:
         """The changes tried, best first: explaining before others, then without a free value, round values, and little residual."""
         found: dict[tuple[int, float | None], Tried] = {}
         for tried in self._tried.values():

@@ -10,7 +10,7 @@ say what they were given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -26,13 +26,7 @@ from harness.equations.states import States
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"
-TITLES = {
-    MASS: "mass matrix",
-    VELOCITY: "velocity terms",
-    GRAVITY: "gravity",
-    PASSIVE: "springs and dampers",
-    APPLIED: "applied forces",
-}
+TITLES = {MASS: "mass matrix", VELOCITY: "velocity terms", GRAVITY: "gravity", PASSIVE: "springs and dampers", APPLIED: "applied forces"}
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
@@ -105,7 +99,7 @@ class TermComparison:
         system, subject: names.
         findings: one per term, in the order of the equation; () for an engine that states no terms.
         accelerations_since: the first kind of state at which an acceleration does not agree; "" where all do.
-        loses_digits: whether those that do not agree are ``unstable`` only, which shows no wrong term.
+        loses_digits: true where those that do not agree are ``unstable`` only, which shows no wrong term.
     """
 
     system: str
@@ -147,11 +141,7 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
     ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``.
     """
     still = np.zeros_like(states.v)
-    batches = {
-        AT_REST: States(states.q, still, still, states.time),
-        MOVING: States(states.q, states.v, still, states.time),
-        LOADED: states,
-    }
+    batches = {AT_REST: States(states.q, still, still, states.time), MOVING: States(states.q, states.v, still, states.time), LOADED: states}
     verdicts = {
         name: gravest(compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts.tolist())
         for name, batch in batches.items()
@@ -170,13 +160,11 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
     return TermComparison(mechanism.name, subject, findings, since, bool(unstable and not wrong))
 
 
-def backward_errors(reference: TermReference, terms: Terms) -> dict[str, Array]:
-    """(n,) per term, the error in its data roundoffs; NaN where an answer is not finite or the reference not certified."""
-    return {name: _judged(name, reference, terms)[1] for name in TERMS}
+def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array, np.ndarray[Any, np.dtype[np.bool_]]]:
+    """Errors of each entry (n, nv, nv) or coordinate (n, nv), and of the whole term (n,) [data roundoffs]; (n,) finite answers.
 
-
-def _judged(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array]:
-    """Errors of each entry (n, nv, nv) or coordinate (n, nv), and of the whole term (n,) [data roundoffs]."""
+    The error of the whole is NaN where an answer is not finite or the reference not certified.
+    """
     with np.errstate(all="ignore"):
         difference = (getattr(terms, name) - getattr(reference.high, name)) - getattr(reference.low, name)
         sensitivity = UNIT_ROUNDOFF * reference.sensitivity[name]
@@ -190,14 +178,13 @@ def _judged(name: str, reference: TermReference, terms: Terms) -> tuple[Array, A
             whole = quotient(dual_norm(reference.norm_factor, difference), sensitivity)
             whole = np.where(difference.any(axis=1), whole, 0.0)
         finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
-        return parts, np.where(finite & reference.certified[name], whole, np.nan)
+        return parts, np.where(finite & reference.certified[name], whole, np.nan), finite
 
 
 def _finding(
     name: str, reference: TermReference, terms: Terms, mechanism: Mechanism, states: States, kinds: np.ndarray[Any, np.dtype[np.str_]]
 ) -> TermFinding:
-    parts, whole = _judged(name, reference, terms)
-    finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
+    parts, whole, finite = term_errors(name, reference, terms)
     verdicts = np.select(
         [~finite, ~reference.certified[name], whole <= AGREEMENT],
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
@@ -238,7 +225,6 @@ def _places(parts: Array, names: Sequence[str]) -> tuple[WrongPlace, ...]:
 def coordinate_names(mechanism: Mechanism) -> list[str]:
     """The name of each velocity: its joint, and the axis along or about which a joint of several moves."""
     turning = {place + axis: _AXES[axis] for place in mechanism.attitudes for axis in range(3)}
-    firsts: Mapping[str, int] = {joint: mechanism.joints.index(joint) for joint in mechanism.joints}
     names = []
     for place, joint in enumerate(mechanism.joints):
         if mechanism.joints.count(joint) == 1:
@@ -246,5 +232,5 @@ def coordinate_names(mechanism: Mechanism) -> list[str]:
         elif place in turning:
             names.append(f"{joint} about {turning[place]}")
         else:
-            names.append(f"{joint} along {_AXES[place - firsts[joint]]}")
+            names.append(f"{joint} along {_AXES[place - mechanism.joints.index(joint)]}")
     return names

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,15 +59,12 @@ def diagnose_textbook(
     """
     evaluations = textbook_evaluations(kernel.mechanism) if evaluations is None else evaluations
     search = _TextbookSearch(kernel, states, accelerations, tolerance, evaluations)
-    if search.nothing_to_explain is not None:
-        return Diagnosis(file=file, conclusion=search.nothing_to_explain, before=search.before, evaluations=evaluations)
-    candidates = [_candidate(kernel, file, number) for number in range(len(kernel.mechanism.parameters))]
-    columns = [Column(candidate, values, ROUNDING) for candidate, values in zip(candidates, search.columns(), strict=True)]
-    search.fit_best([column for column in columns if column.norm > 0])
-    search.fit_from_other_starts(candidates)
-    stopped = search.is_spent
-    tried = tuple(_tried_change(kernel, one) for one in search.result())
-    return Diagnosis(file=file, conclusion=search.conclusion, before=search.before, tried=tried, evaluations=evaluations, stopped=stopped)
+    if search.is_needed:
+        candidates = [_candidate(kernel, file, number) for number in range(len(kernel.mechanism.parameters))]
+        columns = [Column(candidate, values, ROUNDING) for candidate, values in zip(candidates, search.columns(), strict=True)]
+        search.fit_best([column for column in columns if column.norm > 0])
+        search.fit_from_other_starts(candidates)
+    return search.diagnosis(file, partial(_tried_change, kernel))
 
 
 def _candidate(kernel: ReferenceKernel, file: Path, number: int) -> Candidate:

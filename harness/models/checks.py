@@ -1,9 +1,6 @@
 """Hold a model file against the tables of what is understood, and its inertias against physics.
 
-Decoration, which no acceleration feels, is accepted where a comment of the file says so by the names of
-the elements or attributes concerned::
-
-    <!-- decoration: geom asset rgba -->
+``harness.models.model_file`` says how a file declares decoration.
 
 Sources: for inertia, Featherstone, Rigid Body Dynamics Algorithms, section 2.13, and Wensing, Kim,
 Slotine, IEEE RA-L 3(1), 2018.
@@ -12,31 +9,24 @@ Slotine, IEEE RA-L 3(1), 2018.
 from __future__ import annotations
 
 import difflib
+import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from lxml import etree
 
 from harness.errors import InvalidModel
 from harness.library import nearest
-from harness.models import refusals as model_refusals
-from harness.models.formats import (
-    ALSO,
-    AT_MOST_ONE,
-    DECORATION,
-    DECORATIVE_ATTRIBUTES,
-    REQUIRED,
-    SUPPORTED,
-    Attributes,
-    context_of,
-)
+from harness.models import formats, refusals
 from harness.models.values import Numbers, Rule
 from harness.models.xml import Document, describe, literal_tag, shorten
 
 # Relative to the largest moment; eigenvalues of an exact inertia are off by a few 1e-16.
 INERTIA_SLACK = 1e-12
+Item = TypeVar("Item")
 _DECLARATION = re.compile(r"\s*decoration:(.*)", re.DOTALL)
 
 
@@ -47,7 +37,7 @@ def check_elements(document: Document, model_format: str) -> None:
         InvalidModel: at the line of the first element that does not fit.
     """
     root = document.root
-    refused = model_refusals.ELEMENTS[model_format]
+    refused = refusals.ELEMENTS[model_format]
     for element in root.iter("*"):
         tag = literal_tag(element)
         if etree.QName(element).namespace and not element.prefix:
@@ -57,27 +47,29 @@ def check_elements(document: Document, model_format: str) -> None:
     declared = _declared_decoration(document, model_format)
     for element, path in _understood(document, model_format, declared):
         _check_attributes(document, element, model_format, path, declared)
-    for place, children in AT_MOST_ONE[model_format].items():
-        for element in root.iterfind(place):
-            for tag in children:
-                for repeated in element.findall(tag)[1:]:
-                    document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
-    for place, children in REQUIRED[model_format].items():
-        for element in root.iterfind(place):
-            for tag in children:
-                if element.find(tag) is None:
-                    document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
-    for place, attributes in ALSO[model_format].items():
-        for element in root.iterfind(place):
-            for name, rule in attributes.items():
-                check_attribute(document, element, name, rule)
+    for element, tag in _of_places(document, formats.AT_MOST_ONE[model_format]):
+        for repeated in element.findall(tag)[1:]:
+            document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
+    for element, tag in _of_places(document, formats.REQUIRED[model_format]):
+        if element.find(tag) is None:
+            document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
+    for element, (name, rule) in _of_places(document, {place: rules.items() for place, rules in formats.ALSO[model_format].items()}):
+        check_attribute(document, element, name, rule)
     if "geom" in declared:
         _check_that_nothing_touches(document)
 
 
+def _of_places(document: Document, table: Mapping[str, Iterable[Item]]) -> Iterator[tuple[etree._Element, Item]]:
+    """Every element at a place of ``table`` with each of the items that it has for that place."""
+    for place, items in table.items():
+        yield from itertools.product(document.root.iterfind(place), items)
+
+
 def _declared_decoration(document: Document, model_format: str) -> set[str]:
     """Names of elements and attributes that the file's comments declare as decoration."""
-    known = {name for table in (DECORATION, DECORATIVE_ATTRIBUTES) for names in table[model_format].values() for name in names}
+    known = {
+        name for table in (formats.DECORATION, formats.DECORATIVE_ATTRIBUTES) for names in table[model_format].values() for name in names
+    }
     declared: set[str] = set()
     for line, text in document.comments:
         match = _DECLARATION.fullmatch(text)
@@ -94,8 +86,8 @@ def _understood(document: Document, model_format: str, declared: set[str]) -> It
     while waiting:
         element, path = waiting.pop()
         yield element, path
-        context = context_of(model_format, path)
-        known, decoration = SUPPORTED[model_format].get(context, {}), DECORATION[model_format].get(context, ())
+        context = formats.context_of(model_format, path)
+        known, decoration = formats.SUPPORTED[model_format].get(context, {}), formats.DECORATION[model_format].get(context, ())
         inside: list[tuple[etree._Element, list[str]]] = []
         for child in element.iterchildren("*"):
             tag = literal_tag(child)
@@ -105,7 +97,7 @@ def _understood(document: Document, model_format: str, declared: set[str]) -> It
                 if tag not in declared:
                     document.refuse(child, f"<{tag}> is decoration; remove it, or declare it by the comment <!-- decoration: {tag} -->")
             else:
-                reason = model_refusals.ELEMENTS[model_format].get(f"{context}/{tag}") or _why_not(model_format, tag, known, context)
+                reason = refusals.ELEMENTS[model_format].get(f"{context}/{tag}") or _why_not(model_format, tag, known, context)
                 document.refuse(child, f"<{shorten(tag)}> in {describe(element)} {reason}")
         # In document order, so that the first thing wrong is named first.
         waiting += reversed(inside)
@@ -115,10 +107,10 @@ def _why_not(model_format: str, name: str, known: Iterable[str], context: str) -
     """Why an element or attribute that no table names is refused: a typing error first."""
     if difflib.get_close_matches(name, known, n=1):
         return f"is unknown; {nearest(shorten(name), known)}"
-    for prefix, reason in model_refusals.ELSEWHERE[model_format].items():
+    for prefix, reason in refusals.ELSEWHERE[model_format].items():
         if name.startswith(prefix) or context == prefix:
             return reason
-    holders = [holder for holder, children in SUPPORTED[model_format].items() if name in children and not context.endswith("@")]
+    holders = [holder for holder, children in formats.SUPPORTED[model_format].items() if name in children and not context.endswith("@")]
     if holders:
         return "does not belong there; expected in " + " or ".join(f"<{holder}>" for holder in holders)
     return f"is not understood; {nearest(shorten(name), known)}" if known else "is not understood; expected nothing inside, remove it"
@@ -126,9 +118,9 @@ def _why_not(model_format: str, name: str, known: Iterable[str], context: str) -
 
 def _check_attributes(document: Document, element: etree._Element, model_format: str, path: list[str], declared: set[str]) -> None:
     tag = path[-1]
-    rules: Attributes = SUPPORTED[model_format][context_of(model_format, path[:-1])].get(tag, {})
-    refused = model_refusals.ATTRIBUTES[model_format]
-    decorative = DECORATIVE_ATTRIBUTES[model_format].get(tag, ())
+    rules: formats.Attributes = formats.SUPPORTED[model_format][formats.context_of(model_format, path[:-1])].get(tag, {})
+    refused = refusals.ATTRIBUTES[model_format]
+    decorative = formats.DECORATIVE_ATTRIBUTES[model_format].get(tag, ())
     for name in element.attrib:
         if name in rules:
             continue

@@ -1,4 +1,4 @@
-"""What a model file may hold, as data: every element and attribute of MJCF and URDF that is understood.
+"""Every element and attribute of MJCF and URDF that is understood, as data.
 
 Whatever is not in these tables is refused by name, because engines ignore much of it in silence or read
 it differently. Decoration is accepted where the file declares it.
@@ -18,6 +18,8 @@ from harness.models.values import Choice, Numbers, Rule, Text, no_dry_friction, 
 # Name of an attribute to what it holds; "" is the text between the tags.
 Attributes = Mapping[str, Rule]
 NOTHING: Attributes = MappingProxyType({})
+# Drake's element for a spring and damper between two points; its parts are called so with a suffix.
+POINT_SPRING = "drake:linear_spring_damper"
 
 _NAME, _SCALAR, _VECTOR = Text(), Numbers(), Numbers(3)
 _NOT_NEGATIVE, _LIMIT = Numbers(check=not_negative), Numbers(check=not_negative, required=True)
@@ -32,6 +34,8 @@ _POSE: Attributes = {
     "xyaxes": Numbers(6),
     "zaxis": Numbers(3, check=not_zero),
 }
+# The attributes of which one gives an MJCF frame its orientation.
+ORIENTATIONS = tuple(name for name in _POSE if name != "pos")
 _JOINT: Attributes = {
     "class": _NAME,
     "type": Choice(("hinge", "slide", "ball", "free")),
@@ -107,7 +111,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             },
             "gazebo": {"reference": _NAME},
             "transmission": {"name": _NAME, "type": _NAME},
-            "drake:linear_spring_damper": NOTHING,
+            POINT_SPRING: NOTHING,
             "drake:joint": {"name": _NAME, "type": Choice(("ball",), required=True)},
         },
         "drake:joint": {"parent": {"link": _NAME}, "child": {"link": _NAME}},
@@ -129,14 +133,14 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
         "transmission": {"type": {"": Text(required=True)}, "joint": {"name": _NAME}, "actuator": {"name": Text(required=True)}},
         "transmission/joint": {},
         "actuator": {tag: {"value": _LIMIT} for tag in ("drake:rotor_inertia", "drake:gear_ratio")},
-        "drake:linear_spring_damper": {
-            "drake:linear_spring_damper_body_A": {"name": _NAME},
-            "drake:linear_spring_damper_p_AP": {"value": Numbers(3, required=True)},
-            "drake:linear_spring_damper_body_B": {"name": _NAME},
-            "drake:linear_spring_damper_p_BQ": {"value": Numbers(3, required=True)},
-            "drake:linear_spring_damper_free_length": {"value": Numbers(check=positive, required=True)},
-            "drake:linear_spring_damper_stiffness": {"value": _LIMIT},
-            "drake:linear_spring_damper_damping": {"value": _LIMIT},
+        POINT_SPRING: {
+            f"{POINT_SPRING}_body_A": {"name": _NAME},
+            f"{POINT_SPRING}_p_AP": {"value": Numbers(3, required=True)},
+            f"{POINT_SPRING}_body_B": {"name": _NAME},
+            f"{POINT_SPRING}_p_BQ": {"value": Numbers(3, required=True)},
+            f"{POINT_SPRING}_free_length": {"value": Numbers(check=positive, required=True)},
+            f"{POINT_SPRING}_stiffness": {"value": _LIMIT},
+            f"{POINT_SPRING}_damping": {"value": _LIMIT},
         },
     },
 }

@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import resolved
+from harness.models.formats import ORIENTATIONS
+from harness.models.mjcf_defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.models.xml import Document, literal_tag, parse_document
-
-_MJCF_POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
 @dataclass(frozen=True)
@@ -81,37 +80,31 @@ def _summary(element: etree._Element) -> str:
 
 
 def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
-    kind = "free" if joint.tag == "freejoint" else _mjcf(joint, "type") or "(hinge)"
+    kind = "free" if joint.tag == "freejoint" else resolved_text(joint, "type", "(hinge)")
     body = joint.getparent()
     frames = []
     while body.tag == "frame":
         frames.append(f"in frame {_pose(body)}")
         body = body.getparent()
-    shift = _mjcf(joint, "pos")
+    shift = resolved_text(joint, "pos")
     inertial = body.find("inertial")
     return JointRow(
         joint=name,
         kind=kind,
-        axis=_mjcf(joint, "axis") or ("" if kind in ("free", "ball") else "(0 0 1)"),
+        axis=resolved_text(joint, "axis", "" if kind in ("free", "ball") else "(0 0 1)"),
         origin=", ".join([_pose(body), *([f"joint at {shift}"] if shift else []), *frames]),
         body=body.get("name", ""),
         mass="" if inertial is None else inertial.get("mass", ""),
-        damping=_mjcf(joint, "damping"),
-        stiffness=_mjcf(joint, "stiffness"),
-        armature=_mjcf(joint, "armature"),
+        damping=resolved_text(joint, "damping"),
+        stiffness=resolved_text(joint, "stiffness"),
+        armature=resolved_text(joint, "armature"),
         line=document.lines[joint],
     )
 
 
 def _pose(element: etree._Element) -> str:
-    written = [element.get(name) if name == "pos" else f"{name} {element.get(name)}" for name in _MJCF_POSE if name in element.attrib]
-    return ", ".join(written) or "(0 0 0)"
-
-
-def _mjcf(joint: etree._Element, name: str) -> str:
-    """An attribute as MuJoCo resolves it; "" where nobody gives it."""
-    written = resolved(joint, name)
-    return "" if written is None else written.text
+    turns = [f"{name} {element.get(name)}" for name in ORIENTATIONS if name in element.attrib]
+    return ", ".join([*filter(None, [element.get("pos")]), *turns]) or "(0 0 0)"
 
 
 def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:

@@ -1,4 +1,4 @@
-"""In which lines of a model file a quantity of the static audit stands, so that a reader can open the place.
+"""The lines of a model file that decide a quantity of the static audit.
 
 Sources: MuJoCo XML reference, body, joint and inertial; http://wiki.ros.org/urdf/XML; ``harness.models.model_file`` for the
 conventions that URDF borrows.
@@ -13,11 +13,11 @@ from pathlib import Path
 
 from lxml import etree
 
-from harness.models.formats import rules_at
+from harness.models.formats import ORIENTATIONS, POINT_SPRING, rules_at
 from harness.models.mjcf_defaults import resolved
 from harness.models.mjcf_forces import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.text import Element, find_elements
+from harness.models.text import Element, find_elements, innermost
 from harness.models.xml import literal_tag, parse_document
 
 GRAVITY, JOINT, ANCHOR, AXIS, FRAME = "gravity", "joint", "anchor", "axis", "frame"
@@ -26,40 +26,29 @@ MASS, CENTRE, INERTIA = "mass", "centre", "inertia"
 SPRING_ENDS, SPRING_STIFFNESS = "point spring ends", "point spring stiffness"
 SPRING_DAMPING, SPRING_LENGTH = "point spring damping", "point spring length"
 
-_POINT_SPRING = "drake:linear_spring_damper"
 # format -> quantity of a spring between points -> attributes of the tendon, or ends of the tags in Drake's element
+_COEFFICIENTS = {SPRING_STIFFNESS: ("stiffness",), SPRING_DAMPING: ("damping",)}
 _SPRING_PARTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "mjcf": {
-        SPRING_ENDS: (),
-        SPRING_STIFFNESS: ("stiffness",),
-        SPRING_DAMPING: ("damping",),
-        SPRING_LENGTH: ("springlength",),
-    },
-    "urdf": {
-        SPRING_ENDS: ("body_A", "p_AP", "body_B", "p_BQ"),
-        SPRING_STIFFNESS: ("stiffness",),
-        SPRING_DAMPING: ("damping",),
-        SPRING_LENGTH: ("free_length",),
-    },
+    "mjcf": {**_COEFFICIENTS, SPRING_ENDS: (), SPRING_LENGTH: ("springlength",)},
+    "urdf": {**_COEFFICIENTS, SPRING_ENDS: ("body_A", "p_AP", "body_B", "p_BQ"), SPRING_LENGTH: ("free_length",)},
 }
 # Quantity to the stage of MuJoCo's pipeline that applies it.
 _STAGES = {DAMPING: "damper", STIFFNESS: "spring", SPRING_DAMPING: "damper", SPRING_STIFFNESS: "spring"}
-_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 # format -> quantity -> (part of the model that belongs to the joint, attributes of it that decide the quantity), the likeliest
-# first; of the first part the element itself is told where it has none of them
+# first; of the first part the element itself is reported where it has none of them
 _PLACES: Mapping[str, Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]]] = {
     "mjcf": {
         JOINT: (("joint", ()),),
         ANCHOR: (("body", ("pos",)), ("joint", ("pos",))),
-        AXIS: (("joint", ("axis",)), ("body", _TURNS)),
-        FRAME: (("body", _TURNS),),
+        AXIS: (("joint", ("axis",)), ("body", ORIENTATIONS)),
+        FRAME: (("body", ORIENTATIONS),),
         ARMATURE: (("joint", ("armature",)),),
         DAMPING: (("joint", ("damping",)),),
         STIFFNESS: (("joint", ("stiffness",)),),
         SPRING_REFERENCE: (("joint", ("springref",)),),
         MASS: (("inertial", ("mass",)),),
-        CENTRE: (("inertial", ("pos",)), ("body", ("pos", *_TURNS))),
-        INERTIA: (("inertial", ("diaginertia", "fullinertia", *_TURNS)), ("body", _TURNS)),
+        CENTRE: (("inertial", ("pos",)), ("body", ("pos", *ORIENTATIONS))),
+        INERTIA: (("inertial", ("diaginertia", "fullinertia", *ORIENTATIONS)), ("body", ORIENTATIONS)),
     },
     "urdf": {
         JOINT: (("joint", ()),),
@@ -117,7 +106,7 @@ class _Text:
     nodes: tuple[etree._Element, ...]
 
     def written(self, element: Element, name: str) -> tuple[Element, str] | None:
-        """Where an attribute stands, which for MJCF may be in a default class, and its text; None where nobody gives it."""
+        """The element that an attribute is written in, for MJCF maybe a default class, and its text; None where nobody gives it."""
         found = resolved(self.nodes[self.elements.index(element)], name)
         return None if found is None else (self.elements[self.nodes.index(found.owner)], found.text)
 
@@ -132,9 +121,9 @@ class _Text:
         return float(text.split()[0])
 
     def is_spring(self, element: Element) -> bool:
-        """Whether ``element`` is a spring or damper between points that is switched on."""
-        if element.tag == _POINT_SPRING:
-            parts = [part for part in self.elements if _inside(part, element)]
+        """True for a spring or damper between points that is switched on."""
+        if element.tag == POINT_SPRING:
+            parts = filter(element.holds, self.elements)
             return any(self.number(part, "value") for part in parts if part.tag.endswith(("_stiffness", "_damping")))
         if element.path[-2:] != ("tendon", "spatial"):
             return False
@@ -168,17 +157,13 @@ def _spring_lines(text: _Text, spring: Element, names: Sequence[str], quantity: 
     """Lines of the parts that decide the quantity, then that of the whole spring."""
     for name in names:
         yield from text.lines(spring, name)
-    inside = [element for element in text.elements if _inside(element, spring)]
-    yield from (element.line for element in inside if element.tag.removeprefix(f"{_POINT_SPRING}_") in names)
+    inside = list(filter(spring.holds, text.elements))
+    yield from (element.line for element in inside if element.tag.removeprefix(f"{POINT_SPRING}_") in names)
     ends = {element.get("site") for element in inside if quantity == SPRING_ENDS and element.tag == "site"}
     for site in text.elements:
         if site.tag == "site" and site.get("name") in ends - {None}:
             yield from (*text.lines(site, "pos"), site.line)
     yield spring.line
-
-
-def _inside(element: Element, other: Element) -> bool:
-    return other.start < element.start and element.end <= other.end
 
 
 def _mjcf_parts(elements: Sequence[Element], joint: str) -> Iterator[tuple[str, Element]]:
@@ -188,25 +173,20 @@ def _mjcf_parts(elements: Sequence[Element], joint: str) -> Iterator[tuple[str, 
         return
     yield "joint", own
     bodies = [element for element in elements if element.tag == "body"]
-
-    def body_of(element: Element) -> Element | None:
-        around = [body for body in bodies if _inside(element, body)]
-        return max(around, key=lambda body: body.start, default=None)
-
-    body = body_of(own)
+    body = innermost(bodies, own)
     if body is None:
         return
-    jointed = {id(body_of(element)) for element in elements if element.tag in ("joint", "freejoint")}
+    jointed = {id(innermost(bodies, element)) for element in elements if element.tag in ("joint", "freejoint")}
     yield "body", body
-    above = body_of(body)
+    above = innermost(bodies, body)
     for frame in elements:
-        if frame.tag == "frame" and (_inside(own, frame) or _inside(body, frame)) and body_of(frame) in (above, body):
+        if frame.tag == "frame" and (frame.holds(own) or frame.holds(body)) and innermost(bodies, frame) in (above, body):
             yield "body", frame
     for inertial in elements:
         if inertial.tag == "inertial":
-            carrier = body_of(inertial)
+            carrier = innermost(bodies, inertial)
             while carrier is not None and carrier is not body and id(carrier) not in jointed:
-                carrier = body_of(carrier)
+                carrier = innermost(bodies, carrier)
             if carrier is body:
                 yield "inertial", inertial
 
@@ -215,7 +195,7 @@ def _urdf_parts(elements: Sequence[Element], joint: str) -> Iterator[tuple[str, 
     """The joint, what is declared for it, and the inertials of its child link and of all that fixed joints add to it."""
 
     def within(owner: Element, *tags: str) -> Iterator[Element]:
-        return (element for element in elements if element.tag in tags and _inside(element, owner))
+        return (element for element in elements if element.tag in tags and owner.holds(element))
 
     def link(owner: Element, tag: str) -> str | None:
         return next((element.get("link") for element in within(owner, tag)), None)

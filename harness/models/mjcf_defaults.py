@@ -1,4 +1,4 @@
-"""What an attribute of an MJCF element is once its default classes are applied.
+"""Attributes of MJCF elements once their default classes are applied.
 
 Source: MuJoCo documentation, Modeling, section Default settings.
 """
@@ -31,6 +31,12 @@ def resolved(element: etree._Element, name: str) -> Written | None:
     return next(writings(element, name), None)
 
 
+def resolved_text(element: etree._Element, name: str, default: str = "") -> str:
+    """The text of ``resolved``; ``default`` where nobody gives the attribute."""
+    written = resolved(element, name)
+    return default if written is None else written.text
+
+
 def writings(element: etree._Element, name: str) -> Iterator[Written]:
     """Wherever an attribute of ``element`` is written: in itself, in its class, in the classes around that.
 
@@ -54,7 +60,7 @@ def childclass_of(element: etree._Element) -> str | None:
 
 
 def of_class(element: etree._Element, name_of_class: str, name: str) -> Written | None:
-    """What a default class, or one around it, says about an attribute of elements like ``element``."""
+    """An attribute that a default class, or one around it, gives elements like ``element``; None where none does."""
     return next(_in_class(element, name_of_class, name), None)
 
 
@@ -69,6 +75,6 @@ def _in_class(element: etree._Element, name_of_class: str, name: str) -> Iterato
 
 
 def _names(default: etree._Element) -> tuple[str, ...]:
-    """What a class is called: the outermost one is ``MAIN`` besides."""
+    """The names of a class: the outermost one is ``MAIN`` besides."""
     own = default.get("class")
     return (*([MAIN] if default.getparent().tag == "mujoco" else []), *([str(own)] if own else []))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import Written, resolved, writings
+from harness.models.mjcf_defaults import Written, resolved, resolved_text, writings
 from harness.models.urdf_forces import ForceElement, JointDamper, JointSpring, Point, PointSpring
 from harness.models.xml import Document, describe, shorten
 
@@ -31,42 +31,27 @@ class Unexpressed:
     what: str
 
 
-@dataclass(frozen=True)
-class MjcfForces:
-    """What an MJCF states.
-
-    Attributes:
-        gravity: [m/s^2], (x, y, z); zero where it is switched off.
-        elements: springs and dampers that are not switched off, joints' before tendons', in document order.
-        unexpressed: what is missing among them.
-    """
-
-    gravity: tuple[float, float, float]
-    elements: tuple[ForceElement, ...]
-    unexpressed: tuple[Unexpressed, ...]
-
-
-def read_forces(document: Document) -> MjcfForces:
-    """What the valid MJCF ``document`` states."""
+def read_forces(document: Document) -> tuple[tuple[ForceElement, ...], tuple[Unexpressed, ...]]:
+    """The springs and dampers of a valid MJCF that are switched on, joints' before tendons', and what is missing among them."""
     found = [*_of_joints(document), *_of_tendons(document)]
-    return MjcfForces(
-        gravity=_gravity(document.root),
-        elements=tuple(item for item in found if not isinstance(item, Unexpressed)),
-        unexpressed=tuple(item for item in found if isinstance(item, Unexpressed)),
+    return (
+        tuple(item for item in found if not isinstance(item, Unexpressed)),
+        tuple(item for item in found if isinstance(item, Unexpressed)),
     )
 
 
-def in_degrees(root: etree._Element) -> bool:
-    """Whether the file's angles are in degrees, as they are where it does not say."""
+def _in_degrees(root: etree._Element) -> bool:
+    """True where the file's angles are in degrees, as they are where it does not say."""
     return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
 
 
 def is_on(root: etree._Element, stage: str) -> bool:
-    """Whether a stage of MuJoCo's pipeline, like "spring", is not switched off."""
+    """False where a stage of MuJoCo's pipeline, like "spring", is switched off."""
     return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
 
 
-def _gravity(root: etree._Element) -> tuple[float, float, float]:
+def gravity(root: etree._Element) -> tuple[float, float, float]:
+    """The gravity that an MJCF states, (x, y, z) [m/s^2]; zero where it is switched off."""
     if not is_on(root, "gravity"):
         return 0.0, 0.0, 0.0
     written = [option.get("gravity") for option in root.iterfind("option[@gravity]")]
@@ -74,8 +59,8 @@ def _gravity(root: etree._Element) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _numbers(written: Written | None) -> tuple[float, ...]:
-    return () if written is None else tuple(float(word) for word in written.text.split())
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(map(float, text.split()))
 
 
 def _coefficient(document: Document, element: etree._Element, name: str, stage: str) -> float | Unexpressed:
@@ -84,7 +69,7 @@ def _coefficient(document: Document, element: etree._Element, name: str, stage: 
     if not is_on(document.root, stage):
         return 0.0
     for written in writings(element, name):
-        further = _numbers(written)[len(coefficients) :]
+        further = _numbers(written.text)[len(coefficients) :]
         if any(further if coefficients else further[1:]):
             return _unexpressed(document, element, name, written, "is not linear")
         coefficients += further
@@ -98,16 +83,15 @@ def _unexpressed(document: Document, element: etree._Element, name: str, written
 
 def _of_joints(document: Document) -> Iterator[ForceElement | Unexpressed]:
     for joint in (joint for world in document.root.iterfind("worldbody") for joint in world.iter("joint")):
-        name, kind = str(joint.get("name")), resolved(joint, "type")
-        kind_name = "hinge" if kind is None else kind.text
+        name, kind = str(joint.get("name")), resolved_text(joint, "type", "hinge")
         stiffness, damping = (_coefficient(document, joint, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
         if isinstance(stiffness, Unexpressed):
             yield stiffness
-        elif stiffness and kind_name not in ("hinge", "slide"):
-            yield _unexpressed(document, joint, "stiffness", resolved(joint, "stiffness"), f"is a spring in a {kind_name} joint")
+        elif stiffness and kind not in ("hinge", "slide"):
+            yield _unexpressed(document, joint, "stiffness", resolved(joint, "stiffness"), f"is a spring in a {kind} joint")
         elif stiffness:
-            (reference,) = _numbers(resolved(joint, "springref")) or (0.0,)
-            if kind_name == "hinge" and in_degrees(document.root):
+            reference = float(resolved_text(joint, "springref", "0"))
+            if kind == "hinge" and _in_degrees(document.root):
                 reference = math.radians(reference)
             yield JointSpring(name, stiffness, reference, _line(document, joint, "stiffness"))
         if isinstance(damping, Unexpressed):
@@ -125,7 +109,7 @@ def _of_tendons(document: Document) -> Iterator[ForceElement | Unexpressed]:
     sites = {site.get("name"): site for world in document.root.iterfind("worldbody") for site in world.iter("site")}
     for tendon in document.root.iterfind("tendon/*"):
         armature = resolved(tendon, "armature")
-        if any(_numbers(armature)):
+        if armature is not None and any(_numbers(armature.text)):
             yield _unexpressed(document, tendon, "armature", armature, "is an inertia in a tendon")
             continue
         stiffness, damping = (_coefficient(document, tendon, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
@@ -144,7 +128,7 @@ def _point_spring(
     if tendon.tag != "spatial" or [part.tag for part in path] != ["site", "site"]:
         return _unexpressed(document, tendon, "", None, "does not run straight from one site to another")
     written = resolved(tendon, "springlength")
-    lengths = _numbers(written) or (-1.0,)
+    lengths = _numbers("-1" if written is None else written.text)
     if stiffness and min(lengths) < 0:
         return _unexpressed(document, tendon, "springlength", written, "leaves its springlength to the reader; write it")
     if stiffness and lengths[0] != lengths[-1]:
@@ -162,5 +146,5 @@ def _end(site: etree._Element | None) -> tuple[str, Point] | None:
     if site is None or site.getparent().tag not in ("body", "worldbody"):
         return None
     body = WORLD if site.getparent().tag == "worldbody" else site.getparent().get("name")
-    x, y, z = _numbers(resolved(site, "pos")) or (0.0, 0.0, 0.0)
+    x, y, z = _numbers(resolved_text(site, "pos", "0 0 0"))
     return (body, (x, y, z)) if body else None

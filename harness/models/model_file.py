@@ -36,17 +36,8 @@ from pathlib import Path
 from lxml import etree
 
 from harness.models.checks import check_elements, check_inertia, numbers
-from harness.models.mjcf_forces import Unexpressed, read_forces
-from harness.models.urdf_forces import (
-    Armature,
-    Elements,
-    ForceElement,
-    JointDamper,
-    JointSpring,
-    PointSpring,
-    armatures,
-    force_elements,
-)
+from harness.models.mjcf_forces import Unexpressed, gravity, read_forces
+from harness.models.urdf_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
 from harness.models.values import Numbers, positive
 from harness.models.xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, parse_document, read_document, resolve
 
@@ -133,7 +124,7 @@ def _read_mjcf(document: Document) -> ModelFile:
         document.refuse(root, "has no joint in any body; expected one for each coordinate of the system")
     options = [*root.iterfind("option[@gravity]")] or [*root.iterfind("option")] or [root]
     lines = {name: document.lines[joint] for name, joint in joints.items()}
-    forces = read_forces(document)
+    forces, unexpressed = read_forces(document)
     return ModelFile(
         path=document.path,
         format="mjcf",
@@ -141,9 +132,9 @@ def _read_mjcf(document: Document) -> ModelFile:
         joint_lines=lines,
         gravity_line=document.lines[options[-1]],
         root_line=document.lines[root],
-        force_elements=forces.elements,
-        gravity=forces.gravity,
-        unexpressed=forces.unexpressed,
+        force_elements=forces,
+        gravity=gravity(root),
+        unexpressed=unexpressed,
     )
 
 

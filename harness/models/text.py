@@ -1,7 +1,7 @@
-"""Numbers, attributes and elements of a model file with their places in the text, and what changing them does.
+"""Numbers, attributes and elements of a model file with their places in the text, and the effect of changes.
 
-The text is changed in place, so that everything else in the file stays as its author wrote it. Whoever
-watches a model brings the function that answers it; no engine is imported here. Decoration is left out.
+The text is changed in place, so that everything else in the file stays as its author wrote it. A ``Watch`` is given the
+function that evaluates a model; no engine is imported here. Decoration is left out.
 
 The text is scanned here once more, after ``harness.models.xml`` has found it well-formed: expat and lxml report the line or
 offset of a tag, never the characters that an attribute or a number occupies.
@@ -9,7 +9,6 @@ offset of a tag, never the characters that an attribute or a number occupies.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -30,10 +29,13 @@ _TAG = re.compile(
 _ATTRIBUTE = re.compile(r"\s+(?P<name>[^\s=]+)\s*=\s*(?P<quote>[\"'])(?P<value>.*?)(?P=quote)", re.DOTALL)
 _WORD = re.compile(r"\S+")
 
+# (start, end, what stands there instead)
+Edit = tuple[int, int, str]
+
 
 @dataclass(frozen=True)
 class Place:
-    """Where a change stands in a model file.
+    """The place of a change in a model file.
 
     Attributes:
         line: 1-based line of the attribute, or of the element where the attribute is absent.
@@ -105,9 +107,14 @@ class Element:
         """The text of attribute ``name``."""
         return next((attribute.value for attribute in self.attributes if attribute.name == name), None)
 
-    def holds(self, number: Number) -> bool:
-        """Whether ``number`` is one of the element, or of what is inside."""
-        return self.start <= number.start < self.end
+    def holds(self, part: Number | Element) -> bool:
+        """True for a number of the element, and for numbers and elements inside of it."""
+        return self.start < part.start < self.end
+
+
+def innermost(holders: Iterable[Element], element: Element) -> Element | None:
+    """The innermost of ``holders`` around ``element``; None where there is none."""
+    return max((holder for holder in holders if holder.holds(element)), key=lambda holder: holder.start, default=None)
 
 
 def find_elements(text: str, model_format: str) -> list[Element]:
@@ -174,11 +181,16 @@ def find_numbers(text: str, model_format: str) -> list[Number]:
     return [number for element in find_elements(text, model_format) for attribute in element.attributes for number in attribute.numbers]
 
 
+def edited(text: str, edits: Iterable[Edit]) -> str:
+    """The text after all edits, which do not overlap; one that is asked for twice is made once."""
+    for start, end, replacement in sorted(dict.fromkeys(edits), reverse=True):
+        text = text[:start] + replacement + text[end:]
+    return text
+
+
 def with_values(text: str, values: Mapping[Number, float]) -> str:
     """The text with other values for some of its numbers, each written exactly."""
-    for number in sorted(values, key=lambda number: number.start, reverse=True):
-        text = text[: number.start] + repr(values[number]) + text[number.end :]
-    return text
+    return edited(text, ((number.start, number.end, repr(value)) for number, value in values.items()))
 
 
 def scaled(text: str, numbers: Iterable[Number], factor: float) -> str:
@@ -188,9 +200,7 @@ def scaled(text: str, numbers: Iterable[Number], factor: float) -> str:
 
 def without(text: str, *spans: tuple[int, int]) -> str:
     """The text without some of its parts, which do not overlap."""
-    for start, end in sorted(spans, reverse=True):
-        text = text[:start] + text[end:]
-    return text
+    return edited(text, ((start, end, "") for start, end in spans))
 
 
 @dataclass
@@ -211,7 +221,7 @@ class Watch:
         self.healthy = self.answer(self.model)
 
     def accelerations(self, text: str) -> Array | None:
-        """What the model answers with another text; None where a reader refuses that."""
+        """The accelerations with another text; None where a reader refuses that."""
         try:
             return self.answer(parse_model(self.model.path, text, self.model.format))
         except (InvalidModel, ValueError):
@@ -228,9 +238,6 @@ class Watch:
 
 def largest_change(healthy: Array, moved: Array) -> float:
     """The largest change of any joint's accelerations, both (n, nv), relative to that joint's largest; inf where they are not finite."""
-    scale = np.abs(healthy).max(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.abs(moved - healthy) / scale
-    change[moved == healthy] = 0.0
-    largest = float(change.max())
-    return math.inf if math.isnan(largest) else largest
+        change = np.where(moved == healthy, 0.0, np.abs(moved - healthy) / np.abs(healthy).max(axis=0))
+    return float(np.nan_to_num(change, nan=np.inf, posinf=np.inf).max())

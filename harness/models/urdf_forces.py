@@ -1,4 +1,4 @@
-"""What a URDF declares beside links and joints: springs, dampers and reflected inertias, in existing conventions.
+"""The springs, dampers and reflected inertias that a URDF declares beside links and joints, in existing conventions.
 
 ``harness.models.model_file`` says which conventions are read.
 """
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from lxml import etree
 
 from harness.models.checks import numbers
+from harness.models.formats import POINT_SPRING
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import Document, describe, literal_tag, resolve, shorten
 
 _SINGLE_AXIS = ("revolute", "prismatic", "continuous")
-_POINT_SPRING = "drake:linear_spring_damper"
 _ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
 
 Point = tuple[float, float, float]
@@ -77,7 +77,7 @@ class Armature:
 
     @property
     def reflected_inertia(self) -> float:
-        """What the joint feels [kg m^2, or kg]: gear_ratio^2 rotor_inertia."""
+        """The inertia added to the joint [kg m^2, or kg]: gear_ratio^2 rotor_inertia."""
         return self.gear_ratio**2 * self.rotor_inertia
 
 
@@ -97,7 +97,7 @@ def force_elements(document: Document, links: Elements, joints: Elements) -> Ite
                 document.refuse(element, f"joint {spring.joint!r} has a second spring; expected one, with the sum of the stiffnesses")
             sprung.add(spring.joint)
             yield spring
-        elif tag == _POINT_SPRING:
+        elif tag == POINT_SPRING:
             yield _point_spring(document, element, links)
 
 
@@ -173,9 +173,9 @@ def _point_spring(document: Document, element: etree._Element, links: Elements) 
     parts = {literal_tag(part): part for part in _once(document, element)}
 
     def part_named(suffix: str) -> etree._Element:
-        tag = f"{_POINT_SPRING}_{suffix}"
+        tag = f"{POINT_SPRING}_{suffix}"
         if tag not in parts:
-            document.refuse(element, f"<{_POINT_SPRING}> has no <{tag}>; add it")
+            document.refuse(element, f"<{POINT_SPRING}> has no <{tag}>; add it")
         return parts[tag]
 
     def point(suffix: str) -> Point:

@@ -1,4 +1,4 @@
-"""What one attribute of a model file may hold: numbers that pass a check, a word, or any text.
+"""Rules for one attribute of a model file: numbers that pass a check, a word, or any text.
 
 Numbers are decimal and finite: what strtod reads beyond that (hexadecimal, nan, inf) engines take in
 silence and answer with NaN.

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +47,15 @@ class Baseline:
     Attributes:
         reference: certified accelerations.
         watch: the subject's answers to the unchanged model and to changed texts of it.
-        sound: (n,) bool; whether the subject agrees on the unchanged model. A state at which it does not can show no change.
     """
 
     reference: Reference
     watch: Watch
-    sound: np.ndarray[Any, np.dtype[np.bool_]]
 
-    @classmethod
-    def of(cls, reference: Reference, watch: Watch) -> Baseline:
-        """The baseline of the subject that ``watch`` asks, at the states of ``reference``."""
-        return cls(reference, watch, compare(reference, watch.healthy).verdicts == Verdict.AGREES.value)
+    @cached_property
+    def sound(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """(n,) bool; true where the subject agrees on the unchanged model. A state at which it does not can show no change."""
+        return np.asarray(compare(self.reference, self.watch.healthy).verdicts == Verdict.AGREES.value)
 
     def verdict(self, accelerations: Array) -> str:
         """The worst verdict on answers, (n, nv), over the states that are sound."""

@@ -5,11 +5,11 @@ Source: Reiter, A theory of diagnosis from first principles, Artificial Intellig
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from harness.arrays import Array
@@ -18,22 +18,13 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.superfluous import CHANGE, NOISE
+from harness.crosscheck.tasks import reference_kernel
 from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
 from harness.diagnosis.faults.selection import expectations
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
-from harness.engines import (
-    EQUATIONS,
-    Engine,
-    LoadedModel,
-    Model,
-    Subject,
-    Unsupported,
-    linear_velocity_in_body,
-    load_engine,
-    select_subjects,
-)
+from harness.engines import EQUATIONS, Engine, Model, Subject, Unsupported, linear_velocity_in_body, load_engine, select_subjects
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -99,8 +90,7 @@ class FaultBench:
         self._states = sample(self.mechanism, states, seed)
         self._diagnostic_states = diagnostic_states(self.mechanism, seed)
         self._expected = expectations(library)
-        self._kernels: dict[bool, ReferenceKernel] = {}
-        self._references: dict[tuple[bool, bool], Reference] = {}
+        self._references: dict[tuple[ReferenceKernel, bool], Reference] = {}
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
         self.readers: list[Reader] = []
         self.others: dict[str, str] = {}
@@ -110,22 +100,21 @@ class FaultBench:
 
     def _reference(self, engine: Engine, diagnostic: bool = False) -> Reference:
         """Certified once: it does not depend on the fault."""
-        in_body = linear_velocity_in_body(engine) and bool(self.mechanism.charts_in_body)
-        if in_body not in self._kernels:
-            self._kernels[in_body] = ReferenceKernel(self.mechanism, in_body)
-        if (in_body, diagnostic) not in self._references:
-            states = self._diagnostic_states if diagnostic else self._states
-            self._references[in_body, diagnostic] = self._kernels[in_body].evaluate(states)
-        return self._references[in_body, diagnostic]
+        kernel = reference_kernel(self.mechanism, linear_velocity_in_body(engine))
+        if (kernel, diagnostic) not in self._references:
+            self._references[kernel, diagnostic] = kernel.evaluate(self._diagnostic_states if diagnostic else self._states)
+        return self._references[kernel, diagnostic]
 
     def _join(self, subject: Subject) -> str:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
         engine = load_engine(self._library, subject.engine)
-        source: Any = self.mechanism if subject.format == EQUATIONS else self.model
-        if subject.format not in (EQUATIONS, self.model.format):
-            source = _model_or_none(self._library.model_path(self._name, subject.format), subject.format)
+        source: Any = {EQUATIONS: self.mechanism, self.model.format: self.model}.get(subject.format)
         if source is None:
-            return ""
+            with contextlib.suppress(InvalidModel):
+                # A family's writer may make it where there is no file.
+                source = read_model(self._library.model_path(self._name, subject.format), subject.format)
+            if source is None:
+                return ""
         path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
         watched = None
         try:
@@ -140,7 +129,7 @@ class FaultBench:
         expected = self._expected.get((self._name, str(subject)), Expectation())
         require_sound(path, self._name, subject, reference, answers, expected)
         if watched:
-            self.readers.append(Reader(subject, engine, Baseline.of(reference, watched)))
+            self.readers.append(Reader(subject, engine, Baseline(reference, watched)))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
@@ -156,7 +145,7 @@ class FaultBench:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
             reference = self._reference(reader.engine, diagnostic=True)
-            sound = Baseline.of(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
+            sound = Baseline(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
 
@@ -168,7 +157,7 @@ class FaultBench:
             return Answer("validator", str(error), error.line)
         verdicts: dict[str, str] = {}
         movement = 0.0
-        refused: InvalidModel | None = None
+        refusal: InvalidModel | None = None
         for one in self.readers:
             try:
                 loaded = self._load(one.engine, model)
@@ -180,11 +169,14 @@ class FaultBench:
                 line = re.search(r"\bline (\d+)", str(error))
                 return Answer("reader", str(error), int(line[1]) if line else None)
             held = loaded.loaded()
-            if held is not None and refused is None:
-                refused = _refusal_of(held, model, self.mechanism)
+            if held is not None and refusal is None:
+                try:
+                    audit(held, model, self.mechanism)
+                except InvalidModel as error:
+                    refusal = error
             movement = max(movement, one.baseline.movement(answers))
             verdicts[str(one.subject)] = one.baseline.verdict(answers)
-        said = ("audit", str(refused), refused.line) if refused is not None else ("", "", None)
+        said = ("", "", None) if refusal is None else ("audit", str(refusal), refusal.line)
         return Answer(*said, verdicts, movement)
 
     def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
@@ -214,20 +206,3 @@ class FaultBench:
             return ""
         party = infer({**self.others, **answer.verdicts}).party
         return "" if party in (f"model {self.model.format}", NOTHING, UNDECIDED) else party
-
-
-def _model_or_none(path: Path, model_format: str) -> ModelFile | None:
-    """The model at ``path``, which a family's writer may make; None where there is none."""
-    try:
-        return read_model(path, model_format)
-    except InvalidModel:
-        return None
-
-
-def _refusal_of(held: LoadedModel, model: ModelFile, mechanism: Mechanism) -> InvalidModel | None:
-    """The audit's refusal of a model; None where it has none."""
-    try:
-        audit(held, model, mechanism)
-    except InvalidModel as error:
-        return error
-    return None

@@ -65,23 +65,16 @@ def number_faults(model: ModelFile) -> Iterator[Planted]:
     """
     alone: dict[Place, Planted] = {}
     for candidate in numeric_candidates(model):
-        planted = _of_number(candidate)
+
+        def at(size: float, candidate: Candidate = candidate, start: float = candidate.start or 0.0) -> str:
+            return candidate.text(start + size * (start or candidate.scale))
+
+        planted = Planted(NUMBER, candidate.statement, (candidate.place,), at, sized=True)
         if candidate.place not in alone:
             alone[candidate.place] = planted
             yield planted
         elif not any(_is_valid(model, alone[candidate.place].text(size)) for size in (CHANGE, -CHANGE)):
             yield planted
-
-
-def _of_number(candidate: Candidate) -> Planted:
-    start = candidate.start or 0.0
-    return Planted(
-        NUMBER,
-        candidate.statement,
-        (candidate.place,),
-        lambda size: candidate.text(start + size * (start or candidate.scale)),
-        sized=True,
-    )
 
 
 class Campaign:
@@ -108,20 +101,13 @@ class Campaign:
                 yield self._diagnosed(fault, one, place) if place in chosen else fault
 
     def _planted(self) -> dict[str, list[Planted]]:
-        kinds = self.settings.kinds or list(kinds_of_faults())
-        plants: dict[str, Callable[[ModelFile], Iterator[Planted]]] = {NUMBER: number_faults}
-        plants |= {hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}
-        return {kind: list(plants[kind](self.model)) for kind in kinds}
+        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
+        return {kind: list(plants[kind](self.model)) for kind in self.settings.kinds or plants}
 
     def _caught(self, planted: Planted) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
-        about: dict[str, Any] = {
-            "system": self.name,
-            "format": self.model.format,
-            "kind": planted.kind,
-            "statement": planted.statement,
-            "where": where,
-        }
+        about: dict[str, Any] = {"system": self.name, "format": self.model.format, "kind": planted.kind}
+        about |= {"statement": planted.statement, "where": where}
         if planted.sized:
             return self._caught_in_sizes(planted, about)
         answer = self.bench.ask(planted.text(1.0))
@@ -179,9 +165,8 @@ class Campaign:
         diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
         seconds = time.perf_counter() - started
         where = set(fault.where)
-        first = diagnosis.first
-        explained = first is not None and first.explains
-        named = first is not None and first.explains and first.place.key in where
+        explained = bool(diagnosis.explaining)
+        named = explained and diagnosis.tried[0].place.key in where
         return replace(
             fault,
             # A mistake that others do not feel makes one reader wrong alone; a change of the file that explains it clears the reader.

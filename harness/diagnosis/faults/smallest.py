@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from harness.crosscheck.superfluous import CHANGE
@@ -55,18 +55,8 @@ class SmallestChange:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data: the place of the number, its value, and both changes."""
-        place = self.place
-        return {
-            "system": self.system,
-            "subject": self.subject,
-            "file": self.file,
-            "line": place.line,
-            "element": place.element,
-            "attribute": place.attribute,
-            "value": self.value,
-            "smallest": self.smallest,
-            "theory": self.theory,
-        }
+        about = asdict(self)
+        return {**about.pop("place"), **about}
 
 
 def smallest_changes(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import operator
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -99,18 +101,14 @@ class KindOfFault:
 
 def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:
     """The faults kind by kind, kinds in alphabetical order."""
-    sorted_faults: dict[str, list[Fault]] = {}
-    for fault in faults:
-        sorted_faults.setdefault(fault.kind, []).append(fault)
-    return [_kind(kind, sorted_faults[kind]) for kind in sorted(sorted_faults)]
+    kind = operator.attrgetter("kind")
+    return [_kind(name, list(own)) for name, own in itertools.groupby(sorted(faults, key=kind), key=kind)]
 
 
 def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
     live = [fault for fault in faults if fault.live]
     judged = [fault for fault in live if fault.judged]
-    sized = [
-        (fault.smallest, fault.theory) for fault in live if fault.smallest is not None and fault.theory is not None and fault.order == 1
-    ]
+    sized = [(one.smallest, one.theory) for one in live if one.smallest is not None and one.theory is not None and one.order == 1]
     seconds = [fault.seconds for fault in judged if fault.diagnosed is not None]
     return KindOfFault(
         kind=kind,
@@ -130,19 +128,13 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
 
 def broken_bars(faults: Sequence[Fault]) -> list[str]:
     """The bars that a campaign breaks, one sentence each."""
-    live = [fault for fault in faults if fault.live]
-    judged = [fault for fault in live if fault.judged]
-    known = sum(fault.named or fault.in_class for fault in judged)
-    missed = sum(not fault.caught for fault in live)
-    blamed = sum(bool(fault.blamed) for fault in live)
-    above = sum(not fault.as_in_theory for fault in live)
+    every = _kind("", faults)
+    missed, known = every.live - every.caught, f"{every.in_class} of {every.judged} diagnosed faults"
+    above = sum(not fault.as_in_theory for fault in faults if fault.live)
     bars = [
-        (missed, f"{missed} of {len(live)} faults that change the dynamics were not caught"),
-        (blamed, f"{blamed} faults were blamed on somebody sound"),
+        (missed, f"{missed} of {every.live} faults that change the dynamics were not caught"),
+        (every.blamed, f"{every.blamed} faults were blamed on somebody sound"),
         (above, f"{above} numbers are caught only beyond {MOST_ABOVE_THEORY:g} times what theory promises"),
-        (
-            known < MUST_BE_NAMED * len(judged),
-            f"{known} of {len(judged)} diagnosed faults were named first or in their class, fewer than {MUST_BE_NAMED:.0%}",
-        ),
+        (every.in_class < MUST_BE_NAMED * every.judged, f"{known} were named first or in their class, fewer than {MUST_BE_NAMED:.0%}"),
     ]
     return [sentence for broken, sentence in bars if broken]

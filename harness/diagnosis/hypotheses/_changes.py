@@ -6,21 +6,21 @@ Then one list of changes serves both to mend and to plant.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 
 from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted
 from harness.models.anatomy import anatomy
-from harness.models.anatomy.parts import Anatomy, Edit, Slot, Words, edited
+from harness.models.anatomy.parts import Anatomy, Slot, Words
 from harness.models.model_file import ModelFile
-from harness.models.text import Place
+from harness.models.text import Place, edited
 
 # A slot with its new words, None where it goes.
 Write = tuple[Slot, Words | None]
 Writes = Sequence[Write]
 
+COMPONENTS = "xyz"
 # More digits than any product of two numbers of a file has.
 _EXACT = Context(prec=60)
 
@@ -39,86 +39,75 @@ class FixedChange:
 
 @dataclass(frozen=True)
 class FreeChange:
-    """Slots and what to write into them at a value; ``start`` and ``scale`` are those of a ``Candidate``."""
+    """Slots and what to write into them at a value, of a natural size ``scale``; at 0 the file is as it is."""
 
     statement: str
     writes: Callable[[float], Writes]
     scale: float
-    start: float = 0.0
 
 
 Changes = Callable[[Anatomy], Iterable[FixedChange]]
-FreeChanges = Callable[[Anatomy], Iterable[FreeChange]]
 
 
 def hypothesis(
-    name: str, title: str, source: str, changes: Changes, free: FreeChanges = lambda parts: (), plants: Changes | None = None
+    name: str,
+    title: str,
+    source: str,
+    changes: Changes,
+    free: Callable[[Anatomy], Iterable[FreeChange]] = lambda parts: (),
+    plants: Changes | None = None,
 ) -> Hypothesis:
     """The hypothesis whose mends are ``changes`` and ``free``, and whose mistakes are ``plants``, by default ``changes``."""
 
     def mend(model: ModelFile) -> Iterator[Candidate]:
-        parts = anatomy(model)
-        for change in _effective(model.text, changes(parts)):
-            yield _candidate(name, model.text, change)
-        for unknown in free(parts):
-            yield _free_candidate(name, model.text, unknown)
+        parts, text = anatomy(model), model.text
+        for change, after in _effective(text, changes(parts)):
+            yield Candidate(name, change.statement, _found(*change.writes[0]), lambda value, after=after: after)  # type: ignore[misc]
+        yield from (_with_value(name, text, unknown) for unknown in free(parts))
 
     def plant(model: ModelFile) -> Iterator[Planted]:
-        for change in _effective(model.text, (plants or changes)(anatomy(model))):
-            yield _planted(name, model.text, change)
+        for change, after in _effective(model.text, (plants or changes)(anatomy(model))):
+            places = [*(_made(slot, words) for slot, words in change.writes), *(slot.place for slot in change.forgotten)]
+            yield Planted(name, change.statement, tuple(places), lambda size, after=after: after)  # type: ignore[misc]
 
     return Hypothesis(name, title, mend, plant, source)
 
 
-def _edits(text: str, writes: Writes) -> list[Edit]:
-    return [edit for slot, words in writes for edit in (slot.gone(text) if words is None else slot.written(words))]
+def _after(text: str, writes: Writes) -> str:
+    return edited(text, [edit for slot, words in writes for edit in (slot.gone(text) if words is None else slot.written(words))])
 
 
-def _effective(text: str, changes: Iterable[FixedChange]) -> Iterator[FixedChange]:
-    """Those that change some number or word, each text once."""
+def _effective(text: str, changes: Iterable[FixedChange]) -> Iterator[tuple[FixedChange, str]]:
+    """Those that change some number or word, and the text after each; each text once."""
     seen = {text}
     for change in changes:
         effective = [(slot, words) for slot, words in change.writes if not _same(slot, words)]
-        after = edited(text, _edits(text, effective))
+        after = _after(text, effective)
         if after not in seen:
             seen.add(after)
-            yield replace(change, writes=effective)
+            yield replace(change, writes=effective), after
 
 
 def _same(slot: Slot, words: Words | None) -> bool:
     if words is None:
         return slot.absent
-    return not slot.renamed and _values(slot.words) == _values(words)
+    return not slot.renamed and list(map(_value, slot.words)) == list(map(_value, words))
 
 
-def _values(words: Words) -> list[float | str]:
-    return [float(word) if _is_number(word) else word for word in words]
-
-
-def _is_number(word: str) -> bool:
+def _value(word: str) -> float | str:
+    """A number, or the word itself."""
     try:
-        float(word)
+        return float(word)
     except ValueError:
-        return False
-    return True
+        return word
 
 
-def _candidate(name: str, text: str, change: FixedChange) -> Candidate:
-    edits = _edits(text, change.writes)
-    return Candidate(name, change.statement, _first_place(change.writes), lambda value: edited(text, edits))
-
-
-def _free_candidate(name: str, text: str, change: FreeChange) -> Candidate:
+def _with_value(name: str, text: str, change: FreeChange) -> Candidate:
     def at(value: float) -> str:
-        return text if value == change.start else edited(text, _edits(text, change.writes(value)))
+        return text if value == 0.0 else _after(text, change.writes(value))
 
-    # Asked away from its start, for there it may leave the file as it is.
-    place = _first_place(change.writes(change.start + change.scale))
-    return Candidate(name, change.statement, place, at, change.start, change.scale)
-
-
-def _first_place(writes: Writes) -> Place:
-    return _found(*writes[0])
+    # Asked away from zero, for there it may leave the file as it is.
+    return Candidate(name, change.statement, _found(*change.writes(change.scale)[0]), at, 0.0, change.scale)
 
 
 def _found(slot: Slot, words: Words | None) -> Place:
@@ -130,12 +119,6 @@ def _found(slot: Slot, words: Words | None) -> Place:
     return Place(place.line, place.element, place.attribute, changed[0], slot.words[changed[0]]) if len(changed) == 1 else place
 
 
-def _planted(name: str, text: str, change: FixedChange) -> Planted:
-    after = edited(text, _edits(text, change.writes))
-    places = [_made(slot, words) for slot, words in change.writes] + [slot.place for slot in change.forgotten]
-    return Planted(name, change.statement, tuple(places), lambda size: after)
-
-
 def _made(slot: Slot, words: Words | None) -> Place:
     """The place of a mistake in the text that has it."""
     place = slot.place
@@ -144,14 +127,9 @@ def _made(slot: Slot, words: Words | None) -> Place:
     return Place(slot.inserted_line, place.element, slot.renamed or place.attribute, None, " ".join(words))
 
 
-def times(words: Words, factor: str | Decimal) -> list[str]:
+def times(words: Words, factor: str) -> list[str]:
     """Numbers times a factor, exactly as decimals."""
     return [str(_EXACT.multiply(Decimal(word), Decimal(factor))) for word in words]
-
-
-def divided(words: Words, divisor: str | Decimal) -> list[str]:
-    """Numbers divided, exactly where the quotient has an end."""
-    return [str(_EXACT.divide(Decimal(word), Decimal(divisor))) for word in words]
 
 
 def plus(words: Words, others: Words, sign: int = 1) -> list[str]:
@@ -159,10 +137,16 @@ def plus(words: Words, others: Words, sign: int = 1) -> list[str]:
     return [str(_EXACT.add(Decimal(word), sign * Decimal(other))) for word, other in zip(words, others, strict=True)]
 
 
+def along(axis: int, word: str) -> list[str]:
+    """A vector of one component."""
+    return [word if place == axis else "0" for place in range(3)]
+
+
+def exchanged(words: Words, first: int, second: int) -> list[str]:
+    """The words, two of them in each other's place."""
+    order = {first: second, second: first}
+    return [words[order.get(place, place)] for place in range(len(words))]
+
+
 def is_zero(words: Words) -> bool:
     return not any(float(word) for word in words)
-
-
-def rounded(value: float) -> str:
-    """A value to one digit, for what a mistake may leave in a file."""
-    return repr(float(f"{value:.1g}")) if value and math.isfinite(value) else "0"

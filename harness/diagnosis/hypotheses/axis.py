@@ -5,10 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, hypothesis, times
+from harness.diagnosis.hypotheses._changes import COMPONENTS, FixedChange, exchanged, hypothesis, times
 from harness.models.anatomy.parts import Anatomy
-
-_COMPONENTS = "xyz"
 
 
 def _changes(parts: Anatomy) -> Iterator[FixedChange]:
@@ -17,9 +15,8 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
             continue
         yield FixedChange("axis reversed", [(joint.axis, times(joint.axis.words, "-1"))])
         for first, second in itertools.combinations(range(3), 2):
-            words = list(joint.axis.words)
-            words[first], words[second] = words[second], words[first]
-            yield FixedChange(f"{_COMPONENTS[first]} and {_COMPONENTS[second]} of the axis exchanged", [(joint.axis, words)])
+            statement = f"{COMPONENTS[first]} and {COMPONENTS[second]} of the axis exchanged"
+            yield FixedChange(statement, [(joint.axis, exchanged(joint.axis.words, first, second))])
 
 
 HYPOTHESIS = hypothesis(

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, Write, hypothesis, is_zero, plus
+from harness.diagnosis.hypotheses._changes import COMPONENTS, FixedChange, FreeChange, Write, along, hypothesis, is_zero, plus
 from harness.models.anatomy.parts import Anatomy, Slot
-
-_COMPONENTS = "xyz"
 
 
 def _exchanges(parts: Anatomy) -> Iterator[FixedChange]:
@@ -36,16 +34,12 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
 
 def _free(parts: Anatomy) -> Iterator[FreeChange]:
     for slot in parts.frames:
-        if not slot.absent:
-            continue
-        for axis, letter in enumerate(_COMPONENTS):
+        for axis, letter in enumerate(COMPONENTS if slot.absent else ""):
 
-            def along(value: float, slot: Slot = slot, axis: int = axis) -> list[Write]:
-                words = ["0", "0", "0"]
-                words[axis] = repr(value)
-                return [(slot, words)]
+            def placed(value: float, slot: Slot = slot, axis: int = axis) -> list[Write]:
+                return [(slot, along(axis, repr(value)))]
 
-            yield FreeChange(f"left out along {letter}", along, parts.length)
+            yield FreeChange(f"left out along {letter}", placed, parts.length)
 
 
 def _plants(parts: Anatomy) -> Iterator[FixedChange]:

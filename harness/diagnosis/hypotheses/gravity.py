@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, hypothesis, is_zero
+from harness.diagnosis.hypotheses._changes import FixedChange, Write, along, exchanged, hypothesis, is_zero
 from harness.models.anatomy.parts import Anatomy
 
 STANDARD = "-9.81"
@@ -15,25 +15,18 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     gravity = parts.gravity
     if gravity is None:
         return
-    stage = next(slot for name, slot in parts.stages if name == "gravity")
+    stage = parts.stages["gravity"]
     for first, second in itertools.combinations(range(3), 2):
-        words = list(gravity.words)
-        words[first], words[second] = words[second], words[first]
-        yield FixedChange("gravity along another axis", [(gravity, words)])
-    if stage.words == ("disable",):
-        yield FixedChange("gravity switched off", [(stage, ["enable"])])
-        for axis in range(3):
-            words = ["0", "0", "0"]
-            words[axis] = STANDARD
-            yield FixedChange("gravity missing", [(gravity, words), (stage, ["enable"])])
+        yield FixedChange("gravity along another axis", [(gravity, exchanged(gravity.words, first, second))])
+    switched: list[Write] = [(stage, ["enable"])] if stage.words == ("disable",) else []
+    missing = [along(axis, STANDARD) for axis in range(3)]
+    if switched:
+        yield FixedChange("gravity switched off", switched)
     elif not is_zero(gravity.words):
         yield FixedChange("gravity switched off", [(stage, ["disable"])])
-        yield FixedChange("gravity missing", [(gravity, ["0", "0", "0"])])
-    else:
-        for axis in range(3):
-            words = ["0", "0", "0"]
-            words[axis] = STANDARD
-            yield FixedChange("gravity missing", [(gravity, words)])
+        missing = [["0", "0", "0"]]
+    for words in missing:
+        yield FixedChange("gravity missing", [(gravity, words), *switched])
 
 
 HYPOTHESIS = hypothesis(

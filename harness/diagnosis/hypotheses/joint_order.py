@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from harness.diagnosis.hypotheses._changes import FixedChange, hypothesis
 from harness.models.anatomy.parts import Anatomy
 
-_SINGLE = ("hinge", "slide")
-
 
 def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for one, other in itertools.combinations(parts.joints, 2):
-        if one.kind == other.kind or {one.kind, other.kind} <= set(_SINGLE):
+        if one.kind == other.kind or {one.kind, other.kind} <= {"hinge", "slide"}:
             statement = f"joints {one.name.words[0]} and {other.name.words[0]} exchanged"
             yield FixedChange(statement, [(one.name, other.name.words), (other.name, one.name.words)])
 

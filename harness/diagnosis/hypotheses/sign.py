@@ -1,4 +1,4 @@
-"""The sign of a length, an offset, a spring's reference or a force law is wrong."""
+"""A length, an offset, a spring's reference or a force law has the wrong sign."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _slots(parts: Anatomy) -> Iterator[Slot]:
     for stiffness, damping, _ in parts.others:
         yield from (stiffness, damping)
     # The sign of a gravity that is switched off matters to nobody.
-    if parts.gravity is not None and ("gravity", ("disable",)) not in ((stage, slot.words) for stage, slot in parts.stages):
+    if parts.gravity is not None and parts.stages["gravity"].words != ("disable",):
         yield parts.gravity
 
 
@@ -23,9 +23,8 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
     for slot in _slots(parts):
         live = [index for index, word in enumerate(slot.words) if float(word)]
         for index in live:
-            words = list(slot.words)
-            words[index : index + 1] = times(words[index : index + 1], "-1")
-            yield FixedChange("sign flipped", [(slot, words)])
+            flipped = [*slot.words[:index], *times([slot.words[index]], "-1"), *slot.words[index + 1 :]]
+            yield FixedChange("sign flipped", [(slot, flipped)])
         if len(live) > 1:
             yield FixedChange("all signs flipped", [(slot, times(slot.words, "-1"))])
 

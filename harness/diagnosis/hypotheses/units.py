@@ -5,39 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from harness.diagnosis.hypotheses._changes import FixedChange, Write, Writes, hypothesis, times
-from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial
+from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial, Slot
 
-_THOUSAND, _THOUSANDTH = "1000", "0.001"
-# Of an inertia: g m^2, kg mm^2 and g mm^2, and back.
-_INERTIA = {"1000": "g m^2", "0.001": "kg m^2", "1e6": "kg mm^2", "1e-6": "kg m^2", "1e9": "g mm^2", "1e-9": "kg m^2"}
+# Of a mass or length, and of an inertia: g m^2, kg mm^2 and g mm^2, and back.
+_FACTORS, _OF_INERTIA = ("0.001", "1000"), ("1000", "0.001", "1e6", "1e-6", "1e9", "1e-9")
+
+
+def _times(slot: Slot, factor: str) -> Write:
+    return slot, times(slot.words, factor)
 
 
 def _inertia(inertial: Inertial, factor: str) -> Writes:
     return inertial.rewritten({name: times([inertial.words[name]], factor)[0] for name in ENTRIES})
 
 
-def _squared(factor: str) -> str:
-    return str(times([factor], factor)[0])
-
-
 def _changes(parts: Anatomy) -> Iterator[FixedChange]:
-    factors = (_THOUSANDTH, _THOUSAND)
-    for factor in factors:
+    for factor in _FACTORS:
         for slot in parts.vectors:
-            yield FixedChange("length in other units", [(slot, times(slot.words, factor))])
+            yield FixedChange("length in other units", [_times(slot, factor)])
         for inertial in parts.inertials:
-            yield FixedChange("mass in other units", [(inertial.mass, times(inertial.mass.words, factor))])
-            whole = [(inertial.mass, times(inertial.mass.words, factor)), *_inertia(inertial, factor)]
-            yield FixedChange("mass and inertia in other units", whole)
+            mass = _times(inertial.mass, factor)
+            yield FixedChange("mass in other units", [mass])
+            yield FixedChange("mass and inertia in other units", [mass, *_inertia(inertial, factor)])
     for inertial in parts.inertials:
-        for factor in _INERTIA:
+        for factor in _OF_INERTIA:
             yield FixedChange("inertia in other units", _inertia(inertial, factor))
-    for factor in factors:
-        masses = [write for inertial in parts.inertials for write in [(inertial.mass, times(inertial.mass.words, factor))]]
+    for factor in _FACTORS:
+        masses = [_times(inertial.mass, factor) for inertial in parts.inertials]
         yield FixedChange("all masses in other units", [*masses, *(write for one in parts.inertials for write in _inertia(one, factor))])
-        lengths: list[Write] = [(slot, times(slot.words, factor)) for slot in parts.vectors]
-        inertias = [write for one in parts.inertials for write in _inertia(one, _squared(factor))]
-        yield FixedChange("all lengths in other units", [*lengths, *inertias])
+        lengths = [_times(slot, factor) for slot in parts.vectors]
+        squared = times([factor], factor)[0]
+        yield FixedChange("all lengths in other units", [*lengths, *(write for one in parts.inertials for write in _inertia(one, squared))])
 
 
 HYPOTHESIS = hypothesis(

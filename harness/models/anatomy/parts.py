@@ -8,28 +8,19 @@ Sources: MuJoCo 4 XML reference; http://wiki.ros.org/urdf/XML; ``harness.models.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.models.model_file import ModelFile
-from harness.models.text import Attribute, Element, Place, find_elements
+from harness.models.text import Attribute, Edit, Element, Place, find_elements
 
 # Of an inertia matrix, in MuJoCo's order; both formats call them so.
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
-# (start, end, what stands there instead)
-Edit = tuple[int, int, str]
 Words = Sequence[str]
-
-
-def edited(text: str, edits: Iterable[Edit]) -> str:
-    """The text after all edits, which do not overlap; one that is asked for twice is made once."""
-    for start, end, replacement in sorted(dict.fromkeys(edits), reverse=True):
-        text = text[:start] + replacement + text[end:]
-    return text
 
 
 @dataclass(frozen=True)
@@ -103,8 +94,9 @@ class Joint:
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass, centre of mass, inertia by its entries, and orientation of the frame that both are given in."""
+    """Name of the body, its mass, centre of mass, inertia by its entries, and orientation of the frame that both are given in."""
 
+    body: str
     mass: Slot
     centre: Slot
     entries: tuple[Slot, ...]
@@ -162,7 +154,7 @@ class Anatomy:
     positions: tuple[Slot, ...]
     others: tuple[tuple[Slot, Slot, Slot], ...]
     gravity: Slot | None = None
-    stages: tuple[tuple[str, Slot], ...] = ()
+    stages: Mapping[str, Slot] = field(default_factory=dict)
     angle: Slot | None = None
     euler_sequence: str = "xyz"
 
@@ -210,18 +202,14 @@ class Parts:
         self.model, self.text = model, model.text
         self.elements = find_elements(model.text, model.format)
 
-    def all(self, *path: str) -> Iterator[Element]:
+    def all(self, *path: str) -> list[Element]:
         """Elements whose path ends so."""
-        return (element for element in self.elements if element.path[-len(path) :] == path)
+        return [element for element in self.elements if element.path[-len(path) :] == path]
 
     def inside(self, holder: Element, tag: str) -> Element | None:
         """The first child of ``holder`` with that tag."""
-        return next(iter(self.children(holder, tag)), None)
-
-    def children(self, holder: Element, tag: str) -> list[Element]:
-        """The children of ``holder`` with that tag."""
         path = (*holder.path, tag)
-        return [element for element in self.elements if element.path == path and holder.start < element.start < holder.end]
+        return next((element for element in self.elements if element.path == path and holder.holds(element)), None)
 
     def line(self, position: int) -> int:
         return self.text.count("\n", 0, position) + 1
@@ -231,31 +219,31 @@ class Parts:
         found = next((attribute for attribute in element.attributes if attribute.name == name), None)
         if found is None:
             end = element.opened - (2 if self.text[element.opened - 2] == "/" else 1)
-            place = Place(element.line, element.tag, name, None, "")
-            return Slot(place, end, end, f' {name}="', '"', self.line(end), element.line, tuple(default.split()), (end, end), along)
+            return self.missing(element, end, element.tag, name, (f' {name}="', '"'), default, along)
         span = (element.start, element.end) if alone and len(element.attributes) == 1 else (found.start, found.end)
         return self._standing(element, found, span, element.line, along)
 
-    def slot_inside(self, holder: Element, tag: str, name: str, default: str = "0 0 0", alone: bool = True) -> Slot:
+    def slot_inside(
+        self, holder: Element, tag: str, name: str, default: str = "0 0 0", along: tuple[Edit, ...] = (), alone: bool = True
+    ) -> Slot:
         """Attribute ``name`` of the child ``tag`` of an element, which itself may be absent."""
         child = self.inside(holder, tag)
-        if child is not None:
-            slot = self.slot(child, name, default, alone=alone)
-            goes = slot.removed == (child.start, child.end)
-            return replace(slot, absent_line=holder.line) if goes else slot
-        place, position = Place(holder.line, tag, name, None, ""), holder.opened
-        words = tuple(default.split())
-        return Slot(place, position, position, f'<{tag} {name}="', '"/>', self.line(position), holder.line, words, (position, position))
+        if child is None:
+            return self.missing(holder, holder.opened, tag, name, (f'<{tag} {name}="', '"/>'), default, along)
+        slot = self.slot(child, name, default, along, alone)
+        return replace(slot, absent_line=holder.line) if slot.removed == (child.start, child.end) else slot
 
     def text_slot(self, element: Element, holder: Element, absent_line: int) -> Slot:
-        """What stands between the tags of an element that goes with ``holder``."""
+        """The text between the tags of an element that goes with ``holder``."""
         found = next(attribute for attribute in element.attributes if attribute.name == "")
         return self._standing(element, found, (holder.start, holder.end), absent_line, ())
 
-    def behind(self, element: Element, head: str, tail: str, tag: str, name: str, along: tuple[Edit, ...] = ()) -> Slot:
-        """A number of an element that is not there, and would stand behind ``element``."""
-        place, position = Place(element.line, tag, name, None, ""), element.end
-        return Slot(place, position, position, head, tail, self.line(position), element.line, ("0",), (position, position), along)
+    def missing(
+        self, owner: Element, at: int, tag: str, name: str, around: tuple[str, str], default: str = "0", along: tuple[Edit, ...] = ()
+    ) -> Slot:
+        """An attribute that is not there, and would stand at a position of the text with ``around`` before and behind its value."""
+        place = Place(owner.line, tag, name, None, "")
+        return Slot(place, at, at, *around, self.line(at), owner.line, tuple(default.split()), (at, at), along)
 
     def _standing(self, element: Element, found: Attribute, removed: tuple[int, int], absent_line: int, along: tuple[Edit, ...]) -> Slot:
         place = Place(found.line, element.tag, found.name, None, found.value)

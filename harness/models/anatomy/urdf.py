@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Edit, Inertial, Joint, Parts, Slot
-from harness.models.text import Element
+from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial, Joint, Parts, Slot
+from harness.models.formats import POINT_SPRING
+from harness.models.text import Edit, Element
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
-_POINT_SPRING = "drake:linear_spring_damper"
 _NAMESPACE = ' xmlns:drake="http://drake.mit.edu"'
 _ROTOR = (
     '<transmission name="{name}_transmission"><type>transmission_interface/SimpleTransmission</type>'
@@ -25,9 +25,9 @@ _SPRING = ('<gazebo reference="{name}"><springStiffness>', "</springStiffness><s
 
 def anatomy(parts: Parts) -> Anatomy:
     """Take the model apart."""
-    carried = {child.get("link"): joint for joint in parts.all("robot", "joint") if (child := parts.inside(joint, "child")) is not None}
-    springs = list(parts.all("robot", _POINT_SPRING))
-    points = [parts.inside(spring, f"{_POINT_SPRING}_{end}") for spring in springs for end in ("p_AP", "p_BQ")]
+    carried = {_link(parts, joint, "child"): joint for joint in parts.all("robot", "joint")}
+    springs = parts.all("robot", POINT_SPRING)
+    points = [parts.inside(spring, f"{POINT_SPRING}_{end}") for spring in springs for end in ("p_AP", "p_BQ")]
     return Anatomy(
         model=parts.model,
         bodies=tuple(_body(parts, link, carried.get(link.get("name"))) for link in parts.all("robot", "link")),
@@ -38,7 +38,7 @@ def anatomy(parts: Parts) -> Anatomy:
 
 def _point_spring(parts: Parts, spring: Element) -> tuple[Slot, Slot, Slot]:
     stiffness, damping, length = (
-        parts.slot_inside(spring, f"{_POINT_SPRING}_{name}", "value", "0", alone=False) for name in ("stiffness", "damping", "free_length")
+        parts.slot_inside(spring, f"{POINT_SPRING}_{name}", "value", "0", alone=False) for name in ("stiffness", "damping", "free_length")
     )
     return stiffness, damping, length
 
@@ -48,21 +48,23 @@ def _body(parts: Parts, link: Element, joint: Element | None) -> Body:
     inertial = parts.inside(link, "inertial")
     return Body(
         name=link.get("name") or "",
-        parent=None if joint is None else _parent(parts, joint),
+        parent=None if joint is None else _link(parts, joint, "parent"),
         offset=None if joint is None else parts.slot_inside(joint, "origin", "xyz"),
         rotation=None if joint is None else parts.slot_inside(joint, "origin", "rpy"),
-        inertial=None if inertial is None else _inertial(parts, inertial),
+        inertial=None if inertial is None else _inertial(parts, link, inertial),
         joints=_joints(parts, link, joint),
     )
 
 
-def _parent(parts: Parts, joint: Element) -> str | None:
-    parent = parts.inside(joint, "parent")
-    return None if parent is None else parent.get("link")
+def _link(parts: Parts, joint: Element, tag: str) -> str | None:
+    """The link that the parent or child of a joint names."""
+    part = parts.inside(joint, tag)
+    return None if part is None else part.get("link")
 
 
-def _inertial(parts: Parts, inertial: Element) -> Inertial:
+def _inertial(parts: Parts, link: Element, inertial: Element) -> Inertial:
     return Inertial(
+        body=link.get("name") or "",
         mass=parts.slot_inside(inertial, "mass", "value", "0", alone=False),
         centre=parts.slot_inside(inertial, "origin", "xyz"),
         entries=tuple(parts.slot_inside(inertial, "inertia", f"i{name}", "0", alone=False) for name in ENTRIES),
@@ -72,8 +74,7 @@ def _inertial(parts: Parts, inertial: Element) -> Inertial:
 
 def _joints(parts: Parts, link: Element, joint: Element | None) -> tuple[Joint, ...]:
     if joint is None:
-        balls = [(ball, parts.inside(ball, "child")) for ball in parts.all("robot", "drake:joint")]
-        own = [ball for ball, child in balls if child is not None and child.get("link") == link.get("name")]
+        own = [ball for ball in parts.all("robot", "drake:joint") if _link(parts, ball, "child") == link.get("name")]
         return tuple(Joint(parts.slot(ball, "name", ""), "ball", np.zeros(3), None) for ball in own)
     kind = _KINDS.get(joint.get("type") or "")
     if kind is None:
@@ -108,7 +109,7 @@ def _stiffness(parts: Parts, joint: Element, spring: Element | None) -> Slot:
     if spring is not None:
         return _in_spring(parts, spring, "springStiffness", joint)
     head, tail = _SPRING
-    return parts.behind(joint, head.format(name=joint.get("name")), tail, "springStiffness", "")
+    return parts.missing(joint, joint.end, "springStiffness", "", (head.format(name=joint.get("name")), tail))
 
 
 def _armature(parts: Parts, joint: Element) -> Slot:
@@ -120,11 +121,12 @@ def _armature(parts: Parts, joint: Element) -> Slot:
         slot = parts.slot_inside(actuator, "drake:rotor_inertia", "value", "0", alone=False)
         return replace(slot, removed=(transmission.start, transmission.end), absent_line=joint.line)
     head, tail = _ROTOR
-    return parts.behind(joint, head.format(name=joint.get("name")), tail, "drake:rotor_inertia", "value", _driven(parts, joint))
+    around = head.format(name=joint.get("name")), tail
+    return parts.missing(joint, joint.end, "drake:rotor_inertia", "value", around, along=_driven(parts, joint))
 
 
 def _driven(parts: Parts, joint: Element) -> tuple[Edit, ...]:
-    """What else a transmission needs: a limit that lets it act, and the namespace of its elements."""
+    """Edits without which a transmission does nothing: a limit that lets it act, and the namespace of its elements."""
     edits: list[Edit] = []
     limit = parts.inside(joint, "limit")
     if limit is not None and float(limit.get("effort") or 0) == 0:
