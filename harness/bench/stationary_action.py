@@ -23,7 +23,7 @@ exponentially convergent trapezoidal rule, SIAM Review 56 (2014).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,11 +31,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.engines import EQUATIONS, Unsupported
+from harness.engines import Unsupported
 from harness.equations.lagrangian import LagrangianKernel
 from harness.equations.mechanism import Mechanism
-from harness.library import Library
-from harness.models.model_file import ModelFile
 from harness.motion.integrators import Integrator, integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
@@ -71,18 +69,17 @@ class Variation:
     first_variation: float
 
 
-def stationarity(library: Library, mechanism: Mechanism, models: Mapping[str, ModelFile], note: Note) -> list[Stationarity]:
+def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
     """Every integrator's path, the reference motion, and what must fail: the reference motion in another time.
 
     None for a mechanism with ball or free joints; no path of an integrator that cannot express the mechanism.
     """
+    mechanism = scene.mechanism
     if mechanism.attitudes:
         return []
-    kernel, scene, start = LagrangianKernel(mechanism), Scene(library, mechanism, models), Start.of(mechanism, HORIZON)
+    kernel, start = LagrangianKernel(mechanism), Start.of(mechanism, HORIZON)
     found: list[Stationarity] = []
     for integrator in integrators():
-        if integrator.format not in (EQUATIONS, *models):
-            continue
         note(f"{integrator.name} on {mechanism.name}")
         try:
             advance = integrator.prepare(scene)
@@ -138,11 +135,8 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
     unvaried = kernel.lagrangian(q, v, times)
     firsts, scales, changes = [], [], []
     for coordinate, eta, eta_rate in _variations(kernel.mechanism, times, q, v, acceleration, terms.mass):
-        of_position, of_rate, work = (
-            terms.of_positions[:, coordinate] * eta,
-            terms.momenta[:, coordinate] * eta_rate,
-            terms.forces[:, coordinate] * eta,
-        )
+        of_position, work = terms.of_positions[:, coordinate] * eta, terms.forces[:, coordinate] * eta
+        of_rate = terms.momenta[:, coordinate] * eta_rate
         firsts.append(abs(float(np.sum(of_position + of_rate + work))))
         scales.append(max(float(np.abs(part).sum()) for part in (of_position, of_rate, work)))
         varied = (_varied(kernel, times, q, v, coordinate, eps * eta, eps * eta_rate) for eps in SIZES)

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import Decimal
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.scene import Scene
+from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
 from harness.equations.energies import EnergyKernel
@@ -109,9 +109,8 @@ def with_damping(scene: Scene, damping: float) -> Scene:
     mechanism = scene.mechanism
     if DAMPING not in [name for name, _, _ in mechanism.parameters]:
         raise ValueError(f"{mechanism.name} has no parameter {DAMPING!r}")
-    parameters = tuple((name, damping if name == DAMPING else value, unit) for name, value, unit in mechanism.parameters)
     models = {model_format: _model_with_damping(model, damping) for model_format, model in scene.models.items()}
-    return Scene(scene.library, replace(mechanism, parameters=parameters), models)
+    return Scene(scene.library, with_parameters(mechanism, {DAMPING: damping}), models)
 
 
 def _model_with_damping(model: ModelFile, damping: float) -> ModelFile:
@@ -138,6 +137,7 @@ def true_ride(mechanism: Mechanism) -> Ride:
     times = np.arange(STEPS + 1, dtype=np.float64) * STEP
     start = Start.of(mechanism, STEPS * STEP)
     found = Taylor(mechanism).solve(start.q, start.v, times)
+    assert found.work is not None
     return Ride(times, found.q[:, 0], EnergyKernel(mechanism).along(found.q, found.v).energy, -found.work)
 
 

@@ -30,7 +30,8 @@ from harness.equations.mechanism import Mechanism
 from harness.hard.cases import HardCase, decades, hard_cases, library_of
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import read_model
-from harness.motion.trajectories import Metric, Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Metric, Start
 from harness.results.atlas import Parting, StableStep
 from harness.verdict import AGREEMENT, Verdict
 

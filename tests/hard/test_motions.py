@@ -26,7 +26,8 @@ from harness.hard.motions import (
 )
 from harness.library import Library
 from harness.motion.integrators import Advance, Integrator, integrators, select_integrators
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 from harness.results.atlas import Parting
 
 
