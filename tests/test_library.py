@@ -28,12 +28,12 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder on Python's path with a package that holds a library and must not be imported."""
     folder = tmp_path / "site"
     package = folder / "robots" / "arms"
-    write_example("example", 1, package)
+    write_example(package, "example")
     for file in (folder / "robots" / "__init__.py", package / "__init__.py"):
         file.write_text("raise RuntimeError('imported')\n")
     (folder / "empty_package").mkdir()
     (folder / "empty_package" / "__init__.py").touch()
-    write_example("example", 1, folder / "beside")
+    write_example(folder / "beside", "example")
     (folder / "beside" / "module_in_folder.py").write_text("raise RuntimeError('imported')\n")
     distribution(folder, "robots", my_arms="robots.arms", hollow="empty_package", gone="no_such_package.at_all", single="module_in_folder")
     monkeypatch.syspath_prepend(str(folder))
@@ -61,7 +61,7 @@ def test_the_folder_of_a_single_module_may_be_the_library(site: Path) -> None:
 def test_a_path_wins_over_a_name_if_it_exists(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert Library.at("my-arms").models == site / "robots" / "arms"
-    write_example("local", 1, tmp_path / "my-arms")
+    write_example(tmp_path / "my-arms", "local")
     assert Library.at("my-arms").system_names() == ["local"]
 
 
@@ -101,5 +101,5 @@ def test_commands_and_pytest_take_the_name(site: Path, tmp_path: Path) -> None:
 def test_an_installed_library_is_not_written_to(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidInput, match="installed library"):
-        write_example("another", 1, Path("my-arms"))
+        write_example(Path("my-arms"), "another")
     assert not Path("my-arms").exists()

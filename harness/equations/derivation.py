@@ -16,6 +16,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_ACCELERATION, DEFAULT_RATES
 from harness.errors import InvalidSystem
@@ -54,15 +56,18 @@ def degrees_of_freedom(library: Library, name: str) -> tuple[int, str]:
     Raises:
         InvalidSystem: as ``load_mechanism``, but for what only a derivation finds.
     """
-    cached = _restored(read_entry(_entry(library, name)), name)
-    if cached is not None:
-        return cached.nv, cached.description.splitlines()[0]
-    (system, *_), docstring = load_atlas(library.system_path(name))
-    return len(system.coordinates), docstring.strip().splitlines()[0]
+    entry = _entry(library, name, "listed")
+    try:
+        return msgspec.json.decode(read_entry(entry) or "", type=tuple[int, str])
+    except msgspec.DecodeError:
+        (system, *_), docstring = load_atlas(library.system_path(name))
+    listed = len(system.coordinates), docstring.strip().splitlines()[0]
+    write_entry(entry, msgspec.json.encode(listed).decode())
+    return listed
 
 
-def _entry(library: Library, name: str) -> Path:
-    """Where the cache keeps the mechanism.
+def _entry(library: Library, name: str, kind: str = "mechanisms") -> Path:
+    """Where the cache keeps what is made of a system file.
 
     Raises:
         InvalidSystem: the file cannot be read.
@@ -75,7 +80,7 @@ def _entry(library: Library, name: str) -> Path:
         raise InvalidSystem(path, None, f"cannot be read: {error.strerror}") from error
     helpers = b"".join(helper.read_bytes() for helper in sorted(path.parent.glob("_*.py")))
     digest = hashlib.sha256(_toolchain_digest() + name.encode() + b"\0" + source + b"\0" + helpers).hexdigest()
-    return cache_directory() / "mechanisms" / f"{name}-{digest[:32]}.json"
+    return cache_directory() / kind / f"{name}-{digest[:32]}.json"
 
 
 def derive_mechanism(path: Path, name: str) -> Mechanism:

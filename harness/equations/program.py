@@ -129,7 +129,8 @@ def upper_triangle(n: int) -> list[tuple[int, int]]:
 
 def position_count(program: StraightLineProgram) -> int:
     """nq of a system's program: time stands behind q, v and tau."""
-    return program.inputs.index("t") - 2 * len(program.outputs["velocity"])
+    forces = program.outputs["velocity" if "velocity" in program.outputs else "forces"]
+    return program.inputs.index("t") - 2 * len(forces)
 
 
 def _is_index(value: Any, length: int) -> bool:

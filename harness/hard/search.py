@@ -40,6 +40,7 @@ from harness.workers import Crash, Outcome, Task
 # Measured: with it each of ten seeds passes the best of every one of ten samples of 10,000 random states on the
 # two-link pendulums; a half of it passes that of the sample with its own seed.
 DEFAULT_BUDGET = 8000
+MECHANISM = "mechanism"
 # Hypothesis costs ten times as much per state as a population.
 HYPOTHESIS_SHARE = 8
 # Populations of the evolution strategies and the decades of their scales; each gets states in proportion, hence as many
@@ -106,11 +107,11 @@ class Search(Rounds):
         library = self.settings.library
         formats = sorted({subject.format for subject in self._subjects} - {EQUATIONS})
         yield [
-            Task((self._load, "equations"), tasks.derive, (library, self.name)),
+            Task((self._load, MECHANISM), tasks.derive, (library, self.name)),
             *(Task((self._load, one), tasks.read, (library.model_path(self.name, one), one)) for one in formats),
         ]
         assignments = {
-            subject: tasks.Assignment(library, subject, self._loaded["equations"], self._loaded.get(subject.format))
+            subject: tasks.Assignment(library, subject, self._loaded[MECHANISM], self._loaded.get(subject.format))
             for subject in self._subjects
         }
         yield [
@@ -157,7 +158,7 @@ class Search(Rounds):
         if outcome.crash is not None:
             raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
         self._loaded[what] = outcome.value
-        if what == "equations":
+        if what == MECHANISM:
             yield Part(what, None)
 
     def _take_hunt(self, outcome: Outcome, assignment: tasks.Assignment, number: int) -> Iterator[Part]:

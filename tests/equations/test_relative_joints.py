@@ -89,7 +89,7 @@ def test_the_program_survives_json() -> None:
 
 @pytest.mark.parametrize(
     ("measured_from", "message"),
-    [([None, 0, 0], "another number"), ([None, 0, 3, 1], "measured from 3"), ([None, "a", 0, 2], "measured from 'a'")],
+    [([None, 0, 0], "another number"), ([None, 0, 3, 1], "measured from 3"), ([None, "a", 0, 2], "got `str`")],
 )
 def test_a_damaged_program_is_refused(measured_from: list[Any], message: str) -> None:
     plain = program_of(branched(), derive(branched())).to_json() | {"measured_from": measured_from}

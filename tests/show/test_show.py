@@ -50,7 +50,7 @@ def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    write_example("example", 2, tmp_path)
+    write_example(tmp_path, "example", 2)
     return tmp_path
 
 

@@ -407,7 +407,7 @@ def harness(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
     def start(function: str, arguments: tuple[Any, ...]) -> subprocess.Popen[str]:
         script = tmp_path / "script.py"
-        script.write_text(HARNESS.format(tests=str(Path(__file__).parent), function=function, arguments=arguments))
+        script.write_text(HARNESS.format(tests=str(Path(work.__file__).parent), function=function, arguments=arguments))
         started.append(subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
         return started[-1]
 
