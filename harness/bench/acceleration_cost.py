@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.bench.methods import Method
 from harness.bench.timing import measure
 from harness.certify.compare import compare
@@ -63,7 +62,7 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         return AccelerationCost(system=name, method=method.name, threads=method.threads, states=0, seconds_per_state=None, note=str(reason))
     timing = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
     comparison = compare(reference, prepared.accelerations())
-    backward, relative = (_numbers(errors) for errors in (comparison.backward_error, comparison.relative_error))
+    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
     remarks = [prepared.note]
     undecided, useless = n - int(reference.certified.sum()), int(reference.certified.sum()) - len(backward)
     if undecided:
@@ -84,10 +83,6 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         relative_error=float(relative.max()) if len(relative) else None,
         note="; ".join(filter(None, remarks)),
     )
-
-
-def _numbers(values: Array) -> Array:
-    return values[~np.isnan(values)]
 
 
 def growth(

@@ -19,7 +19,7 @@ from harness.results.benchmark import Benchmark
 
 @dataclass(frozen=True, kw_only=True)
 class Thoroughness:
-    """How thorough a benchmark is.
+    """The extent of a benchmark.
 
     Attributes:
         states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
@@ -55,7 +55,7 @@ THOROUGHNESS = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkSettings:
-    """What to measure.
+    """A choice of measurements.
 
     Attributes:
         library: where systems and models are.
@@ -76,7 +76,7 @@ class BenchmarkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a part measures: with which settings, methods and integrators, on which scene, None for the library itself."""
+    """The input of a part: settings, methods, integrators and scene, which is None for a part about the library itself."""
 
     settings: BenchmarkSettings
     methods: Sequence[str]

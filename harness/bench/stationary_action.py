@@ -55,7 +55,7 @@ WRONG_TIME = 1.01
 
 @dataclass(frozen=True)
 class Variation:
-    """What the action of a path does under variations.
+    """The action of a path under variations.
 
     Attributes:
         sizes: eps; changes: root mean square over the variations eta of S[q + eps eta] - S[q] + eps int Q eta dt [J s].
@@ -96,7 +96,7 @@ def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
 
 
 def _steps(integrator: Integrator) -> tuple[float, ...]:
-    # A low order leaves some of the first variation; that it falls with the step tells it from a wrong model.
+    # A low order leaves some of the first variation; unlike that of a wrong model, it falls with the step.
     return (STEP, STEP / 10) if integrator.order is not None and integrator.order < 2 else (STEP,)
 
 

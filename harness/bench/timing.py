@@ -1,4 +1,4 @@
-"""How long a call takes: the median over repetitions, and their spread.
+"""Wall time of a call: the median over repetitions, and their spread.
 
 Source: Chen, Revels, Robust benchmarking in noisy environments, IEEE HPEC (2016): the noise of a machine
 only ever adds time, so the fastest repetition is reported beside the median.

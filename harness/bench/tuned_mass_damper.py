@@ -157,7 +157,7 @@ def _figure(printed: Printed, way: str, rides: Mapping[float, Ride], truths: Map
 
 
 def rounds_to(computed: float, printed: str) -> bool:
-    """Whether a number, rounded to the digits of a printed one, is that one."""
+    """True if a number, rounded to the digits of a printed one, is that one."""
     return math.isfinite(computed) and Decimal(computed).quantize(Decimal(printed)) == Decimal(printed)
 
 

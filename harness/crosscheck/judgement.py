@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
@@ -19,7 +18,7 @@ from harness.verdict import Verdict, gravest
 
 @dataclass
 class Evidence:
-    """What one subject answered on one system.
+    """The answers of one subject on one system.
 
     Attributes:
         bulk: batches of sampled states with their comparisons, in the order of the sample.
@@ -57,7 +56,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
     worst_state, remarks = evidence.failed_at, [evidence.failure or ("" if parts else "nothing was compared")]
     backward = relative = np.empty(0)
     if comparison is not None:
-        backward, relative = _numbers(comparison.backward_error), _numbers(comparison.relative_error)
+        backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
         not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
         if not_finite:
             remarks.append(f"{not_finite} of {len(comparison.verdicts)} answers are not finite.")
@@ -82,10 +81,6 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         expected_reason=expectation.reason,
         expected_link=expectation.link,
     )
-
-
-def _numbers(values: Array) -> Array:
-    return values[~np.isnan(values)]
 
 
 def _representative_state(

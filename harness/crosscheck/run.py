@@ -278,7 +278,7 @@ class CrossCheck(Rounds):
             self._next.append(Task((taker, system.name, pairs, index), function, arguments, system.name))
 
     def _is_answered(self, outcome: Outcome, system: _System, pairs: Pairs, what: str, states: States | None = None) -> bool:
-        """Whether a task gave a value; where its process died, the culprit and the state it died at are noted."""
+        """True if a task gave a value; where its process died, the culprit and the state it died at are noted."""
         for pair in pairs:
             pair.pending -= 1
         failure = self.failure(outcome)

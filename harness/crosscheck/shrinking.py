@@ -89,5 +89,5 @@ def _is_simpler(values: Array, than: Array) -> bool:
 
 
 def count_digits(values: Array) -> int:
-    """How many digits it takes to write the numbers, none for a zero."""
+    """The number of digits it takes to write the numbers, none for a zero."""
     return sum(len(np.format_float_scientific(value, trim="-").split("e")[0].lstrip("-")) for value in values.tolist() if value)

@@ -1,4 +1,4 @@
-"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` hears one subject there.
+"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` evaluates one subject there.
 
 ``compare_all`` is the way of every state from the sample to its verdicts: the truth is certified once, and every subject's
 answers are held against it. What was loaded or compiled stays in the process for the next task.
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
-from harness.crosscheck.tasks import Assignment, Note, is_reference_known, load_audited, reference_kernel
-from harness.engines import Model, Unsupported, linear_velocity_in_body, load_engine
+from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
+from harness.engines import Model, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -43,7 +43,7 @@ class Certified:
 
 @dataclass(frozen=True)
 class Answers:
-    """What one subject answered at a batch of states.
+    """The answers of one subject at a batch of states.
 
     Attributes:
         comparison: the judgement of each answer; None where there is none.
@@ -127,9 +127,3 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
         note(json.dumps(states.as_json(index)))
         one = states[index : index + 1]
         model.forward_dynamics(one.q, one.v, one.tau)
-
-
-def frame_of(assignment: Assignment) -> bool:
-    """Whether the subject's answers need the reference with linear velocities in the body's frame."""
-    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-    return in_body and bool(assignment.mechanism.charts_in_body)

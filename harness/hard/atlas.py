@@ -16,16 +16,16 @@ import functools
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference
+from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -37,11 +37,7 @@ from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import Verdict, gravest
-
-if TYPE_CHECKING:
-    from harness.workers import Outcome
-
-Note = Callable[[str], None]
+from harness.workers import Crash
 
 # Slopes are fitted to backward errors above this floor, which every stable algorithm stays below.
 FLOOR = 16.0
@@ -61,6 +57,18 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
         model = _model_file(case_name, mechanism.name, subject.format)
         note(json.dumps({"knob": value, "system": mechanism.name}))
         points.append(_point(case, value, mechanism, model, subject, engines, states, reference))
+    return _row(
+        case,
+        subject,
+        points,
+        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
+        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
+    """The row of some points, with what the case and theory say of it."""
     theory = case.theory_of(str(subject))
     return HardRow(
         case=case.name,
@@ -70,19 +78,17 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
         unit=case.knob[1],
         points=points,
         verdict=gravest(point.verdict for point in points),
-        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
-        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
         theory_verdict=theory.verdict,
         theory_growth=theory.growth,
         theory_digits_growth=theory.digits_growth,
         source=case.source,
         remedy=case.remedy,
-        seconds=time.perf_counter() - started,
+        **measured,
     )
 
 
 def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
-    """What is expected along the harness's own hard cases, for subjects of ``engines``.
+    """The expected verdicts along the harness's own hard cases, for subjects of ``engines``.
 
     Raises:
         harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
@@ -99,20 +105,14 @@ def _truth(case_name: str, in_body: bool) -> list[tuple[Reference, States, Mecha
         mechanism = load_mechanism(library_of(case), name)
         points = list(group)
         batches = [case.states(mechanism, value, place) for place, value in points]
-        values = [case.parameters_at(mechanism, value) for _, value in points]
-        parameters = np.repeat(np.array(values, dtype=np.float64), [len(batch) for batch in batches], axis=0)
-        reference = _kernel(case.own, name, in_body and bool(mechanism.charts_in_body)).evaluate(States.concatenate(batches), parameters)
+        changed = [case.mechanism_at(mechanism, value) for _, value in points]
+        parameters = np.repeat([one.parameter_values for one in changed], [len(batch) for batch in batches], axis=0)
+        reference = reference_kernel(mechanism, in_body).evaluate(States.concatenate(batches), parameters)
         start = 0
-        for batch, row in zip(batches, values, strict=True):
-            found.append((reference[start : start + len(batch)], batch, _with_parameters(mechanism, row)))
+        for batch, one in zip(batches, changed, strict=True):
+            found.append((reference[start : start + len(batch)], batch, one))
             start += len(batch)
     return found
-
-
-@functools.lru_cache(maxsize=16)
-def _kernel(own: bool, system: str, in_body: bool) -> ReferenceKernel:
-    library = next(library_of(case) for case in hard_cases().values() if case.own == own)
-    return ReferenceKernel(load_mechanism(library, system), in_body)
 
 
 @functools.lru_cache(maxsize=64)
@@ -120,13 +120,6 @@ def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | N
     if model_format == EQUATIONS:
         return None
     return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
-
-
-def _with_parameters(mechanism: Mechanism, values: Sequence[float]) -> Mechanism:
-    """The mechanism with other parameter values and the same program."""
-    if tuple(values) == mechanism.parameter_values:
-        return mechanism
-    return replace(mechanism, parameters=tuple((n, value, unit) for (n, _, unit), value in zip(mechanism.parameters, values, strict=True)))
 
 
 def _point(
@@ -157,7 +150,7 @@ def _point(
 
 
 def _about(value: float, system: str, reference: Reference) -> HardPoint:
-    """What is known of a point before any engine answers."""
+    """A point before any engine answers."""
     condition = reference.condition
     finite = condition[np.isfinite(condition)]
     return HardPoint(
@@ -173,7 +166,7 @@ def _about(value: float, system: str, reference: Reference) -> HardPoint:
 
 
 def _judged(about: HardPoint, states: States, reference: Reference, comparison: Comparison) -> HardPoint:
-    backward, relative = (_largest(part) for part in (comparison.backward_error, comparison.relative_error))
+    backward, relative = (max(comparison.known(name).tolist(), default=None) for name in ("backward_error", "relative_error"))
     worst = comparison.worst
     with np.errstate(all="ignore"):
         bound = float(reference.instability[worst] / reference.sensitivity[worst])
@@ -207,11 +200,6 @@ def why_undecided(reference: Reference) -> Iterator[str]:
             yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
 
 
-def _largest(values: Array) -> float | None:
-    known = values[~np.isnan(values)]
-    return float(known.max()) if len(known) else None
-
-
 def _has_digits(point: HardPoint) -> bool:
     return point.digits_lost is not None and 10**point.digits_lost * UNIT_ROUNDOFF < NO_DIGITS_LEFT
 
@@ -225,22 +213,7 @@ def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
+def failed(case: HardCase, subject: Subject, reason: str, crash: Crash | None) -> HardRow:
     """The row of a task that gave none; its last note says at which point it died."""
-    crash = outcome.crash
-    reason = str(crash) if crash else f"{type(outcome.exception).__name__}: {outcome.exception}"
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
-    point = HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)
-    return HardRow(
-        case=case.name,
-        title=case.title,
-        subject=str(subject),
-        knob=case.knob[0],
-        unit=case.knob[1],
-        points=[point],
-        verdict=point.verdict,
-        crashed=crash is not None,
-        theory_verdict=case.theory_of(str(subject)).verdict,
-        source=case.source,
-        remedy=case.remedy,
-    )
+    return _row(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], crashed=crash is not None)

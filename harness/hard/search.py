@@ -4,7 +4,7 @@ The budget is split into hunts that know nothing of each other, so that they run
 are: one by hypothesis, whose draws hold the special values, and evolution strategies of growing populations. The
 worst state of each is shrunk, explained and, unless it agrees, stored with the system, where every later
 cross-check compares it again. Storing is the default because a hard state that is only printed is lost by the next
-run; what cannot be stored, as in a library that is installed read-only, is told with the place it belongs to.
+run; what cannot be stored, as in a library that is installed read-only, is reported with the place it belongs to.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ POPULATIONS = {20: 0, 40: evolution.DECADES, 80: evolution.DECADES}
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """What to search.
+    """A choice of states to search.
 
     Attributes:
         library, name: where, and which system.
@@ -287,7 +287,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
-    """Whether a state is no worse than what is expected of the pair over many states."""
+    """True if a state is no worse than what is expected of the pair over many states."""
     return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
 
 
@@ -302,5 +302,5 @@ def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:
             keep(settings.library, name, new)
             result.stored = result.place
         except InvalidInput as error:
-            # The search has not failed where its library cannot be written; a broken file has been told before.
+            # The search has not failed where its library cannot be written; a broken file has been reported before.
             result.not_stored = str(error)

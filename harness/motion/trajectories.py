@@ -40,7 +40,7 @@ START_ROTATION = (0.8, 0.4, 0.4, 0.2)
 
 @dataclass(frozen=True)
 class Start:
-    """Where a motion starts, without applied forces.
+    """The start of a motion without applied forces.
 
     Attributes:
         q, v: (nq,) and (nv,); quaternions as (w, x, y, z), a free joint's linear velocity in the joint's frame.

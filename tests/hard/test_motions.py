@@ -21,7 +21,6 @@ from harness.hard.motions import (
     nudged,
     parting_time,
     partings,
-    scene_at,
     stable_steps,
 )
 from harness.library import Library
@@ -142,6 +141,6 @@ def test_rates_and_times_of_an_exponential() -> None:
 
 
 def test_the_scene_of_a_hard_case_has_its_models_changed() -> None:
-    scene = scene_at(hard_cases()[OSCILLATOR], 1e6)
+    scene = hard_cases()[OSCILLATOR].scene_at(1e6)
     assert {name: value for name, value, _ in scene.mechanism.parameters} == {"m": 1.5, "k": 1e6, "c": 0.0}
     assert 'stiffness="1000000.0" damping="0.0"' in scene.models["mjcf"].text

@@ -47,11 +47,12 @@ class _Batch:
     def one_by_one(self, accelerations: Callable[..., Array]) -> Prepared:
         """``accelerations`` of (model, data, q, v, force), called for one state after the other."""
         model, data = self.model, self.model.createData()
-        rows = [(self.found[:, k], self.configuration[:, k], self.velocity[:, k]) for k in range(self.found.shape[1])]
+        rows = list(zip(self.configuration.T, self.velocity.T, strict=True))
 
         def compute() -> None:
-            for (found, configuration, velocity), force in zip(rows, self.force().T, strict=True):
-                found[:] = accelerations(model, data, configuration, velocity, force)
+            force, found = self.force(), self.found
+            for state, (configuration, velocity) in enumerate(rows):
+                found[:, state] = accelerations(model, data, configuration, velocity, force[:, state])
 
         return self.prepared(compute)
 

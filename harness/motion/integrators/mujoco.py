@@ -29,7 +29,7 @@ COMPARED_STEPS = 200
 
 
 def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -> Callable[[Scene], Advance]:
-    """How to prepare ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
+    """``Integrator.prepare`` of ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
 
     def for_scene(scene: Scene) -> Advance:
         import mujoco
@@ -59,7 +59,7 @@ def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -
 
 
 def explain_euler(scene: Scene, start: Start, step: float) -> str:
-    """Whether Euler is the method of that name, by its motion beside that of the derived equations under Euler-Cromer."""
+    """The reason why Euler is not the method of that name, "" if it is: its motion beside that of the equations by Euler-Cromer."""
     from harness.motion.integrators.equations import EULER_CROMER
     from harness.motion.trajectories import Metric
 

@@ -54,7 +54,7 @@ def _munthe_kaas(accelerations: Any, model: Any, q: Array, v: Array, step: float
 
 
 def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Advance]:
-    """How to prepare ``scheme`` for a scene."""
+    """``scheme`` as ``Integrator.prepare``."""
 
     def for_scene(scene: Scene) -> Advance:
         import pinocchio
