@@ -78,9 +78,9 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         fastest=timing.fastest / n,
         slowest=timing.slowest / n,
         repetitions=timing.repetitions,
-        backward_error=float(backward.max()) if len(backward) else None,
+        backward_error=max(backward.tolist(), default=None),
         median_backward_error=float(np.median(backward)) if len(backward) else None,
-        relative_error=float(relative.max()) if len(relative) else None,
+        relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
     )
 

@@ -58,7 +58,7 @@ class Judge:
         self.start = replace(start, horizon=min(horizon, self.reference.trusted))
         self._metric = Metric(scene.mechanism)
         self._energies = EnergyKernel(scene.mechanism)
-        within = _within(self.reference.path, self.start.horizon)
+        within = self.reference.path[self.reference.path.times <= self.start.horizon * (1 + 1e-12)]
         self._scales = self._metric.scales(within)
         self._end = within[-1:]
         self._largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
@@ -172,11 +172,6 @@ def _run(integrator: Integrator, advance: Advance, start: Start, size: float, co
         return path, path.seconds
     elapsed = min(advance(start, step, count, count).seconds for _ in range(REPETITIONS))
     return advance(start, step, count, max(1, count // KEPT)), elapsed
-
-
-def _within(path: Path, horizon: float) -> Path:
-    """The part of a path up to ``horizon`` [s]."""
-    return path[path.times <= horizon * (1 + 1e-12)]
 
 
 def _nothing(system: str, integrator: Integrator, size: float | None, reason: str) -> MotionCost:

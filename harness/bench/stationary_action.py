@@ -34,7 +34,7 @@ from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.lagrangian import LagrangianKernel
 from harness.equations.mechanism import Mechanism
-from harness.motion.integrators import Integrator, integrators
+from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
 from harness.results.benchmark import Stationarity
@@ -85,7 +85,8 @@ def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
             advance = integrator.prepare(scene)
         except Unsupported:
             continue
-        for step in _steps(integrator):
+        # A low order leaves some of the first variation; unlike that of a wrong model, it falls with the step.
+        for step in (STEP, STEP / 10) if integrator.order is not None and integrator.order < 2 else (STEP,):
             path = advance(start, TOLERANCE if integrator.adaptive else step, round(HORIZON / step), 1)
             found.append(stationarity_of(kernel, integrator.name, path.times, path.q))
     times = np.linspace(0.0, HORIZON, round(HORIZON / STEP) + 1)
@@ -93,11 +94,6 @@ def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
     found.append(stationarity_of(kernel, "reference motion", times, true))
     found.append(stationarity_of(kernel, f"reference motion, {WRONG_TIME - 1:.0%} slower", WRONG_TIME * times, true))
     return found
-
-
-def _steps(integrator: Integrator) -> tuple[float, ...]:
-    # A low order leaves some of the first variation; unlike that of a wrong model, it falls with the step.
-    return (STEP, STEP / 10) if integrator.order is not None and integrator.order < 2 else (STEP,)
 
 
 def residual(kernel: LagrangianKernel, times: Array, q: Array) -> float:
@@ -130,7 +126,10 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
     step = _step(times)
     if not np.isfinite(q).all():
         return Variation(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
-    v, acceleration = _derivatives(times, q)
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(times, q, k=DEGREE)
+    v, acceleration = (np.asarray(spline.derivative(order)(times)) for order in (1, 2))
     terms = kernel.terms(q, v, times)
     unvaried = kernel.lagrangian(q, v, times)
     firsts, scales, changes = [], [], []
@@ -139,7 +138,8 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
         of_rate = terms.momenta[:, coordinate] * eta_rate
         firsts.append(abs(float(np.sum(of_position + of_rate + work))))
         scales.append(max(float(np.abs(part).sum()) for part in (of_position, of_rate, work)))
-        varied = (_varied(kernel, times, q, v, coordinate, eps * eta, eps * eta_rate) for eps in SIZES)
+        axis = np.eye(kernel.mechanism.nv)[coordinate]
+        varied = (kernel.lagrangian(q + eps * eta[:, None] * axis, v + eps * eta_rate[:, None] * axis, times) for eps in SIZES)
         changes.append([np.sum(lagrangian - unvaried + eps * work) for eps, lagrangian in zip(SIZES, varied, strict=True)])
     size = step * np.sqrt(np.mean(np.square(changes), axis=0))
     noise = MOST_ROUNDINGS * np.finfo(np.float64).eps * step * math.sqrt(len(times)) * float(np.abs(unvaried).max())
@@ -194,22 +194,6 @@ def _bump(place: Array) -> tuple[Array, Array]:
     inside = np.maximum(inside, 1e-4)
     bump = np.where((place > 0) & (place < 1), np.exp(1 - 1 / (4 * inside)), 0.0)
     return bump, bump * (1 - 2 * place) / (4 * inside**2)
-
-
-def _varied(kernel: LagrangianKernel, times: Array, q: Array, v: Array, coordinate: int, change: Array, rate: Array) -> Array:
-    """L along the path with one coordinate changed, (k + 1,)."""
-    positions, velocities = q.copy(), v.copy()
-    positions[:, coordinate] += change
-    velocities[:, coordinate] += rate
-    return kernel.lagrangian(positions, velocities, times)
-
-
-def _derivatives(times: Array, q: Array) -> tuple[Array, Array]:
-    """Velocities and accelerations, (k + 1, nv) each, of the spline through a path's positions."""
-    from scipy.interpolate import make_interp_spline
-
-    spline = make_interp_spline(times, q, k=DEGREE)
-    return np.asarray(spline.derivative(1)(times)), np.asarray(spline.derivative(2)(times))
 
 
 def _step(times: Array) -> float:

@@ -164,16 +164,12 @@ def rounds_to(computed: float, printed: str) -> bool:
 def _remark(printed: Printed, computed: float, truth: float, true: Ride) -> str:
     unit = printed.unit
     text = f"the text prints {printed.figure} {unit}; this way gives {computed:.2g} {unit}, the reference motion {truth:.2g} {unit}"
-    least = _least_that_rounds_to(printed.figure)
+    # The least number that rounds to the print.
+    last_digit = int(Decimal(printed.figure).as_tuple().exponent)
+    least = float(Decimal(printed.figure) - Decimal(5).scaleb(last_digit - 1))
     beyond = np.flatnonzero(100 * np.abs(true.position) >= least)
     if printed.measure is amplitude and truth < least and len(beyond):
         text += (
             f"; |x| of the reference motion last reaches {least:.2g} {unit}, which rounds to the print, at {true.times[beyond[-1]]:.2f} s"
         )
     return text
-
-
-def _least_that_rounds_to(printed: str) -> float:
-    exponent = Decimal(printed).as_tuple().exponent
-    assert isinstance(exponent, int)
-    return float(Decimal(printed) - Decimal((0, (5,), exponent - 1)))

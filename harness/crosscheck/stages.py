@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.arrays import Array
@@ -24,21 +24,6 @@ from harness.study import sentence
 
 # A timing shorter than this is repeated, so that the set-up for the size of a batch is not charged to the engine.
 REPEATED_BELOW_SECONDS = 0.25
-
-
-@dataclass(frozen=True)
-class Certified:
-    """States with their truth.
-
-    Attributes:
-        references: whether linear velocities are in the body's frame, to the reference of all ``states``.
-        seconds: cost per certified state [s]. compilation_seconds: 0 where this process had compiled already.
-    """
-
-    states: States
-    references: Mapping[bool, Reference]
-    seconds: float
-    compilation_seconds: float
 
 
 @dataclass(frozen=True)
@@ -71,16 +56,20 @@ def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -
 
     All assignments are of one mechanism. The note names the subject that is being asked.
     """
-    certified = prepare(assignments[0].mechanism, {frame_of(assignment) for assignment in assignments}, states)
+    frames = {frame_of(assignment) for assignment in assignments}
+    references, seconds, compilation_seconds = prepare(assignments[0].mechanism, frames, states)
     answers = {}
     for assignment in assignments:
         note(json.dumps({"subject": str(assignment.subject)}))
-        answers[str(assignment.subject)] = ask(assignment, certified)
-    return certified.seconds, certified.compilation_seconds, answers
+        answers[str(assignment.subject)] = ask(assignment, states, references[frame_of(assignment)])
+    return seconds, compilation_seconds, answers
 
 
-def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> Certified:
-    """Certify the truth at ``states`` in each of ``frames``: whether linear velocities are in the body's frame."""
+def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tuple[dict[bool, Reference], float, float]:
+    """The truth at ``states`` in each of ``frames`` (see ``frame_of``), seconds per certified state, and seconds of compilation.
+
+    Seconds of compilation are 0 where this process had compiled already.
+    """
     import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
     import heyoka  # noqa: F401
 
@@ -94,14 +83,14 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> Cer
         references[in_body] = kernel.evaluate(states)
         seconds = max(seconds, (time.perf_counter() - compiled) / len(states))
         compilation_seconds = max(compilation_seconds, 0.0 if known else compiled - started)
-    return Certified(states, references, seconds, compilation_seconds)
+    return references, seconds, compilation_seconds
 
 
-def ask(assignment: Assignment, certified: Certified) -> Answers:
-    """The subject's accelerations at the certified states, timed and compared with the truth."""
+def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
+    """The subject's accelerations at ``states``, timed and compared with the truth there."""
     try:
-        accelerations, seconds = timed_accelerations(load_audited(assignment), certified.states)
-        return Answers(compare(certified.references[frame_of(assignment)], accelerations), seconds)
+        accelerations, seconds = timed_accelerations(load_audited(assignment), states)
+        return Answers(compare(reference, accelerations), seconds)
     except Exception as error:
         return Answers.missing(error)
 

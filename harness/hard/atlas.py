@@ -45,18 +45,19 @@ FLOOR = 16.0
 NO_DIGITS_LEFT = 0.1
 FEWEST_POINTS_FITTED = 4
 
+# What is certified at one point, its states, and the mechanism with the parameters it has there.
+Truth = tuple[Reference, States, Mechanism]
+
 
 def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> HardRow:
     """One subject along one family; ``engines`` is the library whose engines are meant."""
     started = time.perf_counter()
     case = hard_cases()[case_name]
-    engine = load_engine(engines, subject.engine)
+    truths = _truth(case_name, linear_velocity_in_body(load_engine(engines, subject.engine)))
     points: list[HardPoint] = []
-    for place, value in enumerate(case.values):
-        reference, states, mechanism = _truth(case_name, linear_velocity_in_body(engine))[place]
-        model = _model_file(case_name, mechanism.name, subject.format)
-        note(json.dumps({"knob": value, "system": mechanism.name}))
-        points.append(_point(case, value, mechanism, model, subject, engines, states, reference))
+    for value, truth in zip(case.values, truths, strict=True):
+        note(json.dumps({"knob": value, "system": truth[2].name}))
+        points.append(_point(case, value, truth, subject, engines))
     return _row(
         case,
         subject,
@@ -97,10 +98,10 @@ def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
 
 
 @functools.lru_cache(maxsize=4)
-def _truth(case_name: str, in_body: bool) -> list[tuple[Reference, States, Mechanism]]:
-    """Reference, states and mechanism with its parameters at each point; a system along the knob is compiled once."""
+def _truth(case_name: str, in_body: bool) -> list[Truth]:
+    """The truth at each point; a system along the knob is compiled once."""
     case = hard_cases()[case_name]
-    found: list[tuple[Reference, States, Mechanism]] = []
+    found: list[Truth] = []
     for name, group in groupby(enumerate(case.values), key=lambda point: case.system_at(point[1])):
         mechanism = load_mechanism(library_of(case), name)
         points = list(group)
@@ -122,16 +123,9 @@ def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | N
     return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
 
 
-def _point(
-    case: HardCase,
-    value: float,
-    mechanism: Mechanism,
-    model: ModelFile | None,
-    subject: Subject,
-    engines: Library,
-    states: States,
-    reference: Reference,
-) -> HardPoint:
+def _point(case: HardCase, value: float, truth: Truth, subject: Subject, engines: Library) -> HardPoint:
+    reference, states, mechanism = truth
+    model = _model_file(case.name, mechanism.name, subject.format)
     about = _about(value, mechanism.name, reference)
     try:
         source = mechanism if model is None else case.model_at(model, mechanism, value)

@@ -23,14 +23,12 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.crosscheck import tasks
-from harness.equations.kernels import float64_kernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
+from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.program import OUTPUTS, right_hand_side
 from harness.equations.states import States
 from harness.verdict import Verdict
 
-MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, APPLIED, NONE = "mass matrix", "velocity", "gravity", "passive", "applied", "none"
+MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, NONE = "mass matrix", "velocity", "gravity", "passive", "none"
 # Exact to multiply by, and large enough to distinguish a term's error from M's.
 LOAD = 1024.0
 # What an engine may lose beyond one rounding per entry, and still by rounding that term [times nv].
@@ -71,10 +69,10 @@ def locate(assignment: tasks.Assignment, state: States) -> Loss:
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
     if not math.isfinite(error):
         return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
-    in_body = tasks.frame_of(assignment)
-    terms = _terms(assignment.mechanism, in_body, state)
-    shares = rounding_shares(reference, terms, state.tau[0])
-    at_rest, under_load = (_at_rest(assignment, in_body, state, terms, reference, load) for load in (1.0, LOAD))
+    equations = MechanismKernel(assignment.mechanism, tasks.frame_of(assignment))
+    terms = equations.terms(state.q, state.v, state.tau)
+    shares = rounding_shares(reference, terms)
+    at_rest, under_load = (_at_rest(assignment, equations, state, terms, reference, load) for load in (1.0, LOAD))
     if at_rest is None or under_load is None:
         return Loss(NONE, f"{error:.3g} data roundoffs; at rest there is no finite answer")
     if at_rest < error / 2:
@@ -105,35 +103,28 @@ def locate(assignment: tasks.Assignment, state: States) -> Loss:
     return Loss(term, statement, at_rest)
 
 
-def rounding_shares(reference: Reference, terms: Mapping[str, Array], applied: Array) -> dict[str, float]:
+def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[str, float]:
     """Term to how far qdd moves when each of its entries is rounded [units of data roundoff], of the one state of ``reference``.
 
-    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv); ``applied`` is tau (nv).
+    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv).
     """
     factor = reference.norm_factor[0]
     # |M^-1 e_i|_M is the length of column i of R^-T.
     reach = np.linalg.norm(np.linalg.inv(factor.T), axis=0)
     moved = {MASS_MATRIX: float((np.abs(terms["mass"][0]) @ np.abs(reference.high[0])) @ reach)}
-    vectors = {VELOCITY: terms["velocity"][0], GRAVITY_TERM: terms["gravity"][0], PASSIVE: terms["passive"][0], APPLIED: applied}
-    moved |= {name: float(np.abs(vector) @ reach) for name, vector in vectors.items()}
+    moved |= {name: float(np.abs(terms[name][0]) @ reach) for name in (VELOCITY, GRAVITY_TERM, PASSIVE)}
     return {name: move / float(reference.sensitivity[0]) for name, move in moved.items()}
 
 
-def _terms(mechanism: Mechanism, in_body: bool, state: States) -> dict[str, Array]:
-    """The terms in float64, by the chart that is most regular at the state."""
-    chart = int(Charts(mechanism.charts(in_body)).most_regular(state.q)[0])
-    return float64_kernel(mechanism.charts(in_body)[chart]).terms(mechanism.inputs(state))
-
-
 def _at_rest(
-    assignment: tasks.Assignment, in_body: bool, state: States, terms: Mapping[str, Array], moving: Reference, load: float
+    assignment: tasks.Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
 ) -> float | None:
     """The subject's error at rest under forces that make the answer ``load`` times as large, over ``load``.
 
     In data roundoffs of the moving state; None where there is no finite answer.
     """
     still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
-    held = _terms(assignment.mechanism, in_body, still)
+    held = equations.terms(still.q, still.v, still.tau)
     stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
     total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)

@@ -204,17 +204,8 @@ class Search(Rounds):
         yield from ()
 
     def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> Iterator[Part]:
-        found = FoundState(
-            state=state,
-            subject=str(assignment.subject),
-            backward_error=None,
-            digits_lost=0.0,
-            verdict=Verdict.ERROR.value,
-            term="none",
-            statement=str(crash),
-            versions=_versions(assignment),
-            date=datetime.now(UTC).date().isoformat(),
-        )
+        verdict = Verdict.ERROR.value
+        found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
         self._found.append((found, outcome.value or ""))
         yield from ()
 
@@ -239,22 +230,19 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
         note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
-    versions = _versions(assignment)
     worst: dict[tuple[str, str], FoundState] = {}
     for index in range(len(states)):
         state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
         verdict = str(noted(state).verdicts[0])
         loss = locate(assignment, state)
-        found = FoundState(
+        found = _found(
+            assignment,
             state=state.as_json(0),
-            subject=str(assignment.subject),
             backward_error=None if math.isnan(error) else error,
             digits_lost=digits_lost(error),
             verdict=verdict,
             term=loss.term,
             statement=loss.statement,
-            versions=versions,
-            date=datetime.now(UTC).date().isoformat(),
         )
         key = verdict, loss.term
         if key not in worst or found.severity > worst[key].severity:
@@ -269,9 +257,11 @@ def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, 
     return evolution.explore(assignment, states, seed, note)
 
 
-def _versions(assignment: tasks.Assignment) -> dict[str, str]:
+def _found(assignment: tasks.Assignment, **seen: Any) -> FoundState:
+    """What was seen of a subject at a state, with today's versions and date."""
     engine = load_engine(assignment.library, assignment.subject.engine)
-    return {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
+    versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
+    return FoundState(subject=str(assignment.subject), versions=versions, date=datetime.now(UTC).date().isoformat(), **seen)
 
 
 def _noted(crash: Crash) -> States:
