@@ -54,7 +54,7 @@ WRONG_TIME = 1.01
 
 
 @dataclass(frozen=True)
-class Variation:
+class VariedAction:
     """The action of a path under variations.
 
     Attributes:
@@ -114,7 +114,7 @@ def residual(kernel: LagrangianKernel, times: Array, q: Array) -> float:
     return float(left / largest) if largest > 0 or math.isnan(largest) else 0.0
 
 
-def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
+def vary(kernel: LagrangianKernel, times: Array, q: Array) -> VariedAction:
     """The action of a path under variations of the sizes ``SIZES``; arguments as of ``residual``, k at least ``DEGREE``.
 
     Integrals are sums over the path's own nodes: eta vanishes with all derivatives at both ends, where the
@@ -125,7 +125,7 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
     """
     step = _step(times)
     if not np.isfinite(q).all():
-        return Variation(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
+        return VariedAction(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(times, q, k=DEGREE)
@@ -144,7 +144,7 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
     size = step * np.sqrt(np.mean(np.square(changes), axis=0))
     noise = MOST_ROUNDINGS * np.finfo(np.float64).eps * step * math.sqrt(len(times)) * float(np.abs(unvaried).max())
     slope = float(np.polyfit(np.log(SIZES), np.log(size), 1)[0]) if size.min() > noise else None
-    return Variation(SIZES, size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0)
+    return VariedAction(SIZES, size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0)
 
 
 def stationarity_of(kernel: LagrangianKernel, path: str, times: Array, q: Array) -> Stationarity:

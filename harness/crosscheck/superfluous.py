@@ -8,6 +8,7 @@ joint's axis are the mechanism's structure and stay.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import itertools
@@ -46,7 +47,7 @@ _KEPT = {
 _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 
 # (line, element, attribute, value, why) of a ``SuperfluousPart``.
-Part = tuple[int, str, str, str, str]
+Row = tuple[int, str, str, str, str]
 
 
 def superfluous(
@@ -68,9 +69,10 @@ def superfluous(
     mechanism = load_mechanism(library, name) if mechanism is None else mechanism
     model = read_model(library.model_path(name, subject.format), subject.format) if model is None else model
     entry = _entry(library, subject, model, mechanism)
-    try:
-        parts = msgspec.json.decode(read_entry(entry) or "", type=list[Part])
-    except msgspec.DecodeError:
+    parts: list[Row] | None = None
+    with contextlib.suppress(msgspec.DecodeError):
+        parts = msgspec.json.decode(read_entry(entry) or "", type=list[Row])
+    if parts is None:
         if not is_sound():
             return []
         examination = _Examination(load_engine(library, subject.engine), model, mechanism)
@@ -110,7 +112,7 @@ class _Examination:
             audit(held, model, self._mechanism)
         return loaded.forward_dynamics(states.q, states.v, states.tau)
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[Row]:
         """(line, element, attribute, value, why) of everything that is not needed."""
         needed, dead = self._sorted_numbers()
         gone: list[Element] = []
@@ -207,7 +209,7 @@ class _Examination:
         names = {child.get("link") for child in inside}
         return next((other for other in self._elements if other.path == ("robot", "link") and other.get("name") in names), None)
 
-    def _stages(self) -> Iterator[Part]:
+    def _stages(self) -> Iterator[Row]:
         """Parts of the pipeline that are on although switching them off changes nothing."""
         if not STAGES[self._format]:
             return
