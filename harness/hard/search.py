@@ -258,7 +258,7 @@ def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, 
 
 
 def _found(assignment: tasks.Assignment, **seen: Any) -> FoundState:
-    """What was seen of a subject at a state, with today's versions and date."""
+    """The stored form of what a subject answered at a state, with today's versions and date."""
     engine = load_engine(assignment.library, assignment.subject.engine)
     versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
     return FoundState(subject=str(assignment.subject), versions=versions, date=datetime.now(UTC).date().isoformat(), **seen)
