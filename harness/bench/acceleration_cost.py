@@ -8,11 +8,10 @@ certified reference at the same states.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.bench.methods import Method
 from harness.bench.timing import measure
 from harness.certify.compare import compare
@@ -21,14 +20,12 @@ from harness.certify.sampling import sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import Unsupported
-from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile
+from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Growth
 
 MINIMUM_COUNT = 5
-FAMILY, SIZES = "chain", (1, 2, 4, 8, 16, 32)
+FAMILY = "chain"
 # Where a state costs this many times what the cheapest costs, at most half is the call's own.
 HIDDEN_BELOW = 2.0
 FEWEST_SIZES = 2
@@ -36,21 +33,14 @@ FEWEST_STATES = 64
 
 
 def acceleration_costs(
-    library: Library,
-    mechanism: Mechanism,
-    models: Mapping[str, ModelFile],
-    methods: Sequence[Method],
-    count: int,
-    seed: int,
-    minimum_seconds: float,
-    note: Note,
+    scene: Scene, methods: Sequence[Method], count: int, seed: int, minimum_seconds: float, note: Note
 ) -> list[AccelerationCost]:
     """One measurement per method, in their order, at up to ``count`` sampled states each.
 
-    ``models`` holds the model file of each format there is. A method that cannot do the system has an entry
-    with the reason as its note. ``minimum_seconds`` is how long each method is timed at least.
+    A method that cannot do the system has an entry with the reason as its note. ``minimum_seconds`` is how long each
+    method is timed at least.
     """
-    scene = Scene(library, mechanism, models)
+    mechanism = scene.mechanism
     states = sample(mechanism, count, seed)
     references: dict[bool, Reference] = {}
     costs = []
@@ -67,14 +57,12 @@ def acceleration_costs(
 def _cost(method: Method, scene: Scene, states: States, reference: Reference, minimum_seconds: float) -> AccelerationCost:
     name, n = scene.mechanism.name, len(states)
     try:
-        if method.format in MODEL_SUFFIXES and method.format not in scene.models:
-            raise Unsupported(f"there is no {method.format} model")
         prepared = method.prepare(scene, states)
     except Unsupported as reason:
         return AccelerationCost(system=name, method=method.name, threads=method.threads, states=0, seconds_per_state=None, note=str(reason))
     timing = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
     comparison = compare(reference, prepared.accelerations())
-    backward, relative = (_numbers(errors) for errors in (comparison.backward_error, comparison.relative_error))
+    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
     remarks = [prepared.note]
     undecided, useless = n - int(reference.certified.sum()), int(reference.certified.sum()) - len(backward)
     if undecided:
@@ -90,68 +78,38 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         fastest=timing.fastest / n,
         slowest=timing.slowest / n,
         repetitions=timing.repetitions,
-        backward_error=float(backward.max()) if len(backward) else None,
+        backward_error=max(backward.tolist(), default=None),
         median_backward_error=float(np.median(backward)) if len(backward) else None,
-        relative_error=float(relative.max()) if len(relative) else None,
+        relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
     )
 
 
-def _numbers(values: Array) -> Array:
-    return values[~np.isnan(values)]
-
-
 def growth(
-    library: Library,
-    methods: Sequence[Method],
-    count: int,
-    seed: int,
-    minimum_seconds: float,
-    note: Note,
-    family: str = FAMILY,
-    sizes: Sequence[int] = SIZES,
+    library: Library, methods: Sequence[Method], count: int, seed: int, minimum_seconds: float, note: Note, sizes: Sequence[int]
 ) -> list[Growth]:
-    """Cost and error of each method over the sizes of ``family``, in one process.
+    """Cost and error of each method over ``sizes`` of ``FAMILY``, in one process.
 
-    ``count`` is the number of states at size 1; larger members are given fewer. To spread the sizes over
-    workers, run ``growth_at`` for each and hand its results to ``fitted``.
+    ``count`` is the number of states at size 1; larger members are given fewer.
     """
-    measured = {size: growth_at(library, family, size, methods, count, seed, minimum_seconds, note) for size in sizes}
-    return fitted(family, methods, measured)
-
-
-def growth_at(
-    library: Library, family: str, size: int, methods: Sequence[Method], count: int, seed: int, minimum_seconds: float, note: Note
-) -> list[AccelerationCost]:
-    """``acceleration_costs`` of one member of a family."""
-    note(f"{family}_{size}: derivation")
-    scene = Scene.of(library, f"{family}_{size}")
-    fewer = max(FEWEST_STATES, count // size)
-    return acceleration_costs(library, scene.mechanism, scene.models, methods, fewer, seed, minimum_seconds, note)
-
-
-def fitted(family: str, methods: Sequence[Method], measured: Mapping[int, Sequence[AccelerationCost]]) -> list[Growth]:
-    """One ``Growth`` per method from the measurements at each size, whatever their order."""
-    found = []
-    sizes = sorted(measured)
-    for method in methods:
-        at_size = [{cost.method: cost for cost in measured[size]}.get(method.name) for size in sizes]
-        seconds = [None if cost is None else cost.seconds_per_state for cost in at_size]
-        fastest = [None if cost is None else cost.fastest for cost in at_size]
-        errors = [None if cost is None else cost.backward_error for cost in at_size]
-        found.append(
-            Growth(
-                family=family,
-                method=method.name,
-                sizes=sizes,
-                seconds_per_state=seconds,
-                backward_errors=errors,
-                # The noise of a machine only adds, and at a few sizes one outlier would decide.
-                exponent=exponent(sizes, fastest),
-                expected=method.growth,
-            )
+    measured = []
+    for size in sizes:
+        note(f"{FAMILY}_{size}: derivation")
+        scene = Scene.of(library, f"{FAMILY}_{size}")
+        measured.append(acceleration_costs(scene, methods, max(FEWEST_STATES, count // size), seed, minimum_seconds, note))
+    return [
+        Growth(
+            family=FAMILY,
+            method=method.name,
+            sizes=list(sizes),
+            seconds_per_state=[cost.seconds_per_state for cost in costs],
+            backward_errors=[cost.backward_error for cost in costs],
+            # The noise of a machine only adds, and at a few sizes one outlier would decide.
+            exponent=exponent(sizes, [cost.fastest for cost in costs]),
+            expected=method.growth,
         )
-    return found
+        for method, costs in zip(methods, zip(*measured, strict=True), strict=True)
+    ]
 
 
 def exponent(sizes: Sequence[int], seconds: Sequence[float | None]) -> float | None:

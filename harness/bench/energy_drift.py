@@ -10,26 +10,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.motion_cost import ROUNDINGS_PER_STEP, prepared
+from harness.bench.motion_cost import ROUNDINGS_PER_STEP
 from harness.certify.reference import UNIT_ROUNDOFF
 from harness.certify.sampling import sample
-from harness.crosscheck.scene import Scene
+from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
-from harness.equations.mechanism import Mechanism
 from harness.equations.program import StraightLineProgram
-from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model
+from harness.models.model_file import parse_model
 from harness.models.text import find_numbers, with_values
 from harness.motion.integrators import Advance, Integrator, select_integrators
-from harness.motion.taylor import Taylor
+from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import HORIZON, Start
 from harness.results.benchmark import Drift
 
@@ -40,74 +38,57 @@ KEPT = 2048
 # Stretches of time, each twice as long as the one before it, that the growth is fitted over.
 STRETCHES = 5
 BOUNDED_BELOW, SECULAR_ABOVE = 0.25, 0.75
-# An energy that is off by this share of the largest kinetic energy has been lost: what follows tells nothing of its growth.
+# An energy that is off by this share of the largest kinetic energy has been lost: what follows says nothing of its growth.
 LOST = 0.3
 FEWEST_STATES = 2**STRETCHES
 TRIAL_STEPS = 1000
 
 
-def without_dampers(mechanism: Mechanism, models: Mapping[str, ModelFile]) -> tuple[Mechanism, dict[str, ModelFile]]:
-    """The mechanism with the parameters of its dampers at 0, and its models with their damping at 0.
+def without_dampers(scene: Scene) -> Scene:
+    """The scene with the parameters of its dampers at 0, and its models with their damping at 0.
 
     A damper's parameter is one that the non-conservative forces depend on, and the energy does not.
 
     Raises:
         ValueError: non-conservative forces are left.
     """
+    mechanism = scene.mechanism
     program = mechanism.energy_programs[0]
     first = len(program.inputs) - len(mechanism.parameters)
     of_dampers = _inputs_of(program, "forces") - _inputs_of(program, "energy")
-    parameters = tuple(
-        (name, 0.0 if first + place in of_dampers else value, unit) for place, (name, value, unit) in enumerate(mechanism.parameters)
-    )
-    conservative = replace(mechanism, parameters=parameters)
+    named = enumerate(mechanism.parameters, start=first)
+    conservative = with_parameters(mechanism, {name: 0.0 for place, (name, _, _) in named if place in of_dampers})
     if EnergyKernel(conservative).evaluate(sample(conservative, 8, seed=1)).power.any():
         raise ValueError(f"{mechanism.name} has non-conservative forces that no parameter switches off")
     undamped = {}
-    for name, model in models.items():
+    for name, model in scene.models.items():
         numbers = [number for number in find_numbers(model.text, model.format) if "damping" in f"{number.element} {number.attribute}"]
         text = with_values(model.text, dict.fromkeys(numbers, 0.0))
         undamped[name] = parse_model(model.path, text, model.format)
-    return conservative, undamped
+    return Scene(scene.library, conservative, undamped)
 
 
 def _inputs_of(program: StraightLineProgram, output: str) -> set[int]:
     """Indices of the inputs that an output depends on."""
-    found: set[int] = set()
-    seen: set[int] = set()
-    pending = list(program.outputs[output])
-    while pending:
-        index = pending.pop()
-        if index in seen:
-            continue
-        seen.add(index)
-        operation, *operands = program.instructions[index]
+    # An instruction only refers to instructions before it.
+    of: list[set[int]] = []
+    for operation, *operands in program.instructions:
         if operation == "input":
-            found.add(operands[0])
-        elif operation == "integer_power":
-            pending.append(operands[0])
-        elif operation not in ("rational", "pi"):
-            pending.extend(operands)
-    return found
+            of.append({operands[0]})
+        else:
+            used = {"integer_power": operands[:1], "rational": [], "pi": []}.get(operation, operands)
+            of.append(set().union(*(of[operand] for operand in used)))
+    return set().union(*(of[index] for index in program.outputs[output]))
 
 
-def drifts(
-    library: Library,
-    mechanism: Mechanism,
-    models: Mapping[str, ModelFile],
-    names: Sequence[str],
-    steps: int,
-    note: Note,
-    step: float = STEP,
-    seconds: float = LONGEST,
-) -> list[Drift]:
+def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: float = STEP, seconds: float = LONGEST) -> list[Drift]:
     """Energy over ``steps`` steps of ``step`` [s], or as many as fit into ``seconds``, of the integrators called ``names``, or of all.
 
     Dampers are taken out of the mechanism and its models. Adaptive integrators run over the same time at
     ``TOLERANCE``. An integrator that cannot express the mechanism has no entry.
     """
-    conservative, undamped = without_dampers(mechanism, models)
-    scene = Scene(library, conservative, undamped)
+    scene = without_dampers(scene)
+    conservative = scene.mechanism
     start = Start.of(conservative, steps * step)
     energies = EnergyKernel(conservative)
     # One computed motion cannot be the measure of its own energy.
@@ -115,12 +96,12 @@ def drifts(
     largest_kinetic = float(energies.along(truth.q, truth.v).kinetic.max()) or 1.0
     found: list[Drift] = []
     for integrator in select_integrators(names):
-        note(f"{mechanism.name}: {integrator.name} over {steps} steps")
+        note(f"{conservative.name}: {integrator.name} over {steps} steps")
         try:
-            advance = prepared(integrator, scene)
+            advance = integrator.prepare(scene)
         except Unsupported:
             continue
-        found.append(_drift(integrator, advance, start, energies, largest_kinetic, mechanism.name, steps, step, seconds))
+        found.append(_drift(integrator, advance, start, energies, largest_kinetic, conservative.name, steps, step, seconds))
     return found
 
 
@@ -135,18 +116,17 @@ def _drift(
     step: float,
     seconds: float,
 ) -> Drift:
+    def run(count: int, kept: int) -> Path:
+        if integrator.adaptive:
+            return advance(replace(start, horizon=count * step), TOLERANCE, kept, 1)
+        return advance(start, step, count, max(1, count // kept))
+
     trial = min(steps, TRIAL_STEPS)
     began = time.perf_counter()
-    if integrator.adaptive:
-        advance(replace(start, horizon=trial * step), TOLERANCE, 1, 1)
-    else:
-        advance(start, step, trial, trial)
+    run(trial, 1)
     allowed = seconds * trial / (time.perf_counter() - began)
     count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
-    if integrator.adaptive:
-        path = advance(replace(start, horizon=count * step), TOLERANCE, KEPT, 1)
-    else:
-        path = advance(start, step, count, max(1, count // KEPT))
+    path = run(count, KEPT)
     energy = energies.along(path.q, path.v, path.times).energy
     errors = np.abs(energy - energy[0]) / largest_kinetic
     growth = growth_of(path.times, errors)

@@ -14,7 +14,7 @@ experiments, work-precision diagrams); Hairer, Lubich, Wanner, Geometric Numeric
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,13 +23,11 @@ from harness.arrays import Array
 from harness.certify.reference import UNIT_ROUNDOFF
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.engines import EQUATIONS, Unsupported
+from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
-from harness.equations.mechanism import Mechanism
-from harness.library import Library
-from harness.models.model_file import ModelFile
 from harness.motion.integrators import Advance, Integrator, select_integrators
-from harness.motion.trajectories import HORIZON, Metric, Path, Reference, Start, reference_motion
+from harness.motion.taylor import Path
+from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, reference_motion
 from harness.results.benchmark import MotionCost, Order, Truth
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
@@ -60,10 +58,10 @@ class Judge:
         self.start = replace(start, horizon=min(horizon, self.reference.trusted))
         self._metric = Metric(scene.mechanism)
         self._energies = EnergyKernel(scene.mechanism)
-        within = reference_within(self.reference.path, self.start.horizon)
+        within = self.reference.path[self.reference.path.times <= self.start.horizon * (1 + 1e-12)]
         self._scales = self._metric.scales(within)
-        self._end = Path(within.times[-1:], within.q[-1:], within.v[-1:], None, 0, 0.0)
-        self.largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
+        self._end = within[-1:]
+        self._largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
 
     def state_error(self, path: Path) -> float | None:
         """Relative error of the end state; None where the motion broke down."""
@@ -78,27 +76,20 @@ class Judge:
             return None
         found = self._energies.along(path.q, path.v, path.times)
         balance = found.energy - found.energy[0] - work_along(path, found.power)
-        error = float(np.abs(balance).max()) / (self.largest_kinetic or 1.0)
+        error = float(np.abs(balance).max()) / (self._largest_kinetic or 1.0)
         return error if math.isfinite(error) else None
 
     def truth(self) -> Truth:
         reference = self.reference
-        start = {"q": reference.path.q[0].tolist(), "v": reference.path.v[0].tolist()}
         return Truth(
             system=self.scene.mechanism.name,
-            start=start,
+            start={"q": reference.path.q[0].tolist(), "v": reference.path.v[0].tolist()},
             horizon=self._horizon,
             trusted=reference.trusted,
             error=reference.error,
             precision=reference.precision,
             seconds=reference.path.seconds,
         )
-
-
-def reference_within(path: Path, horizon: float) -> Path:
-    """The part of a path up to ``horizon`` [s]."""
-    inside = path.times <= horizon * (1 + 1e-12)
-    return Path(path.times[inside], path.q[inside], path.v[inside], None, path.evaluations, path.seconds)
 
 
 def work_along(path: Path, power: Array) -> Array:
@@ -115,14 +106,7 @@ def work_along(path: Path, power: Array) -> Array:
 
 
 def motion_costs(
-    library: Library,
-    mechanism: Mechanism,
-    models: Mapping[str, ModelFile],
-    names: Sequence[str],
-    steps: Sequence[float],
-    horizon: float,
-    seconds: float,
-    note: Note,
+    scene: Scene, names: Sequence[str], steps: Sequence[float], horizon: float, seconds: float, note: Note
 ) -> tuple[Truth, list[MotionCost], list[Order]]:
     """Truth, work and precision, and orders of convergence of the integrators called ``names``, or of all for none.
 
@@ -130,34 +114,23 @@ def motion_costs(
     would take longer than ``seconds`` is left out with a note. An integrator that lacks its model, or cannot express
     the mechanism, has one entry that says so.
     """
-    scene = Scene(library, mechanism, models)
-    note(f"{mechanism.name}: truth")
+    name = scene.mechanism.name
+    note(f"{name}: truth")
     judge = Judge(scene, horizon)
     costs: list[MotionCost] = []
     orders: list[Order] = []
     for integrator in select_integrators(names):
-        note(f"{mechanism.name}: {integrator.name}")
+        note(f"{name}: {integrator.name}")
         try:
-            advance = prepared(integrator, scene)
+            advance = integrator.prepare(scene)
         except Unsupported as reason:
-            costs.append(_nothing(mechanism.name, integrator, None, f"unsupported: {reason}"))
+            costs.append(_nothing(name, integrator, None, f"unsupported: {reason}"))
             continue
-        found = [*_sweep(integrator, advance, judge, steps, seconds)]
-        costs.extend(found)
+        found = _sweep(integrator, advance, judge, steps, seconds)
+        costs += found
         if integrator.order is not None:
             orders.append(measured_order(integrator, advance, judge, found, seconds))
     return judge.truth(), costs, orders
-
-
-def prepared(integrator: Integrator, scene: Scene) -> Advance:
-    """``integrator`` on ``scene``.
-
-    Raises:
-        Unsupported: there is no model in its format, or it cannot express the mechanism.
-    """
-    if integrator.format != EQUATIONS and integrator.format not in scene.models:
-        raise Unsupported(f"{scene.mechanism.name} has no {integrator.format.upper()} model")
-    return integrator.prepare(scene)
 
 
 def _sweep(integrator: Integrator, advance: Advance, judge: Judge, steps: Sequence[float], seconds: float) -> list[MotionCost]:
@@ -167,26 +140,22 @@ def _sweep(integrator: Integrator, advance: Advance, judge: Judge, steps: Sequen
         count = KEPT if integrator.adaptive else max(1, round(judge.start.horizon / size))
         expected = 0.0 if integrator.adaptive else per_step * count
         if expected > seconds:
-            reason = f"left out: would take about {expected:.0f} s"
-            found.append(_nothing(judge.scene.mechanism.name, integrator, size, reason))
+            found.append(_nothing(judge.scene.mechanism.name, integrator, size, f"left out: would take about {expected:.0f} s"))
             continue
         path, elapsed = _run(integrator, advance, judge.start, size, count)
         per_step = elapsed / count
-        step = None if integrator.adaptive else judge.start.horizon / count
-        state_error, energy_error = judge.state_error(path), judge.energy_error(path)
+        state_error = judge.state_error(path)
+        entry = _nothing(judge.scene.mechanism.name, integrator, size, "broke down" if state_error is None else "")
         found.append(
-            MotionCost(
-                system=judge.scene.mechanism.name,
-                integrator=integrator.name,
-                step=step,
-                tolerance=size if integrator.adaptive else None,
+            replace(
+                entry,
+                step=None if integrator.adaptive else judge.start.horizon / count,
                 steps=path.evaluations if integrator.adaptive else count,
                 evaluations=path.evaluations,
                 seconds=elapsed,
                 state_error=state_error,
-                energy_error=energy_error,
+                energy_error=judge.energy_error(path),
                 duration=judge.start.horizon,
-                note="broke down" if state_error is None else "",
             )
         )
     return found
@@ -262,7 +231,7 @@ def _is_stable(slopes: Sequence[float]) -> bool:
     return bool(last <= STABLE_SLOPE and before <= 2 * STABLE_SLOPE)
 
 
-def rounding(steps: int, reference: Reference) -> float:
+def rounding(steps: int, reference: TrueMotion) -> float:
     """Relative error of a motion that rounding alone explains."""
     return max(ROUNDINGS_PER_STEP * UNIT_ROUNDOFF * math.sqrt(steps), 10 * reference.error)
 

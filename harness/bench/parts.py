@@ -12,15 +12,14 @@ from harness.bench.motion_cost import motion_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
 from harness.library import Library
 from harness.results.benchmark import Benchmark
-
-Note = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thoroughness:
-    """How thorough a benchmark is.
+    """The extent of a benchmark.
 
     Attributes:
         states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
@@ -56,7 +55,7 @@ THOROUGHNESS = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkSettings:
-    """What to measure.
+    """A choice of measurements.
 
     Attributes:
         library: where systems and models are.
@@ -77,7 +76,7 @@ class BenchmarkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a part measures: with which settings, methods and integrators, on which scene, None for the library itself."""
+    """The input of a part: settings, methods, integrators and scene, which is None for a part about the library itself."""
 
     settings: BenchmarkSettings
     methods: Sequence[str]
@@ -121,38 +120,29 @@ def load(library: Library, name: str, note: Note) -> Scene:
 
 
 def _accelerations(request: Request, note: Note) -> Benchmark:
-    scene, profile, methods = request.place, request.profile, select_methods(request.methods)
-    found = acceleration_costs(
-        scene.library, scene.mechanism, scene.models, methods, profile.states, request.settings.seed, profile.minimum_seconds, note
-    )
-    return Benchmark(accelerations=found)
+    profile, methods, seed = request.profile, select_methods(request.methods), request.settings.seed
+    return Benchmark(accelerations=acceleration_costs(request.place, methods, profile.states, seed, profile.minimum_seconds, note))
 
 
 def _growth(request: Request, note: Note) -> Benchmark:
     settings, profile, methods = request.settings, request.profile, select_methods(request.methods)
-    found = growth(settings.library, methods, profile.states, settings.seed, profile.minimum_seconds, note, FAMILY, profile.sizes)
+    found = growth(settings.library, methods, profile.states, settings.seed, profile.minimum_seconds, note, profile.sizes)
     return Benchmark(growth=found)
 
 
 def _motion(request: Request, note: Note) -> Benchmark:
-    scene, profile = request.place, request.profile
-    truth, costs, orders = motion_costs(
-        scene.library, scene.mechanism, scene.models, request.integrators, profile.steps, profile.horizon, profile.seconds, note
-    )
+    profile, names = request.profile, request.integrators
+    truth, costs, orders = motion_costs(request.place, names, profile.steps, profile.horizon, profile.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
 
 def _drifts(request: Request, note: Note) -> Benchmark:
-    scene, profile = request.place, request.profile
-    found = drifts(
-        scene.library, scene.mechanism, scene.models, request.integrators, profile.long_steps, note, seconds=profile.long_seconds
-    )
-    return Benchmark(drifts=found)
+    profile = request.profile
+    return Benchmark(drifts=drifts(request.place, request.integrators, profile.long_steps, note, seconds=profile.long_seconds))
 
 
 def _stationarity(request: Request, note: Note) -> Benchmark:
-    scene = request.place
-    return Benchmark(stationarity=stationarity(scene.library, scene.mechanism, scene.models, note))
+    return Benchmark(stationarity=stationarity(request.place, note))
 
 
 def _figures(request: Request, note: Note) -> Benchmark:

@@ -23,7 +23,7 @@ exponentially convergent trapezoidal rule, SIAM Review 56 (2014).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +31,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.engines import EQUATIONS, Unsupported
+from harness.engines import Unsupported
 from harness.equations.lagrangian import LagrangianKernel
 from harness.equations.mechanism import Mechanism
-from harness.library import Library
-from harness.models.model_file import ModelFile
-from harness.motion.integrators import Integrator, integrators
+from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
 from harness.results.benchmark import Stationarity
@@ -56,8 +54,8 @@ WRONG_TIME = 1.01
 
 
 @dataclass(frozen=True)
-class Variation:
-    """What the action of a path does under variations.
+class VariedAction:
+    """The action of a path under variations.
 
     Attributes:
         sizes: eps; changes: root mean square over the variations eta of S[q + eps eta] - S[q] + eps int Q eta dt [J s].
@@ -71,24 +69,24 @@ class Variation:
     first_variation: float
 
 
-def stationarity(library: Library, mechanism: Mechanism, models: Mapping[str, ModelFile], note: Note) -> list[Stationarity]:
+def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
     """Every integrator's path, the reference motion, and what must fail: the reference motion in another time.
 
     None for a mechanism with ball or free joints; no path of an integrator that cannot express the mechanism.
     """
+    mechanism = scene.mechanism
     if mechanism.attitudes:
         return []
-    kernel, scene, start = LagrangianKernel(mechanism), Scene(library, mechanism, models), Start.of(mechanism, HORIZON)
+    kernel, start = LagrangianKernel(mechanism), Start.of(mechanism, HORIZON)
     found: list[Stationarity] = []
     for integrator in integrators():
-        if integrator.format not in (EQUATIONS, *models):
-            continue
         note(f"{integrator.name} on {mechanism.name}")
         try:
             advance = integrator.prepare(scene)
         except Unsupported:
             continue
-        for step in _steps(integrator):
+        # A low order leaves some of the first variation; unlike that of a wrong model, it falls with the step.
+        for step in (STEP, STEP / 10) if integrator.order is not None and integrator.order < 2 else (STEP,):
             path = advance(start, TOLERANCE if integrator.adaptive else step, round(HORIZON / step), 1)
             found.append(stationarity_of(kernel, integrator.name, path.times, path.q))
     times = np.linspace(0.0, HORIZON, round(HORIZON / STEP) + 1)
@@ -96,11 +94,6 @@ def stationarity(library: Library, mechanism: Mechanism, models: Mapping[str, Mo
     found.append(stationarity_of(kernel, "reference motion", times, true))
     found.append(stationarity_of(kernel, f"reference motion, {WRONG_TIME - 1:.0%} slower", WRONG_TIME * times, true))
     return found
-
-
-def _steps(integrator: Integrator) -> tuple[float, ...]:
-    # A low order leaves some of the first variation; that it falls with the step tells it from a wrong model.
-    return (STEP, STEP / 10) if integrator.order is not None and integrator.order < 2 else (STEP,)
 
 
 def residual(kernel: LagrangianKernel, times: Array, q: Array) -> float:
@@ -121,7 +114,7 @@ def residual(kernel: LagrangianKernel, times: Array, q: Array) -> float:
     return float(left / largest) if largest > 0 or math.isnan(largest) else 0.0
 
 
-def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
+def vary(kernel: LagrangianKernel, times: Array, q: Array) -> VariedAction:
     """The action of a path under variations of the sizes ``SIZES``; arguments as of ``residual``, k at least ``DEGREE``.
 
     Integrals are sums over the path's own nodes: eta vanishes with all derivatives at both ends, where the
@@ -132,25 +125,26 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> Variation:
     """
     step = _step(times)
     if not np.isfinite(q).all():
-        return Variation(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
-    v, acceleration = _derivatives(times, q)
+        return VariedAction(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(times, q, k=DEGREE)
+    v, acceleration = (np.asarray(spline.derivative(order)(times)) for order in (1, 2))
     terms = kernel.terms(q, v, times)
     unvaried = kernel.lagrangian(q, v, times)
     firsts, scales, changes = [], [], []
     for coordinate, eta, eta_rate in _variations(kernel.mechanism, times, q, v, acceleration, terms.mass):
-        of_position, of_rate, work = (
-            terms.of_positions[:, coordinate] * eta,
-            terms.momenta[:, coordinate] * eta_rate,
-            terms.forces[:, coordinate] * eta,
-        )
+        of_position, work = terms.of_positions[:, coordinate] * eta, terms.forces[:, coordinate] * eta
+        of_rate = terms.momenta[:, coordinate] * eta_rate
         firsts.append(abs(float(np.sum(of_position + of_rate + work))))
         scales.append(max(float(np.abs(part).sum()) for part in (of_position, of_rate, work)))
-        varied = (_varied(kernel, times, q, v, coordinate, eps * eta, eps * eta_rate) for eps in SIZES)
+        axis = np.eye(kernel.mechanism.nv)[coordinate]
+        varied = (kernel.lagrangian(q + eps * eta[:, None] * axis, v + eps * eta_rate[:, None] * axis, times) for eps in SIZES)
         changes.append([np.sum(lagrangian - unvaried + eps * work) for eps, lagrangian in zip(SIZES, varied, strict=True)])
     size = step * np.sqrt(np.mean(np.square(changes), axis=0))
     noise = MOST_ROUNDINGS * np.finfo(np.float64).eps * step * math.sqrt(len(times)) * float(np.abs(unvaried).max())
     slope = float(np.polyfit(np.log(SIZES), np.log(size), 1)[0]) if size.min() > noise else None
-    return Variation(SIZES, size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0)
+    return VariedAction(SIZES, size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0)
 
 
 def stationarity_of(kernel: LagrangianKernel, path: str, times: Array, q: Array) -> Stationarity:
@@ -200,22 +194,6 @@ def _bump(place: Array) -> tuple[Array, Array]:
     inside = np.maximum(inside, 1e-4)
     bump = np.where((place > 0) & (place < 1), np.exp(1 - 1 / (4 * inside)), 0.0)
     return bump, bump * (1 - 2 * place) / (4 * inside**2)
-
-
-def _varied(kernel: LagrangianKernel, times: Array, q: Array, v: Array, coordinate: int, change: Array, rate: Array) -> Array:
-    """L along the path with one coordinate changed, (k + 1,)."""
-    positions, velocities = q.copy(), v.copy()
-    positions[:, coordinate] += change
-    velocities[:, coordinate] += rate
-    return kernel.lagrangian(positions, velocities, times)
-
-
-def _derivatives(times: Array, q: Array) -> tuple[Array, Array]:
-    """Velocities and accelerations, (k + 1, nv) each, of the spline through a path's positions."""
-    from scipy.interpolate import make_interp_spline
-
-    spline = make_interp_spline(times, q, k=DEGREE)
-    return np.asarray(spline.derivative(1)(times)), np.asarray(spline.derivative(2)(times))
 
 
 def _step(times: Array) -> float:

@@ -1,4 +1,4 @@
-"""How long a call takes: the median over repetitions, and their spread.
+"""Wall time of a call: the median over repetitions, and their spread.
 
 Source: Chen, Revels, Robust benchmarking in noisy environments, IEEE HPEC (2016): the noise of a machine
 only ever adds time, so the fastest repetition is reported beside the median.
@@ -6,9 +6,9 @@ only ever adds time, so the fastest repetition is reported beside the median.
 
 from __future__ import annotations
 
-import gc
 import statistics
 import time
+import timeit
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -31,25 +31,13 @@ class Timing:
 def measure(function: Callable[[], object], minimum_count: int = 5, minimum_seconds: float = 0.2) -> Timing:
     """Time ``function`` by a monotonic clock, after one call to warm up, until both minima are met.
 
-    Python's garbage collector rests meanwhile. What ``function`` raises is passed on.
-
-    Raises:
-        ValueError: ``minimum_count`` is less than 1.
+    ``timeit`` keeps Python's garbage collector out of what is timed. What ``function`` raises is passed on.
     """
-    if minimum_count < 1:
-        raise ValueError(f"minimum_count is {minimum_count}; expected at least 1")
     function()
+    timer = timeit.Timer(function, timer=time.perf_counter)
     seconds: list[float] = []
     total = 0.0
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        while len(seconds) < minimum_count or total < minimum_seconds:
-            started = time.perf_counter()
-            function()
-            seconds.append(time.perf_counter() - started)
-            total += seconds[-1]
-    finally:
-        if collecting:
-            gc.enable()
+    while len(seconds) < minimum_count or total < minimum_seconds:
+        seconds.append(timer.timeit(1))
+        total += seconds[-1]
     return Timing(statistics.median(seconds), min(seconds), max(seconds), len(seconds))

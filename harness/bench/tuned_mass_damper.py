@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import Decimal
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.scene import Scene
+from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
 from harness.equations.energies import EnergyKernel
@@ -109,9 +109,8 @@ def with_damping(scene: Scene, damping: float) -> Scene:
     mechanism = scene.mechanism
     if DAMPING not in [name for name, _, _ in mechanism.parameters]:
         raise ValueError(f"{mechanism.name} has no parameter {DAMPING!r}")
-    parameters = tuple((name, damping if name == DAMPING else value, unit) for name, value, unit in mechanism.parameters)
     models = {model_format: _model_with_damping(model, damping) for model_format, model in scene.models.items()}
-    return Scene(scene.library, replace(mechanism, parameters=parameters), models)
+    return Scene(scene.library, with_parameters(mechanism, {DAMPING: damping}), models)
 
 
 def _model_with_damping(model: ModelFile, damping: float) -> ModelFile:
@@ -138,6 +137,7 @@ def true_ride(mechanism: Mechanism) -> Ride:
     times = np.arange(STEPS + 1, dtype=np.float64) * STEP
     start = Start.of(mechanism, STEPS * STEP)
     found = Taylor(mechanism).solve(start.q, start.v, times)
+    assert found.work is not None
     return Ride(times, found.q[:, 0], EnergyKernel(mechanism).along(found.q, found.v).energy, -found.work)
 
 
@@ -157,23 +157,19 @@ def _figure(printed: Printed, way: str, rides: Mapping[float, Ride], truths: Map
 
 
 def rounds_to(computed: float, printed: str) -> bool:
-    """Whether a number, rounded to the digits of a printed one, is that one."""
+    """True if a number, rounded to the digits of a printed one, is that one."""
     return math.isfinite(computed) and Decimal(computed).quantize(Decimal(printed)) == Decimal(printed)
 
 
 def _remark(printed: Printed, computed: float, truth: float, true: Ride) -> str:
     unit = printed.unit
     text = f"the text prints {printed.figure} {unit}; this way gives {computed:.2g} {unit}, the reference motion {truth:.2g} {unit}"
-    least = _least_that_rounds_to(printed.figure)
+    # The least number that rounds to the print.
+    last_digit = int(Decimal(printed.figure).as_tuple().exponent)
+    least = float(Decimal(printed.figure) - Decimal(5).scaleb(last_digit - 1))
     beyond = np.flatnonzero(100 * np.abs(true.position) >= least)
     if printed.measure is amplitude and truth < least and len(beyond):
         text += (
             f"; |x| of the reference motion last reaches {least:.2g} {unit}, which rounds to the print, at {true.times[beyond[-1]]:.2f} s"
         )
     return text
-
-
-def _least_that_rounds_to(printed: str) -> float:
-    exponent = Decimal(printed).as_tuple().exponent
-    assert isinstance(exponent, int)
-    return float(Decimal(printed) - Decimal((0, (5,), exponent - 1)))

@@ -7,7 +7,7 @@ with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -36,9 +36,16 @@ class Comparison:
     @staticmethod
     def concatenate(parts: Sequence[Comparison]) -> Comparison:
         """The judgements of all parts, in order."""
-        return Comparison(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("backward_error", "relative_error", "verdicts"))
-        )
+        return Comparison(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Comparison)))
+
+    def __getitem__(self, selection: Any) -> Comparison:
+        """The judgements that a slice or an index array selects."""
+        return Comparison(*(getattr(self, field.name)[selection] for field in fields(Comparison)))
+
+    def known(self, name: str) -> Array:
+        """The values of "backward_error" or "relative_error" that are numbers."""
+        values: Array = getattr(self, name)
+        return values[~np.isnan(values)]
 
     @property
     def worst(self) -> int:

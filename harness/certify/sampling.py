@@ -28,6 +28,9 @@ HUGE_ANGLES = (1e3, 1e8, 1e15)
 # Exponent of 2 of the largest sample that is kept between runs; what takes long to certify need not be found quickly.
 MOST_KEPT = 12
 TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
+_HALF = math.sqrt(0.5)
+# (w, x, y, z) of no turn and half turns about the axes, then of quarter turns.
+SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for unit in np.eye(3) for sign in (1.0, -1.0))])
 
 
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
@@ -94,28 +97,27 @@ def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:
     if bounds is not None:
         return _bounded(bounds)
     quarter_turns = st.integers(-8, 8).map(lambda k: k * (math.pi / 2))
-    return st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(_special(HUGE_ANGLES)), st.floats(*ANGLES))
+    return st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(special_values(HUGE_ANGLES)), st.floats(*ANGLES))
 
 
 def _rotation() -> SearchStrategy[tuple[float, ...]]:
     """Unit quaternions to rounding: none, half and quarter turns about the axes, and any other."""
     from hypothesis import strategies as st
 
-    half = math.sqrt(0.5)
-    axes = [tuple(float(component == axis) for component in range(4)) for axis in range(4)]
-    quarters = [(half, *(sign * half * component for component in axis[1:])) for axis in axes[1:] for sign in (1.0, -1.0)]
+    simple = [tuple(quaternion) for quaternion in SIMPLE_ROTATIONS.tolist()]
     components = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda quaternion: math.hypot(*quaternion) > 0.01)
     others = components.map(lambda quaternion: tuple(component / math.hypot(*quaternion) for component in quaternion))
-    return st.one_of(st.sampled_from(axes), st.sampled_from(quarters), others)
+    return st.one_of(st.sampled_from(simple[:4]), st.sampled_from(simple[4:]), others)
 
 
 def _bounded(bounds: tuple[float, float]) -> SearchStrategy[float]:
     from hypothesis import strategies as st
 
     inside = [value for value in (0.0, *bounds) if bounds[0] <= value <= bounds[1]]
-    special = [value for value in _special() if bounds[0] <= value <= bounds[1]]
+    special = [value for value in special_values() if bounds[0] <= value <= bounds[1]]
     return st.one_of(st.sampled_from(inside), *([st.sampled_from(special)] if special else []), st.floats(*bounds))
 
 
-def _special(huge: Sequence[float] = ()) -> list[float]:
+def special_values(huge: Sequence[float] = ()) -> list[float]:
+    """Tiny and ``huge`` numbers of both signs."""
     return [sign * magnitude for magnitude in (*TINY, *huge) for sign in (1.0, -1.0)]

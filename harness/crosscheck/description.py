@@ -1,4 +1,4 @@
-"""What a run and its systems were, as plain data for the report."""
+"""A run and its systems as plain data for the report."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
 
 
 def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], compilation_seconds: float | None = None) -> SystemCard:
-    """What a report shows of a system.
+    """The card of a system in a report.
 
     ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
     """

@@ -32,6 +32,11 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     link: Text
     backward_error: float | None = None
 
+    @property
+    def limit(self) -> float:
+        """The largest backward error that the reason explains; infinite where answers are not compared."""
+        return math.inf if self.backward_error is None else self.backward_error
+
 
 class PairEntry(Entry, frozen=True, kw_only=True):
     """A table about a system."""
@@ -102,14 +107,7 @@ def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tu
     known = {"system": library.system_names(), "subject": subjects, "verdict": SEVERITY}
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
     entries = read_entries(library.expected_verdicts, PairEntry, known, ("system", "subject"), compared).values()
-    return {
-        (entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, _limit(entry.backward_error))
-        for entry in entries
-    }
-
-
-def _limit(backward_error: float | None) -> float:
-    return math.inf if backward_error is None else backward_error
+    return {(entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, entry.limit) for entry in entries}
 
 
 def why_no_model(

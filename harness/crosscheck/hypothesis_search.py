@@ -25,8 +25,8 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
 from harness.crosscheck.shrinking import count_digits, shrink
-from harness.crosscheck.stages import Answers, frame_of
-from harness.crosscheck.tasks import Assignment, Note, load_audited, reference_kernel
+from harness.crosscheck.stages import Answers
+from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited, reference_kernel
 from harness.crosscheck.variation import Variation, rows_of, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -36,14 +36,14 @@ from harness.verdict import SEVERITY, Verdict
 BLOCK = 25
 # Of the states, how many are drawn before neighbours of the worst are.
 FRESH_SHARE = 0.4
-# log10 of an error that is not finite, and of the smallest that is told from none.
+# log10 of an error that is not finite, and of the smallest that differs from none.
 WORST, LEAST = 400.0, -20.0
 _KEY = b"simplest failing state"
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search saw of one subject.
+    """The outcome of a search for one subject.
 
     Attributes:
         states: every state it was asked at, in order.
@@ -57,7 +57,7 @@ class Found:
 
 
 def search(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found | Answers]:
-    """What each subject, all of one mechanism, answered at ``examples`` states; where it does not agree, the simplest such state.
+    """The answers of each subject, all of one mechanism, at ``examples`` states; where it does not agree, the simplest such state.
 
     The simplest failing states are kept below ``folder`` and tried first the next time. They and the shrunk states come on
     top of ``examples``. A subject that raises an exception has ``Answers`` that say why; the others go on without it. The note
@@ -170,7 +170,7 @@ class _Panel:
             self.failures[subject] = error
 
     def found(self, subject: str) -> Found:
-        """What was seen of a subject; its simplest failing state comes last."""
+        """The outcome for a subject; its simplest failing state comes last."""
         states = States.concatenate([states for states, _ in self._seen[subject]])
         comparison = Comparison.concatenate([comparison for _, comparison in self._seen[subject]])
         return Found(states, comparison, len(states) - 1 if subject in self.simplest else None)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
@@ -19,7 +18,7 @@ from harness.verdict import Verdict, gravest
 
 @dataclass
 class Evidence:
-    """What one subject answered on one system.
+    """The answers of one subject on one system.
 
     Attributes:
         bulk: batches of sampled states with their comparisons, in the order of the sample.
@@ -47,45 +46,39 @@ class Evidence:
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
     """The record of ``evidence``: gravest verdict, worst error, and the state that shows it best."""
     parts = evidence.parts
-    comparison = Comparison.concatenate([part for _, part in parts]) if parts else None
-    if evidence.failure:
-        verdict = (Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR).value
-    elif comparison is None:
-        verdict = Verdict.ERROR.value
-    else:
-        verdict = gravest(comparison.verdicts.tolist())
+    nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.str_))
+    comparison = Comparison.concatenate([nothing, *(part for _, part in parts)])
+    backward, relative, counts = (
+        comparison.known("backward_error"),
+        comparison.known("relative_error"),
+        Counter(comparison.verdicts.tolist()),
+    )
+    failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
+    verdict = failed.value if evidence.failure or not parts else gravest(counts)
     worst_state, remarks = evidence.failed_at, [evidence.failure or ("" if parts else "nothing was compared")]
-    backward = relative = np.empty(0)
-    if comparison is not None:
-        backward, relative = _numbers(comparison.backward_error), _numbers(comparison.relative_error)
-        not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
-        if not_finite:
-            remarks.append(f"{not_finite} of {len(comparison.verdicts)} answers are not finite.")
-        if worst_state is None:
-            worst_state, remark = _representative_state(parts, comparison, evidence.found, verdict)
-            remarks.append(remark)
+    if not_finite := counts[Verdict.ERROR.value]:
+        remarks.append(f"{not_finite} of {len(comparison.verdicts)} answers are not finite.")
+    if parts and worst_state is None:
+        worst_state, remark = _representative_state(parts, comparison, evidence.found, verdict)
+        remarks.append(remark)
     return Record(
         system=system,
         subject=subject,
-        states=0 if comparison is None else len(comparison.verdicts),
+        states=len(comparison.verdicts),
         verdict=verdict,
         expected=expectation.verdict,
-        backward_error=float(backward.max()) if len(backward) else None,
-        relative_error=float(relative.max()) if len(relative) else None,
+        backward_error=max(backward.tolist(), default=None),
+        relative_error=max(relative.tolist(), default=None),
         worst_state=worst_state,
         seconds_per_state=float(np.median(evidence.seconds)) if evidence.seconds else None,
         message=" ".join(filter(None, remarks)),
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         distribution=dict(Counter(map(half_decade, backward.tolist()))),
-        verdict_counts={} if comparison is None else dict(Counter(comparison.verdicts.tolist())),
+        verdict_counts=dict(counts),
         expected_backward_error=expectation.backward_error,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
     )
-
-
-def _numbers(values: Array) -> Array:
-    return values[~np.isnan(values)]
 
 
 def _representative_state(

@@ -38,19 +38,18 @@ from harness.workers import Outcome, Task
 STATES_PER_TASK = 2000
 
 
-@dataclass
-class _Pair:
+@dataclass(kw_only=True)
+class _Pair(Evidence):
     """A subject on a system while its answers come in; ``pending`` counts the tasks that are still to answer for it."""
 
     subject: Subject
     assignment: Assignment | None = None
-    evidence: Evidence = field(default_factory=Evidence)
     pending: int = 0
 
     def fail(self, failure: str, unsupported: bool = False) -> None:
         """The first failure is the one that is reported."""
-        if not self.evidence.failure:
-            self.evidence.failure, self.evidence.unsupported = failure, unsupported
+        if not self.failure:
+            self.failure, self.unsupported = failure, unsupported
 
 
 Pairs = Sequence[_Pair]
@@ -58,7 +57,7 @@ Pairs = Sequence[_Pair]
 
 def answering(pairs: Iterable[_Pair]) -> list[_Pair]:
     """The pairs that can be asked and have not failed."""
-    return [pair for pair in pairs if pair.assignment is not None and not pair.evidence.failure]
+    return [pair for pair in pairs if pair.assignment is not None and not pair.failure]
 
 
 @dataclass
@@ -123,7 +122,7 @@ class CrossCheck(Rounds):
                 path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
                 work.append(Task((self._loaded, name, model_format, path), tasks.read, (path, model_format), name))
         self._next += work
-        return _System(name, {str(subject): _Pair(subject) for subject in self.subjects}, loading=len(work))
+        return _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}, loading=len(work))
 
     def _loaded(self, outcome: Outcome, name: str, model_format: str | None, path: Path) -> Iterator[Part]:
         system, failure = self._systems[name], self.failure(outcome)
@@ -212,8 +211,8 @@ class CrossCheck(Rounds):
         if answers.failure:
             pair.fail(answers.failure, answers.unsupported)
         if answers.comparison is not None and answers.seconds is not None:
-            pair.evidence.bulk[index] = states, answers.comparison
-            pair.evidence.seconds.append(answers.seconds)
+            pair.bulk[index] = states, answers.comparison
+            pair.seconds.append(answers.seconds)
 
     def _go_on(self, system: _System) -> None:
         """After the first batch: everything else, for the subjects that answered."""
@@ -242,7 +241,7 @@ class CrossCheck(Rounds):
                 if isinstance(found, Answers):
                     self._take(pair, index, system.batches[index], found)
                 else:
-                    pair.evidence.found = found
+                    pair.found = found
         else:
             self._search(system, answering(pairs))
         yield from self._completed(system)
@@ -278,7 +277,7 @@ class CrossCheck(Rounds):
             self._next.append(Task((taker, system.name, pairs, index), function, arguments, system.name))
 
     def _is_answered(self, outcome: Outcome, system: _System, pairs: Pairs, what: str, states: States | None = None) -> bool:
-        """Whether a task gave a value; where its process died, the culprit and the state it died at are noted."""
+        """True if a task gave a value; where its process died, the culprit and the state it died at are noted."""
         for pair in pairs:
             pair.pending -= 1
         failure = self.failure(outcome)
@@ -294,7 +293,7 @@ class CrossCheck(Rounds):
             return False
         culprit.fail(failure)
         states = States.at(**note["states"]) if "states" in note else states
-        if states is not None and culprit.evidence.failed_at is None:
+        if states is not None and culprit.failed_at is None:
             self._ask(self._replayed, system, [culprit], ask_one_by_one, culprit.assignment, states)
         return False
 
@@ -302,7 +301,7 @@ class CrossCheck(Rounds):
         system, [pair] = self._systems[name], pairs
         pair.pending -= 1
         if outcome.crash is not None and outcome.crash.note:
-            pair.evidence.failed_at = json.loads(outcome.crash.note)
+            pair.failed_at = json.loads(outcome.crash.note)
         yield from self._completed(system)
 
     # Records.
@@ -323,11 +322,11 @@ class CrossCheck(Rounds):
     def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
         expectation = self.expectations.get((name, str(pair.subject)), Expectation())
-        record = judge(name, str(pair.subject), pair.evidence, expectation)
+        record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
-            record = judge(name, str(pair.subject), pair.evidence, Expectation())
+            record = judge(name, str(pair.subject), pair, Expectation())
         command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
         if record.worst_state is not None:
             command += ["--state", json.dumps(record.worst_state)]

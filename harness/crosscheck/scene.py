@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
+from harness.engines import Subject, Unsupported, load_model
 from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile
@@ -33,9 +35,24 @@ class Scene:
             harness.errors.InvalidModel: a model file is no well-formed, physical model.
         """
         from harness.equations.derivation import load_mechanism
-        from harness.library import member_of
         from harness.models.model_file import read_model
 
-        paths = {model_format: library.model_path(name, model_format) for model_format in MODEL_SUFFIXES}
-        found = {model_format: read_model(path, model_format) for model_format, path in paths.items() if path.is_file() or member_of(path)}
-        return cls(library, load_mechanism(library, name), found)
+        formats = [model_format for model_format in MODEL_SUFFIXES if library.has_model(name, model_format)]
+        models = {model_format: read_model(library.model_path(name, model_format), model_format) for model_format in formats}
+        return cls(library, load_mechanism(library, name), models)
+
+    def load(self, engine: str, model_format: str) -> Any:
+        """The engine's own model of the scene, as ``harness.engines.load_model`` gives it.
+
+        Raises:
+            harness.engines.Unsupported: the scene has no model of that format, or the engine cannot express it.
+            harness.errors.InvalidModel: the engine refuses the model.
+        """
+        if model_format not in self.models:
+            raise Unsupported(f"{self.mechanism.name} has no {model_format.upper()} model")
+        return load_model(self.library, Subject(engine, model_format), self.mechanism, self.models[model_format])
+
+
+def with_parameters(mechanism: Mechanism, changed: Mapping[str, float]) -> Mechanism:
+    """The mechanism with other values of the parameters named in ``changed``, and the same program."""
+    return replace(mechanism, parameters=tuple((name, changed.get(name, value), unit) for name, value, unit in mechanism.parameters))

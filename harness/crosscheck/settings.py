@@ -1,4 +1,4 @@
-"""What a cross-check compares, and the commands that repeat it."""
+"""The choice of a cross-check, and the commands that repeat it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_SEARCHED = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What to compare.
+    """A choice of comparisons.
 
     Attributes:
         library: where systems and models are.

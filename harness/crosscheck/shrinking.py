@@ -34,7 +34,7 @@ def shrink(judge: Callable[[States], Comparison], mechanism: Mechanism, state: S
         began = row
         for candidates in _simplifications(mechanism, row):
             # Those behind a change see the row as it is now.
-            rows = np.array([values for values in candidates(row) if _is_simpler(values, row)])
+            rows = np.array([values for values in candidates(row) if count_digits(values) < count_digits(row)])
             if not len(rows):
                 continue
             judged = judge(states_of(mechanism, rows))
@@ -55,16 +55,13 @@ def _simplifications(mechanism: Mechanism, row: Array) -> Iterator[Callable[[Arr
     columns = [column for column in range(len(row)) if column not in fixed]
     groups = [range(nq + nv, nq + 2 * nv), range(nq, nq + nv), [column for column in columns if column < nq]]
 
-    def within(values: Array) -> bool:
-        return bool(np.all((bounds[:, 0] <= values) & (values <= bounds[:, 1])))
-
     def replaced(places: Any, make: Callable[[Array], list[Array]]) -> Callable[[Array], list[Array]]:
         def candidates(current: Array) -> list[Array]:
             changed = []
             for values in make(current[places]):
                 other = current.copy()
                 other[places] = values
-                if within(other):
+                if np.all((bounds[:, 0] <= other) & (other <= bounds[:, 1])):
                     changed.append(other)
             return changed
 
@@ -84,10 +81,6 @@ def _rounded(values: Array, digits: int) -> Array:
     return np.array([float(f"{value:.{digits - 1}e}") for value in values])
 
 
-def _is_simpler(values: Array, than: Array) -> bool:
-    return count_digits(values) < count_digits(than)
-
-
 def count_digits(values: Array) -> int:
-    """How many digits it takes to write the numbers, none for a zero."""
+    """The number of digits it takes to write the numbers, none for a zero."""
     return sum(len(np.format_float_scientific(value, trim="-").split("e")[0].lstrip("-")) for value in values.tolist() if value)

@@ -1,4 +1,4 @@
-"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` hears one subject there.
+"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` evaluates one subject there.
 
 ``compare_all`` is the way of every state from the sample to its verdicts: the truth is certified once, and every subject's
 answers are held against it. What was loaded or compiled stays in the process for the next task.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
-from harness.crosscheck.tasks import Assignment, Note, is_reference_known, load_audited, reference_kernel
-from harness.engines import Model, Unsupported, linear_velocity_in_body, load_engine
+from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
+from harness.engines import Model, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -27,23 +27,8 @@ REPEATED_BELOW_SECONDS = 0.25
 
 
 @dataclass(frozen=True)
-class Certified:
-    """States with their truth.
-
-    Attributes:
-        references: whether linear velocities are in the body's frame, to the reference of all ``states``.
-        seconds: cost per certified state [s]. compilation_seconds: 0 where this process had compiled already.
-    """
-
-    states: States
-    references: Mapping[bool, Reference]
-    seconds: float
-    compilation_seconds: float
-
-
-@dataclass(frozen=True)
 class Answers:
-    """What one subject answered at a batch of states.
+    """The answers of one subject at a batch of states.
 
     Attributes:
         comparison: the judgement of each answer; None where there is none.
@@ -71,16 +56,20 @@ def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -
 
     All assignments are of one mechanism. The note names the subject that is being asked.
     """
-    certified = prepare(assignments[0].mechanism, {frame_of(assignment) for assignment in assignments}, states)
+    frames = {frame_of(assignment) for assignment in assignments}
+    references, seconds, compilation_seconds = prepare(assignments[0].mechanism, frames, states)
     answers = {}
     for assignment in assignments:
         note(json.dumps({"subject": str(assignment.subject)}))
-        answers[str(assignment.subject)] = ask(assignment, certified)
-    return certified.seconds, certified.compilation_seconds, answers
+        answers[str(assignment.subject)] = ask(assignment, states, references[frame_of(assignment)])
+    return seconds, compilation_seconds, answers
 
 
-def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> Certified:
-    """Certify the truth at ``states`` in each of ``frames``: whether linear velocities are in the body's frame."""
+def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tuple[dict[bool, Reference], float, float]:
+    """The truth at ``states`` in each of ``frames`` (see ``frame_of``), seconds per certified state, and seconds of compilation.
+
+    Seconds of compilation are 0 where this process had compiled already.
+    """
     import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
     import heyoka  # noqa: F401
 
@@ -94,14 +83,14 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> Cer
         references[in_body] = kernel.evaluate(states)
         seconds = max(seconds, (time.perf_counter() - compiled) / len(states))
         compilation_seconds = max(compilation_seconds, 0.0 if known else compiled - started)
-    return Certified(states, references, seconds, compilation_seconds)
+    return references, seconds, compilation_seconds
 
 
-def ask(assignment: Assignment, certified: Certified) -> Answers:
-    """The subject's accelerations at the certified states, timed and compared with the truth."""
+def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
+    """The subject's accelerations at ``states``, timed and compared with the truth there."""
     try:
-        accelerations, seconds = timed_accelerations(load_audited(assignment), certified.states)
-        return Answers(compare(certified.references[frame_of(assignment)], accelerations), seconds)
+        accelerations, seconds = timed_accelerations(load_audited(assignment), states)
+        return Answers(compare(reference, accelerations), seconds)
     except Exception as error:
         return Answers.missing(error)
 
@@ -127,9 +116,3 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
         note(json.dumps(states.as_json(index)))
         one = states[index : index + 1]
         model.forward_dynamics(one.q, one.v, one.tau)
-
-
-def frame_of(assignment: Assignment) -> bool:
-    """Whether the subject's answers need the reference with linear velocities in the body's frame."""
-    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-    return in_body and bool(assignment.mechanism.charts_in_body)

@@ -1,4 +1,4 @@
-"""Whether a model file holds only what its scene needs, found by taking parts away and watching accelerations.
+"""Parts of a model file that its scene does not need, found by taking parts away and watching accelerations.
 
 A number must be felt: lowered by a thousandth it moves some joint's acceleration, or its reader does not
 accept it lower. What is zero or at its default is left out where the reader allows that; so are elements
@@ -8,11 +8,14 @@ joint's axis are the mechanism's structure and stay.
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import hashlib
 import itertools
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+
+import msgspec
 
 from harness.arrays import Array
 from harness.certify.sampling import sample
@@ -43,6 +46,9 @@ _KEPT = {
 # Elements that only move what is inside them.
 _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 
+# (line, element, attribute, value, why) of a ``SuperfluousPart``.
+Row = tuple[int, str, str, str, str]
+
 
 def superfluous(
     library: Library,
@@ -52,7 +58,7 @@ def superfluous(
     mechanism: Mechanism | None = None,
     is_sound: Callable[[], bool] = lambda: True,
 ) -> list[SuperfluousPart]:
-    """What the model of system ``name`` holds that ``subject`` does not feel, in the order of its lines.
+    """Parts of the model of system ``name`` that ``subject`` does not feel, in the order of its lines.
 
     ``model`` stands in for the library's own. The result is kept on disk. Where nothing is kept, ``is_sound``
     is asked first whether the subject is right about the model as it is: if not, that comes first.
@@ -63,17 +69,16 @@ def superfluous(
     mechanism = load_mechanism(library, name) if mechanism is None else mechanism
     model = read_model(library.model_path(name, subject.format), subject.format) if model is None else model
     entry = _entry(library, subject, model, mechanism)
-    parts = _restored(read_entry(entry))
+    parts: list[Row] | None = None
+    with contextlib.suppress(msgspec.DecodeError):
+        parts = msgspec.json.decode(read_entry(entry) or "", type=list[Row])
     if parts is None:
         if not is_sound():
             return []
         examination = _Examination(load_engine(library, subject.engine), model, mechanism)
         parts = sorted(examination.parts())
-        write_entry(entry, json.dumps(parts))
+        write_entry(entry, msgspec.json.encode(parts).decode())
     return [SuperfluousPart(name, str(subject), str(model.path), *part) for part in parts]
-
-
-Part = tuple[int, str, str, str, str]
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
@@ -88,18 +93,6 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 
 
-def _restored(text: str | None) -> list[Part] | None:
-    """What an entry of the cache holds; None where there is none, or something else."""
-    if text is None:
-        return None
-    try:
-        return [
-            (int(line), str(element), str(attribute), str(value), str(why)) for line, element, attribute, value, why in json.loads(text)
-        ]
-    except (ValueError, TypeError):
-        return None
-
-
 class _Examination:
     """One model in one engine, and what happens to its accelerations when parts of it change or go."""
 
@@ -109,23 +102,17 @@ class _Examination:
         self._states = sample(mechanism, STATES, SEED)
         # A changed number may contradict the system, for that is how it shows; a part that goes must not.
         self._watch = Watch(model, self._answer)
-        self._audited = Watch(model, self._answer_audited)
+        self._audited = Watch(model, functools.partial(self._answer, audited=True))
         self._elements = find_elements(model.text, model.format)
 
-    def _answer(self, model: ModelFile) -> Array:
+    def _answer(self, model: ModelFile, audited: bool = False) -> Array:
         states: States = self._states
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
-        return loaded.forward_dynamics(states.q, states.v, states.tau)
-
-    def _answer_audited(self, model: ModelFile) -> Array:
-        states: States = self._states
-        loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
-        held = loaded.loaded()
-        if held is not None:
+        if audited and (held := loaded.loaded()) is not None:
             audit(held, model, self._mechanism)
         return loaded.forward_dynamics(states.q, states.v, states.tau)
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[Row]:
         """(line, element, attribute, value, why) of everything that is not needed."""
         needed, dead = self._sorted_numbers()
         gone: list[Element] = []
@@ -148,7 +135,7 @@ class _Examination:
         yield from self._stages()
 
     def _unmoved(self, text: str, audited: bool = False) -> bool:
-        """Whether the reader accepts ``text`` and answers as before."""
+        """True if the reader accepts ``text`` and answers as before."""
         movement = (self._audited if audited else self._watch).movement(text)
         return movement is not None and movement <= NOISE
 
@@ -222,7 +209,7 @@ class _Examination:
         names = {child.get("link") for child in inside}
         return next((other for other in self._elements if other.path == ("robot", "link") and other.get("name") in names), None)
 
-    def _stages(self) -> Iterator[Part]:
+    def _stages(self) -> Iterator[Row]:
         """Parts of the pipeline that are on although switching them off changes nothing."""
         if not STAGES[self._format]:
             return
@@ -239,5 +226,5 @@ class _Examination:
 
 
 def _named(element: Element) -> str:
-    """What tells the element from its like: a name or what it refers to."""
+    """The attribute that identifies the element: a name or a reference; "" for none."""
     return next((f'{key}="{value}"' for key in ("name", "class", "reference", "site", "joint") if (value := element.get(key))), "")

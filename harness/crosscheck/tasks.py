@@ -1,4 +1,4 @@
-"""What worker processes do: derive, read, load, certify, and judge a subject's answers.
+"""The tasks of worker processes: derive, read, load, certify, and judge a subject's answers.
 
 Each function takes ``note`` last, a channel whose text survives a crash; what was loaded or compiled
 stays in the process for the next task.
@@ -56,22 +56,24 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
     """The certified kernel that a subject is judged by, compiled once per process."""
+    return reference_kernel(assignment.mechanism, frame_of(assignment))
+
+
+def frame_of(assignment: Assignment) -> bool:
+    """True if the subject's answers need the reference with linear velocities in the body's frame."""
     in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-    return reference_kernel(assignment.mechanism, in_body)
+    return in_body and bool(assignment.mechanism.charts_in_body)
 
 
 def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart]:
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
-    mechanism, model = assignment.mechanism, assignment.model
+    mechanism = assignment.mechanism
 
     def is_sound() -> bool:
-        states = sample(mechanism, STATES, SEED)
-        in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-        answers = load_audited(assignment).forward_dynamics(states.q, states.v, states.tau)
-        comparison = compare(reference_kernel(mechanism, in_body).evaluate(states), answers)
-        return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(comparison.verdicts)
+        verdicts = judge_of(assignment)(sample(mechanism, STATES, SEED)).verdicts
+        return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
-    return superfluous(assignment.library, mechanism.name, assignment.subject, model, mechanism, is_sound)
+    return superfluous(assignment.library, mechanism.name, assignment.subject, assignment.model, mechanism, is_sound)
 
 
 def load_audited(assignment: Assignment) -> Model:
@@ -95,7 +97,7 @@ def _load_and_audit(assignment: Assignment) -> Model:
 
 
 def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> bool:
-    """Whether this process has compiled the kernel."""
+    """True if this process has compiled the kernel."""
     return _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.sampling import ANGLES, HUGE_ANGLES, TINY
+from harness.certify.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 
@@ -21,9 +21,6 @@ DECADES_MOVED = 3.0
 # Shares of the numbers that are drawn from their range, from its orders of magnitude, and from special values.
 SHARES = (0.35, 0.2, 0.45)
 SIMPLE_ROTATION_SHARE = 0.5
-_HALF = math.sqrt(0.5)
-# No turn, half and quarter turns about the axes.
-_SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for unit in np.eye(3) for sign in (1.0, -1.0))])
 
 
 def row_ranges(mechanism: Mechanism) -> list[tuple[float, float] | None]:
@@ -52,7 +49,7 @@ def states_of(mechanism: Mechanism, rows: Array) -> States:
 def unit_quaternions(quaternions: Array) -> Array:
     """``quaternions``, (n, 4), at unit length; no turn in place of a zero."""
     length = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    return np.asarray(np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), _SIMPLE_ROTATIONS[0]))
+    return np.asarray(np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), SIMPLE_ROTATIONS[0]))
 
 
 class Variation:
@@ -88,7 +85,7 @@ class Variation:
         for columns in self._quaternions:
             rows[:, columns] = unit_quaternions(self.random.normal(size=(count, 4)))
             simple = np.flatnonzero(self.random.random(count) < SIMPLE_ROTATION_SHARE)
-            rows[simple, columns] = _SIMPLE_ROTATIONS[self.random.integers(len(_SIMPLE_ROTATIONS), size=len(simple))]
+            rows[simple, columns] = SIMPLE_ROTATIONS[self.random.integers(len(SIMPLE_ROTATIONS), size=len(simple))]
         return rows
 
     def near(self, rows: Array) -> Array:
@@ -119,7 +116,7 @@ class Variation:
 
 def _special(bounds: tuple[float, float] | None) -> Sequence[float]:
     """Zero, ends, quarter turns, tiny and huge numbers, as far as the range holds them; at least one number."""
-    signed = [sign * magnitude for magnitude in (*TINY, *(HUGE_ANGLES if bounds is None else ())) for sign in (1.0, -1.0)]
+    signed = special_values(HUGE_ANGLES if bounds is None else ())
     if bounds is None:
         return [*(turns * math.pi / 2 for turns in range(-8, 9)), *[0.0] * 9, *signed]
     # Zero and the ends are as frequent as all tiny numbers together.

@@ -16,16 +16,16 @@ import functools
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference
+from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -37,11 +37,7 @@ from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import Verdict, gravest
-
-if TYPE_CHECKING:
-    from harness.workers import Outcome
-
-Note = Callable[[str], None]
+from harness.workers import Crash
 
 # Slopes are fitted to backward errors above this floor, which every stable algorithm stays below.
 FLOOR = 16.0
@@ -49,18 +45,31 @@ FLOOR = 16.0
 NO_DIGITS_LEFT = 0.1
 FEWEST_POINTS_FITTED = 4
 
+# What is certified at one point, its states, and the mechanism with the parameters it has there.
+Truth = tuple[Reference, States, Mechanism]
+
 
 def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> HardRow:
     """One subject along one family; ``engines`` is the library whose engines are meant."""
     started = time.perf_counter()
     case = hard_cases()[case_name]
-    engine = load_engine(engines, subject.engine)
+    truths = _truth(case_name, linear_velocity_in_body(load_engine(engines, subject.engine)))
     points: list[HardPoint] = []
-    for place, value in enumerate(case.values):
-        reference, states, mechanism = _truth(case_name, linear_velocity_in_body(engine))[place]
-        model = _model_file(case_name, mechanism.name, subject.format)
-        note(json.dumps({"knob": value, "system": mechanism.name}))
-        points.append(_point(case, value, mechanism, model, subject, engines, states, reference))
+    for value, truth in zip(case.values, truths, strict=True):
+        note(json.dumps({"knob": value, "system": truth[2].name}))
+        points.append(_point(case, value, truth, subject, engines))
+    return _row(
+        case,
+        subject,
+        points,
+        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
+        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
+    """The row of some points, with what the case and theory say of it."""
     theory = case.theory_of(str(subject))
     return HardRow(
         case=case.name,
@@ -70,19 +79,17 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
         unit=case.knob[1],
         points=points,
         verdict=gravest(point.verdict for point in points),
-        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
-        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
         theory_verdict=theory.verdict,
         theory_growth=theory.growth,
         theory_digits_growth=theory.digits_growth,
         source=case.source,
         remedy=case.remedy,
-        seconds=time.perf_counter() - started,
+        **measured,
     )
 
 
 def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
-    """What is expected along the harness's own hard cases, for subjects of ``engines``.
+    """The expected verdicts along the harness's own hard cases, for subjects of ``engines``.
 
     Raises:
         harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
@@ -91,28 +98,22 @@ def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
 
 
 @functools.lru_cache(maxsize=4)
-def _truth(case_name: str, in_body: bool) -> list[tuple[Reference, States, Mechanism]]:
-    """Reference, states and mechanism with its parameters at each point; a system along the knob is compiled once."""
+def _truth(case_name: str, in_body: bool) -> list[Truth]:
+    """The truth at each point; a system along the knob is compiled once."""
     case = hard_cases()[case_name]
-    found: list[tuple[Reference, States, Mechanism]] = []
+    found: list[Truth] = []
     for name, group in groupby(enumerate(case.values), key=lambda point: case.system_at(point[1])):
         mechanism = load_mechanism(library_of(case), name)
         points = list(group)
         batches = [case.states(mechanism, value, place) for place, value in points]
-        values = [case.parameters_at(mechanism, value) for _, value in points]
-        parameters = np.repeat(np.array(values, dtype=np.float64), [len(batch) for batch in batches], axis=0)
-        reference = _kernel(case.own, name, in_body and bool(mechanism.charts_in_body)).evaluate(States.concatenate(batches), parameters)
+        changed = [case.mechanism_at(mechanism, value) for _, value in points]
+        parameters = np.repeat([one.parameter_values for one in changed], [len(batch) for batch in batches], axis=0)
+        reference = reference_kernel(mechanism, in_body).evaluate(States.concatenate(batches), parameters)
         start = 0
-        for batch, row in zip(batches, values, strict=True):
-            found.append((reference[start : start + len(batch)], batch, _with_parameters(mechanism, row)))
+        for batch, one in zip(batches, changed, strict=True):
+            found.append((reference[start : start + len(batch)], batch, one))
             start += len(batch)
     return found
-
-
-@functools.lru_cache(maxsize=16)
-def _kernel(own: bool, system: str, in_body: bool) -> ReferenceKernel:
-    library = next(library_of(case) for case in hard_cases().values() if case.own == own)
-    return ReferenceKernel(load_mechanism(library, system), in_body)
 
 
 @functools.lru_cache(maxsize=64)
@@ -122,23 +123,9 @@ def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | N
     return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
 
 
-def _with_parameters(mechanism: Mechanism, values: Sequence[float]) -> Mechanism:
-    """The mechanism with other parameter values and the same program."""
-    if tuple(values) == mechanism.parameter_values:
-        return mechanism
-    return replace(mechanism, parameters=tuple((n, value, unit) for (n, _, unit), value in zip(mechanism.parameters, values, strict=True)))
-
-
-def _point(
-    case: HardCase,
-    value: float,
-    mechanism: Mechanism,
-    model: ModelFile | None,
-    subject: Subject,
-    engines: Library,
-    states: States,
-    reference: Reference,
-) -> HardPoint:
+def _point(case: HardCase, value: float, truth: Truth, subject: Subject, engines: Library) -> HardPoint:
+    reference, states, mechanism = truth
+    model = _model_file(case.name, mechanism.name, subject.format)
     about = _about(value, mechanism.name, reference)
     try:
         source = mechanism if model is None else case.model_at(model, mechanism, value)
@@ -157,7 +144,7 @@ def _point(
 
 
 def _about(value: float, system: str, reference: Reference) -> HardPoint:
-    """What is known of a point before any engine answers."""
+    """A point before any engine answers."""
     condition = reference.condition
     finite = condition[np.isfinite(condition)]
     return HardPoint(
@@ -173,7 +160,7 @@ def _about(value: float, system: str, reference: Reference) -> HardPoint:
 
 
 def _judged(about: HardPoint, states: States, reference: Reference, comparison: Comparison) -> HardPoint:
-    backward, relative = (_largest(part) for part in (comparison.backward_error, comparison.relative_error))
+    backward, relative = (max(comparison.known(name).tolist(), default=None) for name in ("backward_error", "relative_error"))
     worst = comparison.worst
     with np.errstate(all="ignore"):
         bound = float(reference.instability[worst] / reference.sensitivity[worst])
@@ -207,11 +194,6 @@ def why_undecided(reference: Reference) -> Iterator[str]:
             yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
 
 
-def _largest(values: Array) -> float | None:
-    known = values[~np.isnan(values)]
-    return float(known.max()) if len(known) else None
-
-
 def _has_digits(point: HardPoint) -> bool:
     return point.digits_lost is not None and 10**point.digits_lost * UNIT_ROUNDOFF < NO_DIGITS_LEFT
 
@@ -225,22 +207,7 @@ def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def failed(case: HardCase, subject: Subject, outcome: Outcome) -> HardRow:
+def failed(case: HardCase, subject: Subject, reason: str, crash: Crash | None) -> HardRow:
     """The row of a task that gave none; its last note says at which point it died."""
-    crash = outcome.crash
-    reason = str(crash) if crash else f"{type(outcome.exception).__name__}: {outcome.exception}"
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
-    point = HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)
-    return HardRow(
-        case=case.name,
-        title=case.title,
-        subject=str(subject),
-        knob=case.knob[0],
-        unit=case.knob[1],
-        points=[point],
-        verdict=point.verdict,
-        crashed=crash is not None,
-        theory_verdict=case.theory_of(str(subject)).verdict,
-        source=case.source,
-        remedy=case.remedy,
-    )
+    return _row(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], crashed=crash is not None)

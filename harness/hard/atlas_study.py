@@ -19,7 +19,7 @@ from harness.workers import Outcome, Task
 
 @dataclass(frozen=True, kw_only=True)
 class AtlasSettings:
-    """What to measure.
+    """A choice of measurements.
 
     Attributes:
         library: whose engines are meant; the cases are the harness's own.
@@ -67,7 +67,8 @@ class AtlasStudy(Rounds):
         return self._measured
 
     def _rated(self, outcome: Outcome, name: str, subject: Subject) -> Iterator[Part]:
-        row: HardRow = failed(hard_cases()[name], subject, outcome) if self.failure(outcome) else outcome.value
+        failure = self.failure(outcome)
+        row: HardRow = failed(hard_cases()[name], subject, failure, outcome.crash) if failure else outcome.value
         yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected)]))
 
     def _moved(self, outcome: Outcome, part: str, name: str) -> Iterator[Part]:

@@ -39,7 +39,7 @@ _FAILURES = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.ERROR.valu
 
 @dataclass(frozen=True)
 class Hunt:
-    """What one search saw.
+    """The outcome of one search.
 
     Attributes:
         worst: the one state it did worst at.
@@ -64,7 +64,8 @@ def evolve(
     space = StateSpace(assignment.mechanism, decades)
     random = np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
-    tried: list[tuple[States, Comparison]] = []
+    tried, undecided = 0, 0
+    worst: list[tuple[States, Comparison]] = []
     left = max(states, population)
     while left >= population:
         strategy = _strategy(space, population, random)
@@ -75,21 +76,19 @@ def evolve(
             comparison = judge(batch)
             strategy.tell(points, (-objective(comparison)).tolist())
             left -= population
-            worst = worst_index(comparison)
-            tried.append((batch[worst : worst + 1], comparison))
+            tried += len(batch)
+            undecided += _undecided(comparison)
+            worst.append(_worst(batch, comparison))
         population *= 2
-    return _hunt(States.concatenate([state for state, _ in tried]), [comparison for _, comparison in tried])
+    state, comparison = _worst(States.concatenate([state for state, _ in worst]), Comparison.concatenate([one for _, one in worst]))
+    return Hunt(state, float(comparison.backward_error[0]), tried, undecided)
 
 
 def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.Note) -> Hunt:
     """The same by hypothesis, whose draws hold the special values; see ``harness.crosscheck.hypothesis_search``."""
     found = hypothesis_search.explore(assignment, states, seed, note)
-    return Hunt(
-        found.states[worst_index(found.comparison) :][:1],
-        float(found.comparison.backward_error[worst_index(found.comparison)]),
-        len(found.states),
-        _undecided(found.comparison),
-    )
+    state, comparison = _worst(found.states, found.comparison)
+    return Hunt(state, float(comparison.backward_error[0]), len(found.states), _undecided(found.comparison))
 
 
 def worst_index(comparison: Comparison) -> int:
@@ -102,16 +101,10 @@ def _undecided(comparison: Comparison) -> int:
     return int((comparison.verdicts == Verdict.UNDECIDED.value).sum())
 
 
-def _hunt(worst: States, comparisons: list[Comparison]) -> Hunt:
-    of_batches = Comparison.concatenate([_only(comparison, worst_index(comparison)) for comparison in comparisons])
-    index = worst_index(of_batches)
-    tried, undecided = sum(len(one.verdicts) for one in comparisons), sum(map(_undecided, comparisons))
-    return Hunt(worst[index : index + 1], float(of_batches.backward_error[index]), tried, undecided)
-
-
-def _only(comparison: Comparison, index: int) -> Comparison:
-    part = slice(index, index + 1)
-    return Comparison(comparison.backward_error[part], comparison.relative_error[part], comparison.verdicts[part])
+def _worst(states: States, comparison: Comparison) -> tuple[States, Comparison]:
+    """The one state of ``worst_index``, with its judgement."""
+    index = worst_index(comparison)
+    return states[index : index + 1], comparison[index : index + 1]
 
 
 def _strategy(space: StateSpace, population: int, random: np.random.Generator) -> Any:

@@ -8,7 +8,6 @@ along it; an entry whose verdict occurs nowhere fails.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -49,8 +48,7 @@ def judged(row: HardRow, expected: Mapping[Key, HardExpectation]) -> HardRow:
     problems += [f"{verdict} at {row.verdicts[verdict]} points, which no entry expects" for verdict in sorted(met - foreseen)]
     problems += [f"the entry for {verdict} holds at no point any more" for verdict in sorted(foreseen - met)]
     for verdict in sorted(met & foreseen):
-        limit = expected[row.case, row.subject, verdict].backward_error
-        most = math.inf if limit is None else limit
+        most = expected[row.case, row.subject, verdict].limit
         errors = [point.backward_error for point in row.points if point.verdict == verdict and point.backward_error is not None]
         if errors and max(errors) > most:
             problems.append(f"{verdict} with backward error {max(errors):.3g}; the entry explains {most:.3g}")

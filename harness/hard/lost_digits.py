@@ -1,10 +1,10 @@
-"""Which term of the equations loses the digits that a subject lost at one state.
+"""The term of the equations that loses the digits which a subject lost at one state.
 
-Of each term it is computed how far qdd moves when its entries are rounded to float64, to first order and in
+For each term it is computed how far qdd moves when its entries are rounded to float64, to first order and in
 the norm and units of the backward error: sum_i |t_i| |M^-1 e_i|_M for a vector t, sum_ij |M_ij qdd_j| |M^-1
 e_i|_M for M. That is what an engine can lose which forms the term and rounds it once.
 
-Which term it is, is measured on the subject. Asked again at rest, with forces applied that stand for all that comes
+The term is identified by measuring the subject. Asked again at rest, with forces applied that stand for all that comes
 from velocities, it has the same M, gravity and exact answer: an error that falls was the velocity terms'. With forces
 added that make the answer ``LOAD`` times as large, an error of M grows as much and one of gravity or springs stays.
 
@@ -23,16 +23,13 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.crosscheck import tasks
-from harness.engines import linear_velocity_in_body, load_engine
-from harness.equations.kernels import float64_kernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
+from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.program import OUTPUTS, right_hand_side
 from harness.equations.states import States
 from harness.verdict import Verdict
 
-MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, APPLIED, NONE = "mass matrix", "velocity", "gravity", "passive", "applied", "none"
-# Exact to multiply by, and large enough to tell a term's error from M's.
+MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, NONE = "mass matrix", "velocity", "gravity", "passive", "none"
+# Exact to multiply by, and large enough to distinguish a term's error from M's.
 LOAD = 1024.0
 # What an engine may lose beyond one rounding per entry, and still by rounding that term [times nv].
 _ROUNDINGS = 16
@@ -46,26 +43,18 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Loss:
-    """Where one answer lost its digits.
+    """The place where one answer lost its digits.
 
     Attributes:
-        digits: decimal digits lost beyond those that the data leave open: log10 of the backward error, at least 0.
-        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; "none" where it cannot be told.
+        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; "none" where it is not known.
         statement: the same in a sentence.
-        condition: kappa_s, the condition number of M scaled to unit diagonal.
-        shares: term to what rounding its entries does to qdd [units of data roundoff].
         at_rest: backward error where forces stand for the velocity terms, in the data roundoff of the state itself; None
-            where that cannot be told.
-        under_load: the same for an answer ``LOAD`` times as large, divided by that.
+            where that is not known.
     """
 
-    digits: float
     term: str
     statement: str
-    condition: float
-    shares: Mapping[str, float]
-    at_rest: float | None
-    under_load: float | None
+    at_rest: float | None = None
 
 
 def digits_lost(backward_error: float) -> float:
@@ -74,28 +63,18 @@ def digits_lost(backward_error: float) -> float:
 
 
 def locate(assignment: tasks.Assignment, state: States) -> Loss:
-    """Where the subject loses digits at ``state``, which is one."""
+    """The loss of the subject at ``state``, which is one."""
     kernel = tasks.reference_kernel_of(assignment)
     reference, comparison = kernel.evaluate(state), tasks.judge_of(assignment)(state)
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
     if not math.isfinite(error):
-        reason = "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error can be told"
-        return Loss(0.0, NONE, reason, math.nan, {}, None, None)
-    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
-    terms = _terms(assignment.mechanism, in_body, state)
-    shares = rounding_shares(reference, terms, state.tau[0])
-    at_rest, under_load = (_at_rest(assignment, in_body, state, terms, reference, load) for load in (1.0, LOAD))
-    condition = float(reference.condition[0])
-    return describe(error, verdict, condition, shares, at_rest, under_load, assignment.mechanism.nv)
-
-
-def describe(
-    error: float, verdict: str, condition: float, shares: Mapping[str, float], at_rest: float | None, under_load: float | None, nv: int
-) -> Loss:
-    """The loss that these numbers speak of; arguments as in ``Loss``, ``error`` is the backward error."""
-    digits = digits_lost(error)
+        return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
+    equations = MechanismKernel(assignment.mechanism, tasks.frame_of(assignment))
+    terms = equations.terms(state.q, state.v, state.tau)
+    shares = rounding_shares(reference, terms)
+    at_rest, under_load = (_at_rest(assignment, equations, state, terms, reference, load) for load in (1.0, LOAD))
     if at_rest is None or under_load is None:
-        return Loss(digits, NONE, f"{error:.3g} data roundoffs; at rest there is no finite answer", condition, shares, at_rest, under_load)
+        return Loss(NONE, f"{error:.3g} data roundoffs; at rest there is no finite answer")
     if at_rest < error / 2:
         term, evidence = VELOCITY, f"at rest, with forces in their place, it is {at_rest:.3g}"
     elif under_load < at_rest / 2:
@@ -103,56 +82,49 @@ def describe(
         evidence = f"it does not grow with the forces: {under_load:.3g} for {LOAD:g} times the answer"
     else:
         term, evidence = MASS_MATRIX, f"it grows with the forces and stays {at_rest:.3g} at rest"
-    share = shares[term]
+    share, digits = shares[term], digits_lost(error)
     if verdict == Verdict.AGREES:
         statement = f"agrees: {error:.3g} data roundoffs, most of it by {_NAMES[term]}, whose rounding alone is worth {share:.3g}"
-    elif error > _ROUNDINGS * nv * max(1.0, share):
+    elif error > _ROUNDINGS * assignment.mechanism.nv * max(1.0, share):
         statement = (
             f"{_NAMES[term]} wrong: the error is {error:.3g} data roundoffs, rounding is worth {share:.3g}; {evidence}; "
             "the model or an algorithm is wrong"
         )
     elif term == MASS_MATRIX:
         statement = (
-            f"M is ill-conditioned (kappa_s = {condition:.2g}): forming and factorising it loses {digits:.1f} digits, {error:.3g} data "
-            f"roundoffs; rounding its entries alone is worth {share:.3g}; {evidence}"
+            f"M is ill-conditioned (kappa_s = {reference.condition[0]:.2g}): forming and factorising it loses {digits:.1f} digits, "
+            f"{error:.3g} data roundoffs; rounding its entries alone is worth {share:.3g}; {evidence}"
         )
     else:
         statement = (
             f"{_NAMES[term]} cancel and lose {digits:.1f} digits, {error:.3g} data roundoffs; rounding them alone is worth "
             f"{share:.3g}; {evidence}"
         )
-    return Loss(digits, term, statement, condition, shares, at_rest, under_load)
+    return Loss(term, statement, at_rest)
 
 
-def rounding_shares(reference: Reference, terms: Mapping[str, Array], applied: Array) -> dict[str, float]:
+def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[str, float]:
     """Term to how far qdd moves when each of its entries is rounded [units of data roundoff], of the one state of ``reference``.
 
-    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv); ``applied`` is tau (nv).
+    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv).
     """
     factor = reference.norm_factor[0]
     # |M^-1 e_i|_M is the length of column i of R^-T.
     reach = np.linalg.norm(np.linalg.inv(factor.T), axis=0)
     moved = {MASS_MATRIX: float((np.abs(terms["mass"][0]) @ np.abs(reference.high[0])) @ reach)}
-    vectors = {VELOCITY: terms["velocity"][0], GRAVITY_TERM: terms["gravity"][0], PASSIVE: terms["passive"][0], APPLIED: applied}
-    moved |= {name: float(np.abs(vector) @ reach) for name, vector in vectors.items()}
+    moved |= {name: float(np.abs(terms[name][0]) @ reach) for name in (VELOCITY, GRAVITY_TERM, PASSIVE)}
     return {name: move / float(reference.sensitivity[0]) for name, move in moved.items()}
 
 
-def _terms(mechanism: Mechanism, in_body: bool, state: States) -> dict[str, Array]:
-    """The terms in float64, by the chart that is most regular at the state."""
-    chart = int(Charts(mechanism.charts(in_body)).most_regular(state.q)[0])
-    return float64_kernel(mechanism.charts(in_body)[chart]).terms(mechanism.inputs(state))
-
-
 def _at_rest(
-    assignment: tasks.Assignment, in_body: bool, state: States, terms: Mapping[str, Array], moving: Reference, load: float
+    assignment: tasks.Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
 ) -> float | None:
     """The subject's error at rest under forces that make the answer ``load`` times as large, over ``load``.
 
     In data roundoffs of the moving state; None where there is no finite answer.
     """
     still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
-    held = _terms(assignment.mechanism, in_body, still)
+    held = equations.terms(still.q, still.v, still.tau)
     stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
     total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)

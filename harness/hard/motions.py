@@ -18,26 +18,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import UNIT_ROUNDOFF
 from harness.crosscheck.scene import Scene
-from harness.equations.derivation import load_mechanism
+from harness.crosscheck.tasks import Note
 from harness.equations.mechanism import Mechanism
-from harness.hard.cases import HardCase, decades, hard_cases, library_of
-from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import read_model
-from harness.motion.trajectories import Metric, Path, Start
+from harness.hard.cases import decades, hard_cases
+from harness.library import Library
+from harness.motion.integrators import Advance
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Metric, Start
 from harness.results.atlas import Parting, StableStep
 from harness.verdict import AGREEMENT, Verdict
-
-if TYPE_CHECKING:
-    from harness.motion.integrators import Advance
-
-Note = Callable[[str], None]
 
 # Of distances relative to the motion: between these they grow as theory has it, and at the last one motions have parted.
 FITTED = (1e-10, 1e-3)
@@ -252,7 +247,7 @@ def stable_steps(integrator_name: str, values: Sequence[float], note: Note) -> l
     found: list[StableStep] = []
     for value in values:
         note(f"{case.knob[0]} = {value!r}")
-        scene = scene_at(case, value)
+        scene = case.scene_at(value)
         parameters = {name: number for name, number, _ in scene.mechanism.parameters}
         frequency = math.sqrt(parameters["k"] / parameters["m"])
         measured = _limit(integrator.prepare(scene), frequency)
@@ -271,17 +266,6 @@ def stable_steps(integrator_name: str, values: Sequence[float], note: Note) -> l
             )
         )
     return found
-
-
-def scene_at(case: HardCase, value: float) -> Scene:
-    """The scene of a hard case at one value of its knob."""
-    library = library_of(case)
-    mechanism = load_mechanism(library, case.system_at(value))
-    values = case.parameters_at(mechanism, value)
-    named = tuple((name, number, unit) for (name, _, unit), number in zip(mechanism.parameters, values, strict=True))
-    models = {suffix: read_model(library.model_path(mechanism.name, suffix), suffix) for suffix in MODEL_SUFFIXES}
-    changed = {suffix: case.model_at(model, mechanism, value) for suffix, model in models.items()}
-    return Scene(library, replace(mechanism, parameters=named), changed)
 
 
 def _limit(advance: Advance, frequency: float) -> float:

@@ -17,7 +17,7 @@ from harness.equations.states import States
 
 @runtime_checkable
 class Reproducible(Protocol):
-    """What an engine's model offers where its answers can be reproduced without the harness."""
+    """The method of an engine's model where its answers can be reproduced without the harness."""
 
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """Python text that prints two lines: the engine's accelerations, then ``certified``, as lists in the engine's order.

@@ -4,7 +4,7 @@ The budget is split into hunts that know nothing of each other, so that they run
 are: one by hypothesis, whose draws hold the special values, and evolution strategies of growing populations. The
 worst state of each is shrunk, explained and, unless it agrees, stored with the system, where every later
 cross-check compares it again. Storing is the default because a hard state that is only printed is lost by the next
-run; what cannot be stored, as in a library that is installed read-only, is told with the place it belongs to.
+run; what cannot be stored, as in a library that is installed read-only, is reported with the place it belongs to.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ POPULATIONS = {20: 0, 40: evolution.DECADES, 80: evolution.DECADES}
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """What to search.
+    """A choice of states to search.
 
     Attributes:
         library, name: where, and which system.
@@ -203,17 +203,8 @@ class Search(Rounds):
         yield from ()
 
     def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> Iterator[Part]:
-        found = FoundState(
-            state=state,
-            subject=str(assignment.subject),
-            backward_error=None,
-            digits_lost=0.0,
-            verdict=Verdict.ERROR.value,
-            term="none",
-            statement=str(crash),
-            versions=_versions(assignment),
-            date=datetime.now(UTC).date().isoformat(),
-        )
+        verdict = Verdict.ERROR.value
+        found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
         self._found.append((found, outcome.value or ""))
         yield from ()
 
@@ -238,22 +229,19 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
         note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
-    versions = _versions(assignment)
     worst: dict[tuple[str, str], FoundState] = {}
     for index in range(len(states)):
         state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
         verdict = str(noted(state).verdicts[0])
         loss = locate(assignment, state)
-        found = FoundState(
+        found = _found(
+            assignment,
             state=state.as_json(0),
-            subject=str(assignment.subject),
             backward_error=None if math.isnan(error) else error,
             digits_lost=digits_lost(error),
             verdict=verdict,
             term=loss.term,
             statement=loss.statement,
-            versions=versions,
-            date=datetime.now(UTC).date().isoformat(),
         )
         key = verdict, loss.term
         if key not in worst or found.severity > worst[key].severity:
@@ -268,9 +256,11 @@ def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, 
     return evolution.explore(assignment, states, seed, note)
 
 
-def _versions(assignment: tasks.Assignment) -> dict[str, str]:
+def _found(assignment: tasks.Assignment, **seen: Any) -> FoundState:
+    """The stored form of what a subject answered at a state, with today's versions and date."""
     engine = load_engine(assignment.library, assignment.subject.engine)
-    return {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
+    versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
+    return FoundState(subject=str(assignment.subject), versions=versions, date=datetime.now(UTC).date().isoformat(), **seen)
 
 
 def _noted(crash: Crash) -> States:
@@ -286,7 +276,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
-    """Whether a state is no worse than what is expected of the pair over many states."""
+    """True if a state is no worse than what is expected of the pair over many states."""
     return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
 
 
@@ -301,5 +291,5 @@ def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:
             keep(settings.library, name, new)
             result.stored = result.place
         except InvalidInput as error:
-            # The search has not failed where its library cannot be written; a broken file has been told before.
+            # The search has not failed where its library cannot be written; a broken file has been reported before.
             result.not_stored = str(error)

@@ -38,7 +38,7 @@ class FirstOrderSystem:
 
     @property
     def is_long(self) -> bool:
-        """Whether it is to be compiled in compact mode."""
+        """True if it is to be compiled in compact mode."""
         return len(self.mechanism.charts(linear_velocity_in_body=False)[self.chart].instructions) > MOST_INSTRUCTIONS_UNROLLED
 
     def compiled(self, expressions: Expressions, variables: Expressions) -> Any:

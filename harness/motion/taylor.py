@@ -25,22 +25,27 @@ LEAST_REGULARITY = 0.3
 
 
 @dataclass(frozen=True)
-class Solution:
-    """States at the times asked for, in the floating-point type of the method.
+class Path:
+    """A computed motion at k + 1 times, not a number from where the method broke down.
 
     Attributes:
-        q, v: (n, nq) and (n, nv); work: (n,) of the non-conservative forces [J]; not a number from where the
-            method broke down.
-        steps: taken; evaluations: of the equations, an expansion of order p counted as p.
-        seconds: wall time without compilation.
+        times: (k + 1,) [s], from 0.
+        q, v: (k + 1, nq) and (k + 1, nv); quaternions as (w, x, y, z), a free joint's linear velocity in the joint's frame.
+        work: (k + 1,) work [J] of the non-conservative forces from the start; None where it was not integrated along.
+        evaluations: of the accelerations, a Taylor expansion of order p counted as p.
+        seconds: wall time of the motion, without loading and compiling.
     """
 
+    times: Array
     q: Array
     v: Array
-    work: Array
-    steps: int
-    evaluations: int
-    seconds: float
+    work: Array | None = None
+    evaluations: int = 0
+    seconds: float = 0.0
+
+    def __getitem__(self, selection: Any) -> Path:
+        """The states, without their work, that a slice or a mask selects."""
+        return Path(self.times[selection], self.q[selection], self.v[selection])
 
 
 class Taylor:
@@ -59,14 +64,17 @@ class Taylor:
         self._compiled: dict[int, Any] = {}
         self._charts = Charts(mechanism.charts(linear_velocity_in_body=False))
 
-    def solve(self, q: Array, v: Array, times: Array) -> Solution:
-        """The motion from q (nq,) and v (nv,) at ``times`` (n,) [s], increasing; the first is that of the start."""
+    def solve(self, q: Array, v: Array, times: Array) -> Path:
+        """The motion from q (nq,) and v (nv,) at ``times`` (n,) [s], increasing; the first is that of the start.
+
+        States and work are in the floating-point type of the method.
+        """
         nq, nv = self.mechanism.nq, self.mechanism.nv
         out: Array = np.full((len(times), nq + nv + 1), np.nan, dtype=self._type)
         out[0] = [*q, *v, 0.0]
         state, now, done = out[0], self._type(times[0]), 1
         chart = self._most_regular(state)
-        steps, evaluations, seconds = 0, 0, 0.0
+        evaluations, seconds = 0, 0.0
         while done < len(times):
             integrator = self._integrator(chart)
             integrator.time = now
@@ -75,7 +83,6 @@ class Taylor:
             started = time.perf_counter()
             outcome, _, _, taken, _, rows = integrator.propagate_grid(grid, callback=self._leaves(chart))
             seconds += time.perf_counter() - started
-            steps += taken
             evaluations += taken * integrator.order
             out[done : done + len(rows) - 1] = rows[1:]
             done += len(rows) - 1
@@ -83,7 +90,7 @@ class Taylor:
             if "cb_stop" not in str(outcome):
                 break
             chart = self._most_regular(state)
-        return Solution(out[:, :nq], out[:, nq : nq + nv], out[:, -1], steps, evaluations, seconds)
+        return Path(times, out[:, :nq], out[:, nq : nq + nv], out[:, -1], evaluations, seconds)
 
     def _leaves(self, chart: int) -> Any:
         """The callback that stops an integration where its chart is worse than another one."""

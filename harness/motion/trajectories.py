@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.sampling import ANGLES
 from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import MechanismKernel
 from harness.motion.first_order import displacement
-from harness.motion.taylor import Solution, Taylor
+from harness.motion.taylor import Path, Taylor
 
 HORIZON = 20.0
 # Error beyond which the reference is no truth any more: the motion is chaotic.
@@ -42,7 +40,7 @@ START_ROTATION = (0.8, 0.4, 0.4, 0.2)
 
 @dataclass(frozen=True)
 class Start:
-    """Where a motion starts, without applied forces.
+    """The start of a motion without applied forces.
 
     Attributes:
         q, v: (nq,) and (nv,); quaternions as (w, x, y, z), a free joint's linear velocity in the joint's frame.
@@ -72,27 +70,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Path:
-    """A computed motion at k + 1 times.
-
-    Attributes:
-        times: (k + 1,) [s], from 0.
-        q, v: (k + 1, nq) and (k + 1, nv), as in ``Start``.
-        work: (k + 1,) work [J] of the non-conservative forces from the start; None where it was not integrated along.
-        evaluations: of the accelerations.
-        seconds: wall time of the motion, without loading and compiling.
-    """
-
-    times: Array
-    q: Array
-    v: Array
-    work: Array | None
-    evaluations: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Reference:
+class TrueMotion:
     """The true motion of a mechanism.
 
     Attributes:
@@ -118,10 +96,12 @@ class Metric:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
+        self._kernel = mechanism.float64()
 
     def norms(self, q: Array, tangents: Array) -> Array:
         """sqrt(x' M(q) x), (n,), of tangent vectors (n, nv)."""
-        mass = self._mass(q)
+        still = np.zeros_like(tangents)
+        mass = self._kernel.terms(q, still, still)["mass"]
         return np.asarray(np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", tangents, mass, tangents), 0.0)))
 
     def scales(self, truth: Path) -> tuple[float, float]:
@@ -144,16 +124,8 @@ class Metric:
             larger = np.maximum(position, velocity)
         return np.asarray(np.where(np.isfinite(larger), larger, np.inf))
 
-    def _mass(self, q: Array) -> Array:
-        still = np.zeros((len(q), self.mechanism.nv))
-        return self._kernel.terms(q, still, still)["mass"]
 
-    @cached_property
-    def _kernel(self) -> MechanismKernel:
-        return self.mechanism.float64()
-
-
-def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) -> Reference:
+def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) -> TrueMotion:
     """The true motion from ``start`` at equal intervals, with its error.
 
     Taylor's method runs in the two longest floating-point types there are; the second judges the first. float64
@@ -169,26 +141,27 @@ def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) 
     for first in range(0, intervals, -(-intervals // PIECES)):
         piece = times[first : first - (-intervals // PIECES) + 1]
         found, check = (_continued(solver, so_far, piece) for solver, so_far in zip(solvers, (found, check), strict=True))
-        truth = Path(times[: len(found.q)], _in_long_double(check.q), _in_long_double(check.v), None, 0, 0.0)
+        truth = Path(found.times, _in_long_double(check.q), _in_long_double(check.v))
         errors = metric.errors(truth, found.q, found.v)
         if not (errors <= TRUSTED_ERROR).all():
             break
     seconds = time.perf_counter() - began
     beyond = np.flatnonzero(~(errors <= TRUSTED_ERROR))
     trusted = float(times[beyond[0] - 1]) if len(beyond) else start.horizon
-    q, v, work = (part.astype(np.float64) for part in (found.q, found.v, found.work))
-    path = Path(times[: len(q)], q, v, work, found.evaluations, seconds)
-    return Reference(path, trusted, errors, f"Taylor's method in {lower.__name__}, against {higher.__name__}, each to its own rounding")
+    q, v, work = (part.astype(np.float64) for part in (found.q, found.v, np.asarray(found.work)))
+    path = Path(found.times, q, v, work, found.evaluations, seconds)
+    return TrueMotion(path, trusted, errors, f"Taylor's method in {lower.__name__}, against {higher.__name__}, each to its own rounding")
 
 
-def _continued(solver: Taylor, so_far: Solution, times: Array) -> Solution:
-    """A solution with the motion at ``times`` after it, the first of which is its last."""
+def _continued(solver: Taylor, so_far: Path, times: Array) -> Path:
+    """A path with the motion at ``times`` after it, the first of which is its last."""
     after = solver.solve(so_far.q[-1], so_far.v[-1], times)
-    return Solution(
+    assert so_far.work is not None and after.work is not None
+    return Path(
+        np.concatenate([so_far.times, after.times[1:]]),
         np.concatenate([so_far.q, after.q[1:]]),
         np.concatenate([so_far.v, after.v[1:]]),
         np.concatenate([so_far.work, so_far.work[-1] + after.work[1:]]),
-        so_far.steps + after.steps,
         so_far.evaluations + after.evaluations,
         so_far.seconds + after.seconds,
     )

@@ -6,7 +6,6 @@ import functools
 import textwrap
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ import pytest
 import harness.bench.methods
 from harness.arrays import Array
 from harness.bench import acceleration_cost
-from harness.bench.acceleration_cost import acceleration_costs, exponent, fitted, growth
+from harness.bench.acceleration_cost import acceleration_costs, exponent, growth
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
@@ -53,7 +52,7 @@ def reference(name: str, in_body: bool) -> Reference:
 
 
 def costs(name: str, *methods: Method, count: int = COUNT, seconds: float = 0.0) -> list[AccelerationCost]:
-    return acceleration_costs(LIBRARY, scene(name).mechanism, scene(name).models, methods, count, 3, seconds, lambda text: None)
+    return acceleration_costs(scene(name), methods, count, 3, seconds, lambda text: None)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -123,11 +122,11 @@ def test_what_a_method_cannot_do_is_its_note() -> None:
     def refuse(scene: Scene, states: States) -> Prepared:
         raise Unsupported("too round")
 
-    mechanism, models = scene("arm_2r").mechanism, {"urdf": scene("arm_2r").models["urdf"]}
+    without_mjcf = replace(scene("arm_2r"), models={"urdf": scene("arm_2r").models["urdf"]})
     methods = [Method("planted", "urdf", refuse), METHODS["mujoco batch"], METHODS["pinocchio aba"]]
-    refused, missing, done = acceleration_costs(LIBRARY, mechanism, models, methods, COUNT, 3, 0.0, lambda text: None)
+    refused, missing, done = acceleration_costs(without_mjcf, methods, COUNT, 3, 0.0, lambda text: None)
     assert (refused.note, refused.states, refused.seconds_per_state, refused.backward_error) == ("too round", 0, None, None)
-    assert missing.note == "there is no mjcf model" and missing.seconds_per_state is None
+    assert missing.note == "arm_2r has no MJCF model" and missing.seconds_per_state is None
     assert done.note == "" and done.seconds_per_state is not None
 
 
@@ -142,7 +141,7 @@ def test_an_error_of_a_method_is_not_swallowed() -> None:
 def test_cost_is_per_state_and_notes_say_what_runs() -> None:
     notes: list[str] = []
     method = replace(METHODS["heyoka float64"], most_states=8)
-    (cost,) = acceleration_costs(LIBRARY, scene("arm_2r").mechanism, {}, [method], COUNT, 3, 0.01, notes.append)
+    (cost,) = acceleration_costs(scene("arm_2r"), [method], COUNT, 3, 0.01, notes.append)
     assert notes == ["arm_2r: heyoka float64"]
     assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= acceleration_cost.MINIMUM_COUNT
     assert cost.fastest is not None and cost.seconds_per_state is not None and cost.slowest is not None
@@ -208,7 +207,7 @@ def test_no_exponent_from_too_little() -> None:
 
 def test_growth_over_a_family() -> None:
     methods = select_methods(["pinocchio aba", "heyoka float64"])
-    found = growth(LIBRARY, methods, 64, 0, 0.0, lambda text: None, family="chain", sizes=(1, 3))
+    found = growth(LIBRARY, methods, 64, 0, 0.0, lambda text: None, (1, 3))
     assert [(entry.family, entry.method, entry.expected) for entry in found] == [
         (("chain"), method.name, method.growth) for method in methods
     ]
@@ -218,11 +217,12 @@ def test_growth_over_a_family() -> None:
         assert all(seconds is not None and seconds > 0 for seconds in entry.seconds_per_state)
 
 
-def test_a_size_that_was_not_measured_is_none() -> None:
-    def cost(**numbers: Any) -> AccelerationCost:
-        return AccelerationCost(system="chain", method="mujoco batch", threads=1, states=1, **numbers)
+def test_a_size_that_a_method_cannot_do_is_none() -> None:
+    def refuse(scene: Scene, states: States) -> Prepared:
+        if scene.mechanism.name == "chain_3":
+            raise Unsupported("too long")
+        return METHODS["heyoka float64"].prepare(scene, states)
 
-    measured = {2: [cost(seconds_per_state=None, note="no")], 1: [cost(seconds_per_state=1.0, backward_error=2.0)], 4: []}
-    (entry,) = fitted("chain", [METHODS["mujoco batch"]], measured)
-    assert (entry.sizes, entry.seconds_per_state, entry.backward_errors) == ([1, 2, 4], [1.0, None, None], [2.0, None, None])
-    assert entry.exponent is None
+    (entry,) = growth(LIBRARY, [Method("planted", "equations", refuse)], 64, 0, 0.0, lambda text: None, (1, 3))
+    assert entry.sizes == [1, 3] and entry.seconds_per_state[0] is not None and entry.backward_errors[0] is not None
+    assert (entry.seconds_per_state[1], entry.backward_errors[1], entry.exponent) == (None, None, None)

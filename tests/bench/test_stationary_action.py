@@ -199,7 +199,7 @@ def measured() -> dict[tuple[str, float], Stationarity]:
     [gravity] = [number for number in find_numbers(model.text, "mjcf") if number.value == -9.81]
     wrong = parse_model(model.path, scaled(model.text, [gravity], 1.01), "mjcf")
     models = {"mjcf": wrong, "urdf": scene.models["urdf"]}
-    rows = stationarity(scene.library, scene.mechanism, models, lambda text: None)
+    rows = stationarity(replace(scene, models=models), lambda text: None)
     assert {row.system for row in rows} == {"cart_pendulum"}
     return {(row.path, row.step): row for row in rows}
 
@@ -259,7 +259,7 @@ def test_a_motion_that_broke_down_has_no_slope() -> None:
 
 def test_ball_and_free_joints_are_left_out() -> None:
     turning = replace(mechanism("spring_damper"), attitudes=(0,))
-    assert stationarity(Library.built_in(), turning, {}, lambda text: None) == []
+    assert stationarity(Scene(Library.built_in(), turning, {}), lambda text: None) == []
     with pytest.raises(ValueError, match="spring_damper has a ball or free joint"):
         LagrangianKernel(turning)
 

@@ -67,7 +67,7 @@ def test_a_body_is_not_mistaken_for_the_one_inside() -> None:
 def test_a_parameter_the_mechanism_has_not_is_refused() -> None:
     case = dataclasses.replace(hard_cases()["vanishing_cart"], parameters=lambda mass: {"N": mass})
     with pytest.raises(ValueError, match="no parameter 'N'"):
-        case.parameters_at(load_mechanism(library_of(case), "cart_pendulum"), 1.0)
+        case.mechanism_at(load_mechanism(library_of(case), "cart_pendulum"), 1.0)
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -81,7 +81,7 @@ def test_models_follow_the_knob_and_a_forgotten_change_is_seen(name: str, subjec
     library = library_of(case)
     mechanism = load_mechanism(library, case.system_at(value))
     states = case.states(mechanism, value, 0)
-    parameters = np.tile(case.parameters_at(mechanism, value), (len(states), 1))
+    parameters = np.tile(case.mechanism_at(mechanism, value).parameter_values, (len(states), 1))
     reference = ReferenceKernel(mechanism).evaluate(states, parameters)
     model = read_model(library.model_path(mechanism.name, subject.format), subject.format)
 
@@ -145,7 +145,9 @@ def test_norms_keep_their_digits_where_the_mass_matrix_is_singular_in_float64() 
     lengths = (1e-5, 1e-8, 1e-11)
     state = sample(mechanism, 1, 3)
     states = States.concatenate([state] * len(lengths))
-    reference = ReferenceKernel(mechanism).evaluate(states, np.array([case.parameters_at(mechanism, length) for length in lengths]))
+    reference = ReferenceKernel(mechanism).evaluate(
+        states, np.array([case.mechanism_at(mechanism, length).parameter_values for length in lengths])
+    )
     assert reference.certified.all()
     conditions = reference.condition
     assert conditions[-1] > 1e20

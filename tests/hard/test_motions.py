@@ -21,12 +21,12 @@ from harness.hard.motions import (
     nudged,
     parting_time,
     partings,
-    scene_at,
     stable_steps,
 )
 from harness.library import Library
 from harness.motion.integrators import Advance, Integrator, integrators, select_integrators
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 from harness.results.atlas import Parting
 
 
@@ -141,6 +141,6 @@ def test_rates_and_times_of_an_exponential() -> None:
 
 
 def test_the_scene_of_a_hard_case_has_its_models_changed() -> None:
-    scene = scene_at(hard_cases()[OSCILLATOR], 1e6)
+    scene = hard_cases()[OSCILLATOR].scene_at(1e6)
     assert {name: value for name, value, _ in scene.mechanism.parameters} == {"m": 1.5, "k": 1e6, "c": 0.0}
     assert 'stiffness="1000000.0" damping="0.0"' in scene.models["mjcf"].text

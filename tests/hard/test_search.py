@@ -264,8 +264,8 @@ def test_shares_are_what_rounding_really_does() -> None:
     assignment = assignment_of("arm_3r", "lagrange")
     state = sample(assignment.mechanism, 1, 9)
     reference = tasks.reference_kernel_of(assignment).evaluate(state)
-    terms = lost_digits._terms(assignment.mechanism, False, state)
-    shares = lost_digits.rounding_shares(reference, terms, state.tau[0])
+    terms = assignment.mechanism.float64().terms(state.q, state.v, state.tau)
+    shares = lost_digits.rounding_shares(reference, terms)
     random = np.random.default_rng(2)
     mass, roundoff, signs = terms["mass"][0], 2.0**-30, random.choice([-1.0, 1.0], (2000, 3))
     for name in ("velocity", "gravity"):

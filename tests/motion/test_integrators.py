@@ -15,7 +15,8 @@ from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, equations, integrators, mujoco, pinocchio, select_integrators, variational
-from harness.motion.trajectories import Metric, Path, Start, reference_motion
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Metric, Start, reference_motion
 
 LIBRARY = Library.built_in()
 # Largest difference of two motions of 200 steps, relative to the motion, that rounding explains.

@@ -13,7 +13,6 @@ from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.scene import Scene
-from harness.engines import load_engine
 from harness.library import Library
 from harness.models.model_file import parse_model
 from harness.models.text import find_numbers, with_values
@@ -42,7 +41,7 @@ def judge(cart: Scene) -> Judge:
 
 @pytest.fixture(scope="module")
 def measured(cart: Scene) -> Measured:
-    return motion_costs(cart.library, cart.mechanism, cart.models, [], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
+    return motion_costs(cart, [], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
 
 
 def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
@@ -81,9 +80,8 @@ def test_a_wrong_model_has_no_order(cart: Scene) -> None:
     model = cart.models["mjcf"]
     [mass] = [number for number in find_numbers(model.text, "mjcf") if number.attribute == "mass" and number.value == 10]
     wrong = parse_model(model.path, with_values(model.text, {mass: 10 * (1 + 1e-5)}), "mjcf")
-    _, costs, [order] = motion_costs(
-        LIBRARY, cart.mechanism, {**cart.models, "mjcf": wrong}, [MUJOCO_RUNGE_KUTTA.name], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent
-    )
+    planted = replace(cart, models={**cart.models, "mjcf": wrong})
+    _, costs, [order] = motion_costs(planted, [MUJOCO_RUNGE_KUTTA.name], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
     assert order.verdict != "as expected"
     assert 1e-6 < (costs[-1].state_error or 0.0) < 1e-4
 
@@ -120,12 +118,12 @@ def test_what_takes_too_long_is_left_out_and_says_so(cart: Scene) -> None:
 
 def test_what_cannot_be_expressed_says_why() -> None:
     scene = Scene.of(LIBRARY, "spring_damper")
-    _, costs, orders = motion_costs(LIBRARY, scene.mechanism, {}, ["mujoco RK4"], [1e-2], 1.0, 1.0, silent)
+    _, costs, orders = motion_costs(replace(scene, models={}), ["mujoco RK4"], [1e-2], 1.0, 1.0, silent)
     assert [cost.note for cost in costs] == ["unsupported: spring_damper has no MJCF model"] and orders == []
 
 
 def _costs(scene: Scene, name: str, seconds: float = 2.0) -> list[MotionCost]:
-    return motion_costs(scene.library, scene.mechanism, scene.models, [name], [1e-1, 1e-2, 1e-3], 2.0, seconds, silent)[1]
+    return motion_costs(scene, [name], [1e-1, 1e-2, 1e-3], 2.0, seconds, silent)[1]
 
 
 @pytest.mark.parametrize(
@@ -148,7 +146,7 @@ def test_growth_of_energy_errors_has_a_name(errors: object, verdict: str) -> Non
 
 def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene) -> None:
     names = ["equations variational midpoint", "equations RK4", "mujoco RK4", "mujoco discrete"]
-    found = {drift.integrator: drift for drift in drifts(LIBRARY, cart.mechanism, cart.models, names, 40000, silent, step=5e-3)}
+    found = {drift.integrator: drift for drift in drifts(cart, names, 40000, silent, step=5e-3)}
     assert [found[name].verdict for name in names] == ["bounded", "secular", "secular", "secular"]
     assert [found[name].expected for name in names] == ["bounded", "secular", "secular", ""]
     assert found["equations RK4"].largest == pytest.approx(found["mujoco RK4"].largest, rel=0.01)
@@ -159,7 +157,7 @@ def test_theory_is_silent_where_all_error_is_rounding() -> None:
     """On a linear system the midpoint rule keeps the energy exactly, so that what is left walks at random."""
     scene = Scene.of(LIBRARY, "spring_damper")
     names = ["equations variational midpoint", "equations RK4"]
-    midpoint, runge_kutta = drifts(LIBRARY, scene.mechanism, scene.models, names, 20000, silent)
+    midpoint, runge_kutta = drifts(scene, names, 20000, silent)
     if midpoint.integrator != names[0]:
         midpoint, runge_kutta = runge_kutta, midpoint
     assert midpoint.largest < 1e-12
@@ -169,12 +167,13 @@ def test_theory_is_silent_where_all_error_is_rounding() -> None:
 @pytest.mark.parametrize("name", ["cart_pendulum", "bar_pendulum", "spring_damper", "quarter_car"])
 def test_dampers_go_from_equations_and_models_alike(name: str) -> None:
     scene = Scene.of(LIBRARY, name)
-    mechanism, models = without_dampers(scene.mechanism, scene.models)
+    undamped = without_dampers(scene)
+    mechanism = undamped.mechanism
     assert mechanism.parameters != scene.mechanism.parameters
     states = sample(mechanism, 16, seed=3)
     reference = ReferenceKernel(mechanism).evaluate(states)
     for engine, model_format in (("mujoco", "mjcf"), ("pinocchio", "urdf")):
-        loaded = load_engine(LIBRARY, engine).load(models[model_format], mechanism.joints, mechanism.gravity)
+        loaded = undamped.load(engine, model_format)
         verdicts = compare(reference, loaded.forward_dynamics(states.q, states.v, states.tau)).verdicts
         assert set(verdicts) == {"agrees"}
 
@@ -183,5 +182,5 @@ def test_dampers_go_from_equations_and_models_alike(name: str) -> None:
 @pytest.mark.parametrize("name", ["collar", "arm_2r", "cart_pendulum"])
 def test_energy_over_a_million_steps(name: str) -> None:
     scene = Scene.of(LIBRARY, name)
-    for drift in drifts(LIBRARY, scene.mechanism, scene.models, [], 10**6, silent):
+    for drift in drifts(scene, [], 10**6, silent):
         assert drift.expected in ("", drift.verdict), drift

@@ -21,8 +21,8 @@ from harness.equations.states import States
 from harness.library import Library
 from harness.motion.first_order import displacement, linear_velocities_turned
 from harness.motion.integrators.equations import EULER_CROMER
-from harness.motion.taylor import Taylor
-from harness.motion.trajectories import TRUSTED_ERROR, Metric, Path, Reference, Start, reference_motion
+from harness.motion.taylor import Path, Taylor
+from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
 
 LIBRARY = Library.built_in()
 # Systems of the text that the harness began with; none of them is chaotic from its start.
@@ -244,4 +244,4 @@ def test_a_scene_holds_both_models_of_a_system_and_of_a_familys_member() -> None
 
 def test_reference_error_counts_only_what_is_trusted() -> None:
     path = Path(np.arange(3.0), np.zeros((3, 1)), np.zeros((3, 1)), None, 0, 0.0)
-    assert Reference(path, 1.0, np.array([0.0, 1e-10, 1e-3]), "").error == 1e-10
+    assert TrueMotion(path, 1.0, np.array([0.0, 1e-10, 1e-3]), "").error == 1e-10

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck.scene import Scene
-from harness.engines import Engine, Model, load_engine
 from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.library import nearest
@@ -80,14 +79,3 @@ def select_methods(names: Sequence[str]) -> list[Method]:
         if name not in known:
             raise InvalidRequest(f"no method is called {name!r}; {nearest(name, known)}")
     return [known[name] for name in dict.fromkeys(names)] or list(known.values())
-
-
-def load_model(scene: Scene, engine: str, format: str) -> tuple[Engine, Model]:
-    """An engine and the scene's model loaded into it, as the cross-check loads it.
-
-    Raises:
-        harness.engines.Unsupported: the engine cannot express the mechanism.
-        ValueError: the engine refuses the model.
-    """
-    loader = load_engine(scene.library, engine)
-    return loader, loader.load(scene.models[format], scene.mechanism.joints, scene.mechanism.gravity)

@@ -131,13 +131,9 @@ def _balls(scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: last[0].high, "certified, with its data roundoff; the error is that of rounding to float64")
 
 
-def _of_number(name: str, number: type) -> Method:
-    return Method(f"heyoka {name}", "equations", partial(_machine_code, number), growth="up to 3")
-
-
 ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, growth="up to 3", most_states=SLOW)
 BATCH = Method("lambdify, numpy batch", "equations", _batch, growth="up to 3")
-FLOAT32 = _of_number("float32", np.float32)
-FLOAT64 = _of_number("float64", float)
-LONG_DOUBLE = _of_number("long double", np.longdouble)
+FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), growth="up to 3")
+FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), growth="up to 3")
+LONG_DOUBLE = Method("heyoka long double", "equations", partial(_machine_code, np.longdouble), growth="up to 3")
 BALLS = Method("certified balls", "equations", _balls, growth="up to 3", most_states=SLOW)

@@ -11,19 +11,19 @@ from functools import partial
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import Method, Prepared, load_model
+from harness.bench.methods import Method, Prepared
 from harness.certify.compare import compare
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import reference_kernel
-from harness.engines import linear_velocity_in_body
+from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.states import States
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
 
 
 def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
-    loader, model = load_model(scene, engine, format)
-    reference = reference_kernel(scene.mechanism, linear_velocity_in_body(loader)).evaluate(states)
+    model, in_body = scene.load(engine, format), linear_velocity_in_body(load_engine(scene.library, engine))
+    reference = reference_kernel(scene.mechanism, in_body).evaluate(states)
     last: list[Array] = [np.full_like(states.v, np.nan)]
 
     def compute() -> None:

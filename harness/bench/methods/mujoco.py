@@ -8,28 +8,21 @@ from __future__ import annotations
 
 import copy
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import Method, Prepared, load_model
+from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.engines.mujoco import MujocoModel
 from harness.equations.states import States
 
 
-def _load(scene: Scene) -> MujocoModel:
-    _, model = load_model(scene, "mujoco", "mjcf")
-    assert isinstance(model, MujocoModel)
-    return model
-
-
 def _forward(scene: Scene, states: States) -> Prepared:
     import mujoco
 
-    loaded = _load(scene)
+    loaded: MujocoModel = scene.load("mujoco", "mjcf")
     model, data = loaded.model, mujoco.MjData(loaded.model)
     positions, velocities = loaded.addresses
     configuration, velocity, force = (np.zeros((len(states), size)) for size in (model.nq, model.nv, model.nv))
@@ -47,26 +40,16 @@ def _forward(scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]))
 
 
-def _batch(threads: int, scene: Scene, states: States) -> Prepared:
-    loaded = _load(scene)
-    return _prepared_batch(loaded.model, loaded, threads, states)
-
-
-def _batch_with_all_stages(threads: int, scene: Scene, states: States) -> Prepared:
-    import mujoco
-
-    loaded = _load(scene)
-    model = copy.copy(loaded.model)
-    model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    if model.opt.disableflags == loaded.model.opt.disableflags:
-        raise Unsupported("the model switches no stage off")
-    return _prepared_batch(model, loaded, threads, states)
-
-
-def _prepared_batch(model: Any, loaded: MujocoModel, threads: int, states: States) -> Prepared:
+def _batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     import mujoco.batch
 
-    batch = mujoco.batch.Batch(model, nsim=len(states), nthread=threads)
+    loaded: MujocoModel = scene.load("mujoco", "mjcf")
+    model = copy.copy(loaded.model)
+    if all_stages:
+        model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        if model.opt.disableflags == loaded.model.opt.disableflags:
+            raise Unsupported("the model switches no stage off")
+    batch = mujoco.batch.Batch(model, nsim=len(states), nthread=1)
     positions, velocities = loaded.addresses
     batch.bind("qpos")[:, positions] = states.q
     batch.bind("qvel")[:, velocities] = states.v
@@ -76,5 +59,5 @@ def _prepared_batch(model: Any, loaded: MujocoModel, threads: int, states: State
 
 
 FORWARD = Method("mujoco mj_forward", "mjcf", _forward, growth="up to 3")
-BATCH = Method("mujoco batch", "mjcf", partial(_batch, 1), growth="up to 3")
-ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(_batch_with_all_stages, 1), growth="up to 3")
+BATCH = Method("mujoco batch", "mjcf", partial(_batch, False), growth="up to 3")
+ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(_batch, True), growth="up to 3")

@@ -10,12 +10,12 @@ factorisation of M) and 7 (articulated bodies).
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import Method, Prepared, load_model
+from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines.pinocchio import PinocchioModel
 from harness.equations.states import States
@@ -25,10 +25,9 @@ class _Batch:
     """States in Pinocchio's own form, and the accelerations found for them."""
 
     def __init__(self, scene: Scene, states: States) -> None:
-        _, model = load_model(scene, "pinocchio", "urdf")
-        assert isinstance(model, PinocchioModel)
-        self.model, self._loaded = model.model, model
-        self.configuration, self.velocity, self._applied = model.columns(states.q, states.v, states.tau)
+        loaded: PinocchioModel = scene.load("pinocchio", "urdf")
+        self.model, self._loaded = loaded.model, loaded
+        self.configuration, self.velocity, self._applied = loaded.columns(states.q, states.v, states.tau)
         # ``full_like`` of a single row has the strides of rows, by which Pinocchio writes beyond its end.
         self._total, self.found = (np.zeros(self._applied.shape, order="F") for _ in range(2))
         self.found.fill(np.nan)
@@ -45,30 +44,33 @@ class _Batch:
         note = "" if self._loaded.force_elements.empty else "includes the forces of the springs and dampers in the URDF"
         return Prepared(compute, lambda: np.ascontiguousarray(self.found[velocities].T), note)
 
+    def one_by_one(self, accelerations: Callable[..., Array]) -> Prepared:
+        """``accelerations`` of (model, data, q, v, force), called for one state after the other."""
+        model, data = self.model, self.model.createData()
+        rows = list(zip(self.configuration.T, self.velocity.T, strict=True))
+
+        def compute() -> None:
+            force, found = self.force(), self.found
+            for state, (configuration, velocity) in enumerate(rows):
+                found[:, state] = accelerations(model, data, configuration, velocity, force[:, state])
+
+        return self.prepared(compute)
+
 
 def _aba(scene: Scene, states: States) -> Prepared:
     import pinocchio
 
-    batch = _Batch(scene, states)
-    model, data = batch.model, batch.model.createData()
-    rows = [(state, batch.configuration[:, state], batch.velocity[:, state]) for state in range(len(states))]
-
-    def compute() -> None:
-        force, found = batch.force(), batch.found
-        for state, configuration, velocity in rows:
-            found[:, state] = pinocchio.aba(model, data, configuration, velocity, force[:, state])
-
-    return batch.prepared(compute)
+    return _Batch(scene, states).one_by_one(pinocchio.aba)
 
 
-def _aba_in_parallel(threads: int, scene: Scene, states: States) -> Prepared:
+def _aba_in_parallel(scene: Scene, states: States) -> Prepared:
     import pinocchio
 
     batch = _Batch(scene, states)
-    pool = pinocchio.ModelPool(batch.model, threads)
+    pool = pinocchio.ModelPool(batch.model, 1)
 
     def compute() -> None:
-        pinocchio.abaInParallel(threads, pool, batch.configuration, batch.velocity, batch.force(), batch.found)
+        pinocchio.abaInParallel(1, pool, batch.configuration, batch.velocity, batch.force(), batch.found)
 
     return batch.prepared(compute)
 
@@ -76,21 +78,15 @@ def _aba_in_parallel(threads: int, scene: Scene, states: States) -> Prepared:
 def _composite_rigid_bodies(scene: Scene, states: States) -> Prepared:
     import pinocchio
 
-    batch = _Batch(scene, states)
-    model, data = batch.model, batch.model.createData()
-    rows = [(state, batch.configuration[:, state], batch.velocity[:, state]) for state in range(len(states))]
+    def accelerations(model: Any, data: Any, configuration: Array, velocity: Array, force: Array) -> Array:
+        bias = pinocchio.nonLinearEffects(model, data, configuration, velocity)
+        pinocchio.crba(model, data, configuration)
+        pinocchio.cholesky.decompose(model, data)
+        return np.asarray(pinocchio.cholesky.solve(model, data, force - bias))
 
-    def compute() -> None:
-        force, found = batch.force(), batch.found
-        for state, configuration, velocity in rows:
-            bias = pinocchio.nonLinearEffects(model, data, configuration, velocity)
-            pinocchio.crba(model, data, configuration)
-            pinocchio.cholesky.decompose(model, data)
-            found[:, state] = pinocchio.cholesky.solve(model, data, force[:, state] - bias)
-
-    return batch.prepared(compute)
+    return _Batch(scene, states).one_by_one(accelerations)
 
 
 ABA = Method("pinocchio aba", "urdf", _aba, growth="1", linear_velocity_in_body=True)
-ABA_IN_PARALLEL = Method("pinocchio abaInParallel", "urdf", partial(_aba_in_parallel, 1), growth="1", linear_velocity_in_body=True)
+ABA_IN_PARALLEL = Method("pinocchio abaInParallel", "urdf", _aba_in_parallel, growth="1", linear_velocity_in_body=True)
 CRBA = Method("pinocchio CRBA + Cholesky", "urdf", _composite_rigid_bodies, growth="up to 3", linear_velocity_in_body=True)

@@ -22,10 +22,12 @@ from pathlib import Path
 
 from harness.arrays import Array
 from harness.certify.sampling import sample
+from harness.crosscheck.scene import Scene, with_parameters
+from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.library import Library, nearest
-from harness.models.model_file import ModelFile, parse_model
+from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.models.text import Element, Number, find_elements, with_values
 
 POINTS = 30
@@ -40,9 +42,14 @@ Values = Mapping[str, float]
 Changes = Mapping[str, str | Callable[[Values], float]]
 
 
+def anywhere(mechanism: Mechanism, value: float = 0.0, seed: int = 0) -> States:
+    """``STATES`` states spread over the mechanism's ranges, the same for every value of a knob that changes the model."""
+    return sample(mechanism, STATES, 0)
+
+
 @dataclass(frozen=True)
 class Theory:
-    """What theory expects of one subject along a family.
+    """The expectation of one subject along a family, by theory.
 
     Attributes:
         verdict: the gravest verdict.
@@ -61,7 +68,7 @@ class HardCase:
 
     Attributes:
         name: of the case; title: what it is, in a few words.
-        system: name of the system, or a function from the knob's value to it.
+        system: name of the system, in this folder's library or else in the built-in one, or a function from the knob's value to it.
         knob: name and unit of what is turned; values: ``POINTS`` of them, in order; a value that comes again is
             asked at other states.
         states: (mechanism, value, seed) to the states of one point; the seed is the place of the point.
@@ -72,7 +79,6 @@ class HardCase:
         theory: subject to what is expected of it; a subject that is not named should agree.
         source: where that is from.
         remedy: what a user whose model is like this can do.
-        own: whether the system is in this folder's library instead of the built-in one.
     """
 
     name: str
@@ -80,34 +86,32 @@ class HardCase:
     system: str | Callable[[float], str]
     knob: tuple[str, str]
     values: tuple[float, ...]
-    states: Callable[[Mechanism, float, int], States]
+    states: Callable[[Mechanism, float, int], States] = anywhere
     parameters: Callable[[float], Values] = field(default=lambda value: {})
     changes: Mapping[str, Changes] = field(default_factory=dict)
     theory: Mapping[str, Theory] = field(default_factory=dict)
     source: str
     remedy: str
-    own: bool = False
 
     def system_at(self, value: float) -> str:
         """Name of the system at one value of the knob."""
         return self.system if isinstance(self.system, str) else self.system(value)
 
     def theory_of(self, subject: str) -> Theory:
-        """What theory expects of ``subject``."""
+        """The expectation of ``subject``; agreement where it is not named."""
         return self.theory.get(subject, Theory())
 
-    def parameters_at(self, mechanism: Mechanism, value: float) -> tuple[float, ...]:
-        """All parameters of ``mechanism`` at one value of the knob, in its order.
+    def mechanism_at(self, mechanism: Mechanism, value: float) -> Mechanism:
+        """``mechanism`` with the parameters of one value of the knob.
 
         Raises:
             ValueError: the case names a parameter that the mechanism has not.
         """
-        own = {name: value_ for name, value_, _ in mechanism.parameters}
-        changed = self.parameters(value)
+        own, changed = [name for name, _, _ in mechanism.parameters], self.parameters(value)
         for name in changed:
             if name not in own:
                 raise ValueError(f"{self.name}: {mechanism.name} has no parameter {name!r}; {nearest(name, own)}")
-        return tuple(float(changed.get(name, number)) for name, number in own.items())
+        return with_parameters(mechanism, changed)
 
     def model_at(self, model: ModelFile, mechanism: Mechanism, value: float) -> ModelFile:
         """The model file at one value of the knob.
@@ -116,14 +120,21 @@ class HardCase:
             ValueError: a change points at no number of the model.
             harness.errors.InvalidModel: the changed model is not physical.
         """
-        names = [name for name, _, _ in mechanism.parameters]
-        values: dict[str, float] = {KNOB: value, **dict(zip(names, self.parameters_at(mechanism, value), strict=True))}
+        values: dict[str, float] = {KNOB: value, **{name: own for name, own, _ in self.mechanism_at(mechanism, value).parameters}}
         elements = find_elements(model.text, model.format)
         numbers = {
             number_at(elements, address): float(values[rule] if isinstance(rule, str) else rule(values))
             for address, rule in self.changes.get(model.format, {}).items()
         }
         return parse_model(model.path, with_values(model.text, numbers), model.format) if numbers else model
+
+    def scene_at(self, value: float) -> Scene:
+        """The mechanism and both its models at one value of the knob; raises as ``mechanism_at`` and ``model_at``."""
+        library = library_of(self)
+        mechanism = load_mechanism(library, self.system_at(value))
+        models = {suffix: read_model(library.model_path(mechanism.name, suffix), suffix) for suffix in MODEL_SUFFIXES}
+        changed = {suffix: self.model_at(model, mechanism, value) for suffix, model in models.items()}
+        return Scene(library, self.mechanism_at(mechanism, value), changed)
 
 
 def number_at(elements: list[Element], address: str) -> Number:
@@ -149,9 +160,15 @@ def number_at(elements: list[Element], address: str) -> Number:
     raise ValueError(f"the model has no number at {address!r}")
 
 
+@functools.cache
+def _own_library() -> Library:
+    return replace(Library.at(Path(__file__).parent), name="hard_cases")
+
+
 def library_of(case: HardCase) -> Library:
     """The library that holds the case's systems and models."""
-    return replace(Library.at(Path(__file__).parent), name="hard_cases") if case.own else Library.built_in()
+    own = _own_library()
+    return own if case.system_at(case.values[0]) in own.system_names() else Library.built_in()
 
 
 @functools.cache
@@ -174,11 +191,6 @@ def decades(low: float, high: float, count: int = POINTS) -> tuple[float, ...]:
     return tuple(10.0 ** (low + (high - low) * i / (count - 1)) for i in range(count))
 
 
-def anywhere(mechanism: Mechanism, value: float, seed: int) -> States:
-    """``STATES`` states spread over the mechanism's ranges, the same for every value of a knob that changes the model."""
-    return sample(mechanism, STATES, 0)
-
-
 def with_columns(part: Array, columns: Mapping[int, float | Array]) -> Array:
     """A copy of q, v or tau, (n, nq or nv), with other values in some columns."""
     changed = part.copy()
@@ -191,7 +203,7 @@ def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable
     """``anywhere``, but for some columns of q, which ``positions`` gives for the knob's value."""
 
     def states(mechanism: Mechanism, value: float, seed: int) -> States:
-        spread = anywhere(mechanism, value, seed)
+        spread = anywhere(mechanism)
         return States.at(with_columns(spread.q, positions(value)), spread.v, spread.tau)
 
     return states

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from harness.hard.cases import Changes, HardCase, Theory, Values, anywhere, decades
+from harness.hard.cases import Changes, HardCase, Theory, Values, decades
 
 # What MuJoCo accepts [kg m^2].
 LEAST_INERTIA = 1e-15
@@ -56,12 +56,10 @@ def _case(n: int) -> HardCase:
         name=f"mass_ratio_{n}",
         title=f"chain of {n} bars whose masses form a geometric progression",
         system=f"bar_chain_{n}",
-        own=True,
         knob=("mass of the last bar over the first's", "1"),
         values=decades(-12, 12),
         parameters=masses,
         changes=bar_numbers(n),
-        states=anywhere,
         source=_SOURCE,
         remedy=_REMEDY,
         theory={"lagrange": Theory("unstable"), "mujoco/mjcf": Theory("unstable")} if n == 10 else {},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.certify.sampling import sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.hard.cases import KNOB, STATES, HardCase, Theory, anywhere, decades, posed
@@ -20,11 +19,9 @@ FAR_BASE = HardCase(
     name="far_base",
     title="three bars on a pin far from the world's origin",
     system="bar_chain_3",
-    own=True,
     knob=("distance of the pin from the origin", "m"),
     values=decades(-1, 10),
     changes={"mjcf": {"body bar_1@pos[0]": KNOB}, "urdf": {"joint joint_1/origin@xyz[0]": KNOB}},
-    states=anywhere,
     source=_SYMMETRY,
     remedy=_NEARER,
     theory={"mujoco/mjcf": _IN_WORLD_COORDINATES},
@@ -60,12 +57,10 @@ LENGTH_SCALE = HardCase(
     name="length_scale",
     title="three bars of one density from micrometres to hundreds of kilometres",
     system="bar_chain_3",
-    own=True,
     knob=("length of a bar", "m"),
     values=decades(-6, 6),
     parameters=lambda length: {f"{name}{i}": length if name == "L" else 8 * length**3 for name in "mL" for i in (1, 2, 3)},
     changes=bar_numbers(3),
-    states=anywhere,
     source=_SIMILARITY,
     remedy="write small mechanisms in millimetres and grams, with gravity in the same units",
 )
@@ -74,19 +69,17 @@ MASS_UNIT = HardCase(
     name="mass_unit",
     title="three bars weighed in units from femtograms to gigatonnes",
     system="bar_chain_3",
-    own=True,
     knob=("mass of a bar", "kg"),
     values=decades(-18, 12),
     parameters=lambda mass: {f"m{i}": mass for i in (1, 2, 3)},
     changes=bar_numbers(3),
-    states=anywhere,
     source=_SIMILARITY,
     remedy="write light mechanisms in grams",
 )
 
 
 def _wound(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
+    states = anywhere(mechanism)
     angles = np.random.default_rng(0).uniform(-1, 1, states.q.shape)
     return States.at(value * angles, states.v, states.tau)
 

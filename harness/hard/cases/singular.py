@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.hard.cases import Changes, HardCase, Theory, Values, anywhere, decades, posed
+from harness.hard.cases import Changes, HardCase, Theory, decades, posed
 from harness.hard.cases.masses import bar_numbers
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 10.1 (Cholesky, scaled condition number)"
@@ -18,7 +18,6 @@ VANISHING_CART = HardCase(
     values=decades(-18, 1),
     parameters=lambda mass: {"M": mass},
     changes={"mjcf": {"body cart/inertial@mass": "M"}, "urdf": {"link cart/inertial/mass@value": "M"}},
-    states=anywhere,
     source="the bar's own inertia keeps M regular: det M = m^2 L^2 (1/3 - cos^2(theta)/4) at M = 0",
     remedy="give a massless carriage 1e-15 kg, or let the pin's body carry both joints",
 )
@@ -71,20 +70,14 @@ VANISHING_WRIST = HardCase(
 )
 
 
-def _short(length: float) -> Values:
-    return {"L2": length}
-
-
 ZERO_LENGTH_LINK = HardCase(
     name="zero_length_link",
     title="middle bar of three whose length goes to zero",
     system="bar_chain_3",
-    own=True,
     knob=("length of the middle bar", "m"),
     values=decades(-9, 0),
-    parameters=_short,
+    parameters=lambda length: {"L2": length},
     changes=bar_numbers(3),
-    states=anywhere,
     source=_HIGHAM + "; two hinges meet in one point and the bar between them has no inertia left: kappa_s grows as 1/L2^2",
     remedy="make two hinges in one point one hinge, or give the link between them its real inertia",
     # The data stay well conditioned here, and rounding M entry by entry costs kappa_s u.

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from harness.certify.sampling import sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, Theory, anywhere, decades, with_columns
@@ -21,7 +20,6 @@ STIFF_SPRING = HardCase(
     values=decades(0, 12),
     parameters=lambda stiffness: {"k": stiffness},
     changes={"mjcf": {"joint spring@stiffness": "k"}, "urdf": {"gazebo spring/springStiffness@": "k"}},
-    states=anywhere,
     source=_LINEAR,
     remedy="accelerations are safe; a step must resolve sqrt(m/k), or the spring be replaced by a rod",
 )
@@ -34,14 +32,13 @@ STIFF_DAMPER = HardCase(
     values=decades(-1, 9),
     parameters=lambda damping: {"c": damping},
     changes={"mjcf": {"joint pin@damping": "c"}, "urdf": {"joint pin/dynamics@damping": "c"}},
-    states=anywhere,
     source=_LINEAR,
     remedy="accelerations are safe; integrate implicitly in the velocity, or fix the joint",
 )
 
 
 def _almost_closed(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = sample(mechanism, STATES, 0)
+    states = anywhere(mechanism)
     shares = np.random.default_rng(0).uniform(0.5, 1.0, STATES)
     return States.at(with_columns(states.q, {0: math.pi - value * shares}), states.v, states.tau)
 
@@ -78,7 +75,6 @@ STIFF_MODE = HardCase(
         "mjcf": {"joint slide@stiffness": "k", "joint slide@damping": "c"},
         "urdf": {"gazebo slide/springStiffness@": "k", "joint slide/dynamics@damping": "c"},
     },
-    states=anywhere,
     source=_LINEAR,
     remedy="accelerations are safe; a step must stay below the integrator's limit over sqrt(k/m)",
 )

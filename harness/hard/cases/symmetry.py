@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.certify.sampling import sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.hard.cases import STATES, HardCase, decades, turned, with_columns
+from harness.hard.cases import STATES, HardCase, anywhere, decades, turned, with_columns
 
 _INVARIANT = "Marsden, Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 8: the fixed points of a symmetry stay fixed points"
 
 
 def _almost_planar(mechanism: Mechanism, value: float, seed: int) -> States:
     """Swinging in a vertical plane; ``value`` is the rate of the azimuth."""
-    states = sample(mechanism, STATES, 0)
+    states = anywhere(mechanism)
     shares = np.random.default_rng(0).uniform(-1, 1, STATES)
     return States.at(states.q, with_columns(states.v, {1: value * shares}), with_columns(states.tau, {1: 0.0}))
 
@@ -33,7 +32,7 @@ PLANAR_SWING = HardCase(
 
 def _almost_principal(mechanism: Mechanism, value: float, seed: int) -> States:
     """Turning about the middle principal axis, which is unstable; ``value`` is the rate about the others."""
-    states = sample(mechanism, STATES, 0)
+    states = anywhere(mechanism)
     shares = np.random.default_rng(0).uniform(-1, 1, (2, STATES))
     rates = {**dict.fromkeys(range(3), 0.0), 3: value * shares[0], 4: 5.0, 5: value * shares[1]}
     rotation = dict(zip(range(3, 7), turned((0.6, 0.0, 0.8), 1.0), strict=True))

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from harness.crosscheck.scene import Scene
 from harness.errors import InvalidRequest
 from harness.library import nearest
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 
 # From a start, in steps of so many seconds, so many of them, of which every so-many-th is kept. An adaptive
 # integrator is given its relative tolerance, and the number of equal intervals of the horizon to keep.

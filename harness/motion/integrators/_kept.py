@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.arrays import Array
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 
 # A state beyond it is broken down, and the rest of the motion is not computed.
 LARGEST = 1e12

@@ -23,8 +23,8 @@ from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Advance, Integrator
 from harness.motion.integrators._kept import keep
-from harness.motion.taylor import Taylor
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path, Taylor
+from harness.motion.trajectories import Start
 
 # A function of more instructions takes longer to compile than it saves.
 MOST_INSTRUCTIONS = 1100
@@ -164,7 +164,7 @@ def _dormand_prince(scene: Scene) -> Advance:
     def advance(start: Start, tolerance: float, intervals: int, every: int) -> Path:
         import scipy.integrate
 
-        times = np.linspace(0.0, start.horizon, intervals + 1)[:: every or 1]
+        times = np.linspace(0.0, start.horizon, intervals + 1)
         state = np.concatenate([start.q, start.v])
         # An absolute part, for what passes through 0, is as far below the relative one as the state is below 1.
         size = float(np.abs(state).max()) or 1.0
@@ -186,9 +186,7 @@ def _taylor(scene: Scene) -> Advance:
 
     def advance(start: Start, tolerance: float, intervals: int, every: int) -> Path:
         solver = solvers.setdefault(tolerance, Taylor(scene.mechanism, tolerance=tolerance))
-        times = np.linspace(0.0, start.horizon, intervals + 1)[:: every or 1]
-        found = solver.solve(start.q, start.v, times)
-        return Path(times, found.q, found.v, found.work, found.evaluations, found.seconds)
+        return solver.solve(start.q, start.v, np.linspace(0.0, start.horizon, intervals + 1))
 
     return advance
 

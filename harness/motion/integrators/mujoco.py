@@ -12,16 +12,15 @@ Source: MuJoCo documentation, Computation, Numerical integration; MuJoCo 3.13.0 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.engines import load_engine
 from harness.motion.integrators import Advance, Integrator
 from harness.motion.integrators._kept import keep
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 
 RUNGE_KUTTA_STAGES = 4
 # Differences of two motions below it, relative to the motion, are rounding.
@@ -30,12 +29,12 @@ COMPARED_STEPS = 200
 
 
 def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -> Callable[[Scene], Advance]:
-    """How to prepare ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
+    """``Integrator.prepare`` of ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
 
     def for_scene(scene: Scene) -> Advance:
         import mujoco
 
-        loaded: Any = load_engine(scene.library, "mujoco").load(scene.models["mjcf"], scene.mechanism.joints, scene.mechanism.gravity)
+        loaded = scene.load("mujoco", "mjcf")
         model = loaded.model
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
         if disable:
@@ -60,7 +59,7 @@ def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -
 
 
 def explain_euler(scene: Scene, start: Start, step: float) -> str:
-    """Whether Euler is the method of that name, by its motion beside that of the derived equations under Euler-Cromer."""
+    """The reason why Euler is not the method of that name, "" if it is: its motion beside that of the equations by Euler-Cromer."""
     from harness.motion.integrators.equations import EULER_CROMER
     from harness.motion.trajectories import Metric
 

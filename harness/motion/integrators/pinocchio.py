@@ -18,11 +18,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.engines import load_engine
 from harness.motion.first_order import linear_velocities_turned
 from harness.motion.integrators import Advance, Integrator
 from harness.motion.integrators._kept import keep
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 
 # (rates, model, q, v, step) to (q, v).
 Scheme = Callable[..., tuple[Array, Array]]
@@ -54,13 +54,13 @@ def _munthe_kaas(accelerations: Any, model: Any, q: Array, v: Array, step: float
 
 
 def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Advance]:
-    """How to prepare ``scheme`` for a scene."""
+    """``scheme`` as ``Integrator.prepare``."""
 
     def for_scene(scene: Scene) -> Advance:
         import pinocchio
 
         mechanism = scene.mechanism
-        loaded: Any = load_engine(scene.library, "pinocchio").load(scene.models["urdf"], mechanism.joints, mechanism.gravity)
+        loaded = scene.load("pinocchio", "urdf")
         model, force_elements = loaded.model, loaded.force_elements
         data = model.createData()
         positions, velocities = loaded.addresses

@@ -26,7 +26,8 @@ from harness.engines import Unsupported
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator
 from harness.motion.integrators._kept import keep
-from harness.motion.trajectories import Path, Start
+from harness.motion.taylor import Path
+from harness.motion.trajectories import Start
 
 # Newton's method squares its relative correction: after one below this nothing is left but rounding.
 LAST_CORRECTION = 1e-8
