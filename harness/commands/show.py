@@ -30,6 +30,6 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
         from harness.show.page import render
         from harness.storage import write_atomically
 
-        write_atomically(html_path, render(exhibit, bracket.library.name))
+        write_atomically(html_path, render(exhibit, bracket.library.name, study.problems))
         click.echo(f"\npage: {click.format_filename(html_path)}")
     bracket.finish(study.problems, study.crashed, True)

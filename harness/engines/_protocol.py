@@ -56,7 +56,8 @@ class HeldJoint:
     Attributes:
         kind: "hinge", "slide", "ball", "free" or "planar".
         parent: name of the joint whose body carries it; "" for the world.
-        anchor: a point of the axis, or the centre of a ball [m], (3,). axis: unit vector, (3,); zero for ball, free and planar joints.
+        anchor: a point of the axis, or the centre of a ball [m], (3,), on the parent's side of the joint; moved: the same point on
+            the other side, which a slide or a free joint takes away. axis: unit vector, (3,); zero for ball, free and planar joints.
         armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
             spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
             the harness adds for it, applies them.
@@ -67,6 +68,7 @@ class HeldJoint:
     kind: str
     parent: str
     anchor: Array
+    moved: Array
     axis: Array
     armature: float
     damping: float
@@ -80,12 +82,13 @@ class HeldBody:
     """Everything that moves rigidly with one joint and no further one, in the world's frame with every joint at zero.
 
     Attributes:
-        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3).
+        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3). name: the engine's, "" where it has none.
     """
 
     mass: float
     centre: Array
     inertia: Array
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,8 +126,9 @@ class Model(Protocol):
     """A mechanism loaded into an engine.
 
     An engine may also offer ``terms(q, v, tau) -> Terms``, arguments and columns as in ``forward_dynamics``, and
-    ``held() -> HeldModel``; what it does not offer is not judged. For a picture it may offer ``place(positions, steps) ->
-    Placement``: joints of one position at ``positions``, then moved by ``steps`` along their velocities.
+    ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
+    and may be left out. Every joint is at zero, or at ``positions`` [m or rad] for one of one position; then it is moved by
+    ``steps`` along its velocities.
     """
 
     def loaded(self) -> LoadedModel | None:

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_placement, _mujoco_urdf, require_model
-from harness.engines._placement import Placement
+from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -43,11 +42,8 @@ class MujocoModel:
         gravity = _mujoco_held.gravity_of(model).tolist()
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
 
-    def held(self) -> HeldModel:
-        return _mujoco_held.held(self.model)
-
-    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
-        return _mujoco_placement.place(self.model, positions, steps)
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
+        return _mujoco_held.held(self.model, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:

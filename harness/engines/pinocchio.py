@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, _pinocchio_placement, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import joint_places
-from harness.engines._placement import Placement
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -50,14 +49,11 @@ class PinocchioModel:
         mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), mass)
 
-    def held(self) -> HeldModel:
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         """See ``harness.engines``; springs and dampers are those the harness adds."""
         from harness.engines import _pinocchio_held
 
-        return _pinocchio_held.held(self.model, self.places, self.force_elements)
-
-    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
-        return _pinocchio_placement.place(self.model, self.force_elements, positions, steps)
+        return _pinocchio_held.held(self.model, self.places, self.force_elements, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:

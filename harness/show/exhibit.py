@@ -12,17 +12,16 @@ from pathlib import Path
 from harness.crosscheck.expected import load_expectations, why_no_model
 from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.held import SOUND, differences, held_by, soundness
-from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, is_native, load_engine, load_model, subjects
 from harness.engines._audit import audit
-from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
-from harness.errors import InvalidInput, InvalidModel
+from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
 from harness.results.table import Column, Table
-from harness.show.placement import place
+from harness.show.placement import Placement, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
@@ -71,16 +70,11 @@ Held = tuple[LoadedModel | None, HeldModel | None, tuple[Placement, Placement] |
 
 def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Held:
     """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
-    model, mechanism = assignment.model, assignment.mechanism
-    assert model is not None
-    engine = load_engine(assignment.library, assignment.subject.engine)
-    try:
-        loaded = engine.load(model, mechanism.joints, mechanism.gravity)
-        # A picture is that of the format's own engine.
-        is_native = assignment.subject.format == engine.formats[0]
-        return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture and is_native else None
-    except ValueError as error:
-        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    mechanism = assignment.mechanism
+    loaded = load_model(assignment.library, assignment.subject, mechanism, assignment.model)
+    # A picture is that of the format's own engine.
+    is_drawn = with_picture and is_native(assignment.library, assignment.subject)
+    return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if is_drawn else None
 
 
 class Exhibition(Rounds):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
@@ -21,8 +22,8 @@ from harness.show.picture import draw
 from harness.show.views import choose_view
 
 
-def render(exhibit: Exhibit, library: str) -> str:
-    """The whole page."""
+def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
+    """The whole page; ``problems`` are what could not be used of the mechanism's files."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"equations": equations, "whereabouts": whereabouts}
     package = files("harness")
@@ -37,6 +38,7 @@ def render(exhibit: Exhibit, library: str) -> str:
         mechanism=exhibit.mechanism,
         library=library,
         exhibit=exhibit,
+        problems=problems,
         style=Markup("\n".join(package.joinpath(*path).read_text("utf-8") for path in (("report", "style.css"), ("show", "show.css")))),
         pictures=pictures,
         view=view,
