@@ -17,7 +17,7 @@ from harness.errors import InvalidInput, InvalidRequest
 if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
-    from harness.results.records import Run
+    from harness.results.records import Record, Run
     from harness.results.study_result import StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
@@ -103,7 +103,7 @@ class Bracket:
     def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
         """Run a study to the end and return its result: progress, each part into the history, and the JSON file after each.
 
-        ``document`` gives the arguments of ``write_json``. ``kept`` is False for a study whose parts are no part of the run's.
+        ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
         from harness.commands._terminal import progress
         from harness.study import run_study
@@ -122,12 +122,13 @@ class Bracket:
         if self.number is not None:
             self.history.append(self.number, found)
 
-    def write_json(self, records: Sequence[Any] = (), **rest: Any) -> None:
-        """Write the JSON file that was asked for, if one was."""
-        from harness.results.records import write_json
+    def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
+        """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
+        from harness.results.records import to_json
+        from harness.storage import write_atomically
 
         if self.json_path:
-            write_json(self.json_path, self.run, records, **rest)
+            write_atomically(self.json_path, to_json(self.run, records, **parts))
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""

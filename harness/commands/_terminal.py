@@ -6,7 +6,7 @@ import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from harness.diagnosis.faults.smallest import SmallestChange
     from harness.diagnosis.faults.summary import KindOfFault
     from harness.diagnosis.held import Difference
+    from harness.report.benchmarks import BenchmarkSummary
+    from harness.report.hard_cases import HardSummary
     from harness.results.causes import Cause
     from harness.results.superfluous import SuperfluousPart
 
@@ -60,6 +62,14 @@ def print_titled(title: str, table: Table) -> None:
     if table.rows:
         click.echo(f"\n{title}")
         console().print(table.terminal())
+
+
+def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
+    """What could not be measured, and what is not as expected."""
+    for problem in measured.problems:
+        click.echo(f"\nnot measured: {problem}")
+    for sentence in measured.unexpected:
+        click.echo(f"\nnot as expected: {sentence}")
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
@@ -116,16 +126,23 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
     from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 
-    rows: list[list[object]] = []
-    for found in caught:
-        ratio = Cell(found.ratio, tone="" if found.as_in_theory else "surprise")
-        where = f"{found.file}:{found.place.line}"
-        rows.append([found.system, found.subject, where, found.number, found.value, found.smallest, found.theory, ratio])
     if not caught:
         click.echo("no live numbers: no model was walked")
         return
-    figures = [Column("value", "given"), Column("smallest caught", "error"), Column("theory", "error"), Column("ratio", "rounded")]
-    console().print(Table(["system", "subject", "where", "number", *figures], rows).terminal())
+    table = Table.of(
+        caught,
+        {
+            "system": "system",
+            "subject": "subject",
+            "where": lambda found: f"{found.file}:{found.place.line}",
+            "number": "number",
+            Column("value", "given"): "value",
+            Column("smallest caught", "error"): "smallest",
+            Column("theory", "error"): "theory",
+            Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
+        },
+    )
+    console().print(table.terminal())
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     click.echo(
@@ -135,17 +152,16 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     """One row per kind of fault of a campaign, and one for all."""
-    rows: list[list[object]] = []
-    for one in kinds:
-        shares = [f"{count / one.judged:.0%}" if one.judged else "" for count in (one.named, one.in_class)]
-        numbers = [one.smallest, one.theory, one.seconds, one.longest]
-        rows.append([one.kind, one.planted, one.live, one.caught, one.judged, *shares, one.blamed, *numbers])
     if not kinds:
         click.echo("no faults: no model was found to plant them in")
         return
-    counts = [Column(title, "count") for title in ("planted", "live", "caught", "judged", "named first", "in class", "blamed")]
-    numbers_shown = [Column("smallest", "error"), Column("theory", "error"), Column("seconds", "error"), Column("longest", "error")]
-    console().print(Table(["kind", *counts, *numbers_shown], rows).terminal())
+    columns: dict[Column | str, Any] = {"kind": "kind"}
+    columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
+    columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
+    columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
+    columns[Column("blamed", "count")] = "blamed"
+    columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
+    console().print(Table.of(kinds, columns).terminal())
     judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""

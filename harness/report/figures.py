@@ -8,7 +8,7 @@ old to read them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,6 +23,7 @@ MARKERS = (
 COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7d8b3c", "#d9534f")
 GREY, RED = "#808080", "#d9534f"
 LOWEST, HIGHEST = 1e-300, 1e300
+_LEAST_SPAN = 100.0
 Columns = dict[str, Sequence[Any]]
 Style = tuple[str, str, str]
 
@@ -122,6 +123,21 @@ def drawable(value: float | None) -> bool:
 def clipped(value: float | None) -> float:
     """``value`` within what a logarithmic axis can hold."""
     return within(value, LOWEST, HIGHEST)
+
+
+def log_range(values: Iterable[float | None], limits: tuple[float, float] = (LOWEST, HIGHEST), margin: float = 3.0) -> tuple[float, float]:
+    """Ends of a log axis for those of ``values`` that have a place on it; what lies beyond ``limits`` sits on its edge."""
+    finite = [value for value in values if value and math.isfinite(value) and value > 0] or [1.0]
+    low = min(max(min(finite) / margin, limits[0]), limits[1] / _LEAST_SPAN)
+    high = min(max(finite) * margin, limits[1])
+    # Within one decade a logarithmic axis has no round numbers to show.
+    widening = max(1.0, math.sqrt(_LEAST_SPAN * low / high))
+    return low / widening, high * widening
+
+
+def inside(value: float | None, low: float, high: float) -> float:
+    """``value``, or just inside the nearer end of the axis, so that the whole marker is seen."""
+    return within(value, low * 1.5, high / 1.5)
 
 
 def within(value: float | None, low: float, high: float) -> float:

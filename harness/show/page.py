@@ -23,7 +23,7 @@ from harness.show.views import choose_view
 
 
 def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
-    """The whole page; ``problems`` are what could not be used of the mechanism's files."""
+    """The whole page."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"equations": equations, "whereabouts": whereabouts}
     package = files("harness")
