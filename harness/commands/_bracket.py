@@ -1,4 +1,4 @@
-"""The bracket around every command that computes: its options, its run, worker processes, progress, JSON, and exit status."""
+"""The bracket around every command: its options, its run, worker processes, progress, JSON, and exit status."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Bracket:
-    """What every command that computes is given.
+    """The first argument of a command.
 
     Attributes:
         library_path, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has them.

@@ -150,7 +150,7 @@ class PinocchioEngine:
                 root = () if file.ball_joint is None else (pinocchio.JointModelSpherical(), file.ball_joint)
                 model = pinocchio.buildModelFromXML(file.text, *root)
             except Exception as error:
-                raise ValueError(captured.text() or str(error)) from error
+                raise ValueError(captured() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         for armature in file.armatures:
             model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
