@@ -11,14 +11,13 @@ import keyword
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
 
-MOST_DEGREES_OF_FREEDOM = 12
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -44,11 +43,8 @@ def chain(count: int) -> list[Plate]:
     They are wide and ever lighter, because a long chain of equal bars is ill-conditioned: that would be a
     test of engines, not an example.
     """
-    whole = Plate(mass=6.0, length=0.25, inertia=1.5, stiffness=20.0, damping=0.5)
-    return [
-        replace(whole, mass=whole.mass * half, inertia=whole.inertia * half, stiffness=whole.stiffness * half, damping=whole.damping * half)
-        for half in (0.5**i for i in range(count))
-    ]
+    halves = [0.5**number for number in range(count)]
+    return [Plate(mass=6.0 * half, length=0.25, inertia=1.5 * half, stiffness=20.0 * half, damping=0.5 * half) for half in halves]
 
 
 def write_example(directory: Path, name: str | None = None, degrees_of_freedom: int = 1, engine: str | None = None) -> list[Path]:

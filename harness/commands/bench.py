@@ -64,6 +64,6 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     print_titled("figures of the text", tables.figures(summary))
     for kind in tables.KINDS:
         print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
-    for explanation in summary.explanations(["as expected", "differs"]):
-        click.echo(f"\n{explanation.text}\n  {'; '.join(explanation.places)}")
+    for text, places in summary.explanations(["as expected", "differs"]).items():
+        click.echo(f"\n{text}\n  {'; '.join(places)}")
     print_sentences(summary)

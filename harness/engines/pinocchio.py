@@ -95,11 +95,27 @@ class PinocchioModel:
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        from harness.engines import _pinocchio_terms
+        """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 
+        Passive are the force elements that the harness adds to ABA, which applies none.
+        Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 (inverse dynamics) and 6 (composite rigid bodies).
+        """
+        import pinocchio
+
+        model, velocities = self.model, self.addresses[1]
+        weightless = pinocchio.Model(model)
+        weightless.gravity.linear = np.zeros(3)
+        data, without_gravity = model.createData(), weightless.createData()
         configuration, velocity, force = self.columns(q, v, tau)
         passive = self.force_elements.generalised_forces(configuration, velocity)
-        return _pinocchio_terms.terms_of(self.model, self.addresses[1], configuration, velocity, force, passive)
+        mass, (bias, gravity) = np.empty((len(q), model.nv, model.nv)), np.empty((2, len(q), model.nv))
+        for state, (position, rate) in enumerate(zip(configuration.T, velocity.T, strict=True)):
+            upper = np.triu(pinocchio.crba(model, data, position))
+            mass[state] = upper + np.triu(upper, 1).T
+            bias[state] = pinocchio.nonLinearEffects(weightless, without_gravity, position, rate)
+            gravity[state] = pinocchio.computeGeneralizedGravity(model, data, position)
+        vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (bias, gravity, passive.T, force.T))
+        return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
     def reading(self, source: str, is_file: bool) -> str:
         """Python text that reads the model into ``m``."""

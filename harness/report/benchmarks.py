@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
@@ -14,14 +13,6 @@ from harness.results.pareto import front, way_of, with_cheapest
 from harness.results.records import Run
 
 _Cost = TypeVar("_Cost", AccelerationCost, MotionCost)
-
-
-@dataclass(frozen=True)
-class OrderRemark:
-    """The reason why orders of convergence are not those of theory, and their places."""
-
-    text: str
-    places: list[str]
 
 
 class BenchmarkSummary:
@@ -70,13 +61,13 @@ class BenchmarkSummary:
         chosen = [entry for entry in self.benchmark.stationarity if entry.system == system]
         return sorted(chosen, key=lambda entry: (entry.path, -entry.step))
 
-    def explanations(self, verdicts: Sequence[str]) -> list[OrderRemark]:
-        """The reasons why orders have one of ``verdicts``, each once."""
+    def explanations(self, verdicts: Sequence[str]) -> dict[str, list[str]]:
+        """The reasons why orders of convergence have one of ``verdicts``, each with the places where it holds."""
         places: dict[str, list[str]] = {}
         for order in sorted(self.benchmark.orders, key=lambda order: (order.integrator, order.system)):
             if order.explanation and order.verdict in verdicts:
                 places.setdefault(order.explanation, []).append(f"{order.integrator} on {order.system}")
-        return [OrderRemark(text, where) for text, where in places.items()]
+        return places
 
 
 def acceleration_front(costs: Sequence[AccelerationCost]) -> list[AccelerationCost]:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
+
+from markupsafe import Markup
 
 if TYPE_CHECKING:
     from bokeh import plotting
@@ -28,37 +29,27 @@ Columns = dict[str, Sequence[Any]]
 Style = tuple[str, str, str]
 
 
-@dataclass(frozen=True)
-class EmbeddedPlots:
-    """Everything a page needs to show the plots.
+def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
+    """Everything a page needs to show every plot that has data, in one document.
 
-    Attributes:
-        resources: ``<script>`` elements with all of BokehJS; "" where there is no plot.
-        script: the ``<script>`` element that fills the divs.
-        divs: name of a plot to its ``<div>``; a plot without data is absent.
+    "resources" is all of BokehJS in ``<script>`` elements, "script" the one that fills the divs; both are empty where there is
+    no plot. "plots" maps names to ``<div>`` elements.
     """
-
-    resources: str = ""
-    script: str = ""
-    divs: dict[str, str] = field(default_factory=dict)
-
-
-def embed(plots: Mapping[str, plotting.figure | None]) -> EmbeddedPlots:
-    """One document of every plot that has data."""
     from bokeh.document import Document
     from bokeh.embed import components
     from bokeh.resources import Resources
 
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
-        return EmbeddedPlots()
+        return {"resources": "", "script": "", "plots": {}}
     document = Document()
     # Without the freeze Bokeh visits all plots again after adding each.
     with document.models.freeze():
         for plot in drawn.values():
             document.add_root(plot)
     script, divs = components(drawn)
-    return EmbeddedPlots(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
+    resources = Markup(Resources(mode="inline", components=["bokeh"]).render_js())
+    return {"resources": resources, "script": Markup(script), "plots": {name: Markup(div) for name, div in divs.items()}}
 
 
 def styles(names: Sequence[str]) -> dict[str, Style]:

@@ -4,29 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
 
-from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
+from harness.results.atlas import Atlas, HardReason, HardRow
 from harness.results.records import Run
 from harness.results.table import counted
 from harness.verdict import SEVERITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.
 SILENT = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
-
-
-@dataclass(frozen=True)
-class Silence:
-    """Points of one subject with one verdict other than a comparison, and why."""
-
-    subject: str
-    verdict: str
-    count: int
-    lowest: float
-    highest: float
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -77,17 +64,19 @@ class Family:
         return list(dict.fromkeys(reason.remedy for _, reason in self.reasons)) or [self.case.remedy]
 
     @property
-    def silences(self) -> list[Silence]:
-        """Points that are undecided, refused or failed, by subject, verdict and reason."""
-        found: dict[tuple[str, str, str], list[HardPoint]] = {}
+    def silences(self) -> list[str]:
+        """A sentence on the points that are undecided, refused or failed, for each subject, verdict and reason."""
+        found: dict[tuple[str, str, str], list[float]] = {}
         for subject, row in self.rows.items():
             for point in row.points:
                 if point.verdict in SILENT:
-                    found.setdefault((subject, point.verdict, point.reason), []).append(point)
-        return [
-            Silence(subject, verdict, len(points), min(p.knob for p in points), max(p.knob for p in points), reason)
-            for (subject, verdict, reason), points in found.items()
-        ]
+                    found.setdefault((subject, point.verdict, point.reason), []).append(point.knob)
+        sentences = []
+        for (subject, verdict, reason), knobs in found.items():
+            low, high = min(knobs), max(knobs)
+            where = f", {low:.3g}" if low == high else f" between {low:.3g} and {high:.3g}"
+            sentences.append(f"{subject} {verdict} at {counted(len(knobs), 'point')}{where}: {reason or 'no reason is given'}.")
+        return sentences
 
 
 class HardSummary:
@@ -129,20 +118,6 @@ class HardSummary:
         """Verdict to number of families whose gravest verdict of ``subject`` it is, from agreement to error."""
         verdicts = [family.rows[subject].verdict for family in self.families if subject in family.rows]
         return {verdict: verdicts.count(verdict) for verdict in SEVERITY if verdict in verdicts}
-
-    @cached_property
-    def motions(self) -> list[tuple[str, str, list[str], list[tuple[float, list[Parting | None]]]]]:
-        """(motion, system, integrators, rows) of each family of motions; a row is a knob and one parting per integrator."""
-        found = []
-        ordered = sorted(self.atlas.partings, key=attrgetter("motion"))
-        for motion, own in groupby(ordered, key=attrgetter("motion")):
-            partings = list(own)
-            integrators = list(dict.fromkeys(parting.integrator for parting in partings))
-            cells = {(parting.knob, parting.integrator): parting for parting in partings}
-            knobs = sorted({parting.knob for parting in partings})
-            rows = [(knob, [cells.get((knob, name)) for name in integrators]) for knob in knobs]
-            found.append((motion, partings[0].system, integrators, rows))
-        return found
 
 
 def growth_text(growth: float | None, theory: float | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import groupby
 from operator import attrgetter
@@ -67,15 +67,17 @@ def partings(hard: HardSummary) -> Table:
     return Table([*texts, Column("largest distance", "error"), "verdict"], rows)
 
 
-def starts(integrators: list[str], rows: list[tuple[float, list[Parting | None]]]) -> Table:
-    """One row per start of a motion, with rate and time of each integrator."""
+def starts(partings: Sequence[Parting]) -> Table:
+    """One row per start of one family of motions, with rate and time of each integrator."""
+    integrators = list(dict.fromkeys(parting.integrator for parting in partings))
+    by_place = {(parting.knob, parting.integrator): parting for parting in partings}
     columns = [Column("knob", "given"), Column("expected rate", "error"), Column("may part from", "plain")]
     columns += [Column(f"{name}: {what}", kind) for name in integrators for what, kind in (("rate", "error"), ("parts after", "plain"))]
     cells: list[list[object]] = []
-    for knob, found in rows:
-        known = next(parting for parting in found if parting is not None)
-        cells.append([knob, known.expected_rate, _time(known.earliest)])
-        for one in found:
+    for knob, own in groupby(sorted(partings, key=attrgetter("knob")), key=attrgetter("knob")):
+        first = next(own)
+        cells.append([knob, first.expected_rate, _time(first.earliest)])
+        for one in (by_place.get((knob, name)) for name in integrators):
             tone = "disagrees" if one and one.verdict != "agrees" else ""
             cells[-1] += ["", ""] if one is None else [one.rate, Cell(_time(one.parted), tone=tone)]
     return Table(columns, cells)

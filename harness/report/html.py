@@ -75,7 +75,6 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
         "left_out": left_out, "moment": moment, "way": way_of,
         "capitalize_first": lambda text: text[:1].upper() + text[1:],
     }  # fmt: skip
-    drawn = embed(plots)
     return environment.get_template("template.html" if summary is not None else "benchmark_page.html").render(
         **about,
         limit=AGREEMENT,
@@ -83,9 +82,7 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
         changed_versions=changed_versions,
         changes_table=changes_table,
         style=Markup(package.joinpath("style.css").read_text("utf-8")),
-        resources=Markup(drawn.resources),
-        script=Markup(drawn.script),
-        plots={name: Markup(div) for name, div in drawn.divs.items()},
+        **embed(plots),
     )
 
 

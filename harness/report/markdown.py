@@ -124,7 +124,7 @@ def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
             yield f"#### The cheapest way: {kind}"
             yield ways
     reasons = benchmark.explanations(["as expected", "differs"])
-    yield _bullets(f"{markdown_line(reason.text)} ({'; '.join(reason.places)})" for reason in reasons)
+    yield _bullets(f"{markdown_line(text)} ({'; '.join(places)})" for text, places in reasons.items())
     yield benchmark_tables.growth(benchmark).without("bodies").markdown()
 
 
