@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from harness.commands import _options as options
 from harness.errors import InvalidInput, InvalidRequest
 
@@ -130,12 +132,34 @@ class Bracket:
         if self.json_path:
             write_atomically(self.json_path, to_json(self.run, records, **parts))
 
+    def write_page(self, number: int | None = None) -> None:
+        """Write the report of a run, by default the latest of the library, with the latest benchmark and atlas of that library.
+
+        Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
+        """
+        from harness.report import build, build_measured, write
+        from harness.results.atlas import Atlas
+        from harness.results.benchmark import Benchmark
+        from harness.results.cross_check import CrossCheckResult
+
+        history, library = self.history, self.library.name
+        benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
+        runs = history.studies(CrossCheckResult, library)
+        if number is None:
+            number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
+        if number is not None:
+            files = build(runs[number], history.read(number, CrossCheckResult), history.earlier(number), benchmark, atlas)
+        elif benchmark is not None or atlas is not None:
+            files = build_measured(benchmark, atlas)
+        else:
+            return
+        write(self.directory, files)
+        click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""
         options.report_errors(problems)
-        if crashed:
-            sys.exit(options.CRASHED)
-        sys.exit(options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+        sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
 
 
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
+from harness.results.table import number_text
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -126,7 +127,6 @@ def _render(template: str, name: str, plates: Sequence[Plate] = ()) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    # The shortest decimal that reads back as the same float64.
-    environment.filters["number"] = lambda value: repr(float(value)).removesuffix(".0")
+    environment.filters["number"] = number_text
     source = files("harness").joinpath("commands", "templates", template).read_text("utf-8")
     return environment.from_string(source).render(name=name, plates=plates)

@@ -6,6 +6,7 @@ import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -65,7 +66,7 @@ def print_titled(title: str, table: Table) -> None:
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
-    """What could not be measured, and what is not as expected."""
+    """A line for all that could not be measured, and for all that is not as expected."""
     for problem in measured.problems:
         click.echo(f"\nnot measured: {problem}")
     for sentence in measured.unexpected:
@@ -85,8 +86,8 @@ def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     """A line for each part of a model that its scene does not need."""
     if findings:
         click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
-    for finding in sorted(findings, key=lambda finding: (finding.path, finding.subject, finding.line)):
-        click.echo(f"  {finding}")
+    for part in sorted(findings, key=attrgetter("path", "subject", "line")):
+        click.echo(f"  {part}")
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
@@ -94,14 +95,12 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
     Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
-    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
         click.echo(f"\n{system}: {inference}")
         for cause in own:
-            if cause.is_shared:
-                click.echo(f"  {cause.subject}: as {cause.diagnosed}")
-            else:
-                for line in [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]:
-                    click.echo(f"  {cause.subject}: {line}")
+            lines = [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]
+            for line in [f"as {cause.diagnosed}"] if cause.is_shared else lines:
+                click.echo(f"  {cause.subject}: {line}")
     if causes:
         systems = {cause.system for cause in causes}
         click.echo(f"\nthe whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
@@ -109,17 +108,15 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
     """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
-    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
         click.echo(f"\n{system}: {inference}")
         for difference in held:
             click.echo(f"  held after loading: {difference}")
         for cause in own:
             click.echo(f"\n{cause.subject}")
-            if cause.is_shared:
-                click.echo(f"  as {cause.diagnosed}, which reads the same file")
-            else:
-                for line in [*cause.terms, *itertools.chain.from_iterable(cause.sides)]:
-                    click.echo(f"  {line}")
+            lines = [*cause.terms, *itertools.chain.from_iterable(cause.sides)]
+            for line in [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else lines:
+                click.echo(f"  {line}")
 
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:

@@ -6,7 +6,6 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import subjects_option
-from harness.commands._page import write_page
 from harness.commands._terminal import print_sentences, print_titled
 
 
@@ -37,5 +36,5 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
     print_sentences(summary)
     click.echo(f"\n{summary.sentence}")
-    write_page(bracket.directory, bracket.history, bracket.library.name)
+    bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._page import write_page
 from harness.commands._terminal import print_sentences, print_titled
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
     _print_benchmark(summary)
-    write_page(bracket.directory, bracket.history, bracket.library.name)
+    bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
 
 

@@ -1,4 +1,4 @@
-"""What an ``MjModel`` holds after loading, placed in the world by MuJoCo's own kinematics.
+"""Joints, bodies and springs that an ``MjModel`` holds after loading, placed in the world by MuJoCo's own kinematics.
 
 Source: MuJoCo documentation, Computation, "Kinematic tree", and XML reference, body/inertial and body/joint.
 """

@@ -1,4 +1,4 @@
-"""What a ``pinocchio.Model`` holds after loading, placed in the world by Pinocchio's own kinematics.
+"""Joints, bodies and springs that a ``pinocchio.Model`` holds after loading, placed in the world by Pinocchio's own kinematics.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, sections 4.4 (joint models) and 7.3; Pinocchio 4 documentation.
 """

@@ -1,4 +1,4 @@
-"""What an engine file provides, and what it gives back: protocols and plain data."""
+"""The protocols of an engine file, and the plain data it returns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """What an engine holds after loading, for the audit.
+    """Joint sizes, gravity and mass that an engine holds after loading, for the audit.
 
     Attributes:
         joints: name of each moving joint to its (number of positions, number of velocities).
@@ -108,7 +108,7 @@ class HeldSpring:
 
 @dataclass(frozen=True)
 class HeldModel:
-    """What an engine holds after loading, for the static audit.
+    """Everything that an engine holds after loading, for the static audit.
 
     Attributes:
         gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them; a body without
@@ -132,7 +132,7 @@ class Model(Protocol):
     """
 
     def loaded(self) -> LoadedModel | None:
-        """What the engine holds; None where there is no model file to audit."""
+        """The quantities the audit compares; None where there is no model file to audit."""
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         """qdd, (n, nv), at q of shape (n, nq) and v, tau (n, nv); columns follow the joints given to ``load``.
@@ -143,7 +143,7 @@ class Model(Protocol):
 
 
 class Engine(Protocol):
-    """What an engine file's ``ENGINE`` provides.
+    """The ``ENGINE`` of an engine file.
 
     Attributes:
         requires: importable module and distribution name of the program behind it.

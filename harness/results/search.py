@@ -1,4 +1,4 @@
-"""What a search found, as plain data and as text.
+"""The result of a search, as plain data and as text.
 
 Exit statuses are those of the command line: 0 as expected, 1 worse than expected, 3 a crash or time-out.
 """

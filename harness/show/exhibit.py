@@ -20,7 +20,7 @@ from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
-from harness.results.table import Column, Table
+from harness.results.table import Column, Table, number_text
 from harness.show.placement import Placement, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -165,21 +165,16 @@ def whereabouts(path: Path) -> str:
     return str(path) if member is None else f"{member[0]} for size {member[1]}"
 
 
-def number(value: float) -> str:
-    """The shortest decimal that reads back as the same float64."""
-    return repr(float(value)).removesuffix(".0")
-
-
 def audit_table(exhibit: Exhibit) -> Table:
     """The system's own joints, gravity and mass, and a row of them per subject."""
     mechanism = exhibit.mechanism
-    gravity = f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0"
+    gravity = f"0 0 {number_text(-mechanism.gravity)}" if mechanism.gravity else "0 0 0"
     rows = [["the system", _joints(mechanism.joint_sizes), gravity, _sum(mechanism.total_mass), ""]]
     for holding in exhibit.holdings:
         held = ["", "", ""]
         if (loaded := holding.loaded) is not None:
             # An engine that feels none may say so by a negative zero.
-            held = [_joints(loaded.joints), " ".join(number(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
+            held = [_joints(loaded.joints), " ".join(number_text(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
         rows.append([str(holding.subject), *held, holding.remark])
     return Table(["", "joints with nq/nv", "gravity", "moving mass", ""], rows, style="plain")
 
@@ -241,14 +236,14 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
 
 def parameter_table(mechanism: Mechanism) -> Table:
     """Symbol, value and unit of each parameter."""
-    rows = [[symbol, number(value), unit] for symbol, value, unit in mechanism.parameters]
+    rows = [[symbol, number_text(value), unit] for symbol, value, unit in mechanism.parameters]
     return Table(["parameter", Column("value", "plain"), "unit"], rows)
 
 
 def coordinate_table(mechanism: Mechanism) -> Table:
     """Joint and sampled range of each coordinate."""
     rows = [
-        [coordinate, joint, "any angle" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"]
+        [coordinate, joint, "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}"]
         for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
     ]
     return Table(["coordinate", "joint", "sampled"], rows)
