@@ -95,11 +95,6 @@ class Bracket:
         """
         from harness.results.history import History
 
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            problem = f"cannot be made: {error.strerror}; name a folder that can be written with --out"
-            raise InvalidInput(self.directory, None, problem) from error
         return self._exit.enter_context(History(self.directory / "history.sqlite"))
 
     def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:

@@ -14,14 +14,6 @@ from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
 
 
-def joint_kinds() -> dict[int, str]:
-    """MuJoCo's joint types by the names that ``HeldJoint`` gives them."""
-    from mujoco import mjtJoint
-
-    kinds = {"hinge": mjtJoint.mjJNT_HINGE, "slide": mjtJoint.mjJNT_SLIDE, "ball": mjtJoint.mjJNT_BALL, "free": mjtJoint.mjJNT_FREE}
-    return {int(value): name for name, value in kinds.items()}
-
-
 def gravity_of(model: Any) -> Array:
     """(3,) gravity [m/s^2] that an ``MjModel`` applies: zero where it switches it off."""
     import mujoco
@@ -38,11 +30,12 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     """
     import mujoco
 
-    kinds, data = joint_kinds(), mujoco.MjData(model)
+    data = mujoco.MjData(model)
+    kinds = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
     data.qpos[:] = 0.0
-    for number in range(model.njnt):
-        if kinds[int(model.jnt_type[number])] in ("ball", "free"):
-            data.qpos[model.jnt_qposadr[number] + (3 if kinds[int(model.jnt_type[number])] == "free" else 0)] = 1.0
+    for kind, place in zip(kinds, model.jnt_qposadr, strict=True):
+        if kind in ("ball", "free"):
+            data.qpos[place + (3 if kind == "free" else 0)] = 1.0
     for name, value in positions.items():
         data.joint(name).qpos[:] = value
     if steps:
@@ -62,7 +55,7 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     last = {int(model.jnt_bodyid[number]): name for number, name in enumerate(names)}
     joints = {}
     for number, name in enumerate(names):
-        body, kind = int(model.jnt_bodyid[number]), kinds[int(model.jnt_type[number])]
+        body, kind = int(model.jnt_bodyid[number]), kinds[number]
         above = int(model.body_weldid[model.body_parentid[body]])
         turning, column, place = kind in ("ball", "free"), model.jnt_dofadr[number], model.jnt_qposadr[number]
         slid = data.qpos[place] - model.qpos0[place] if kind == "slide" else 0.0

@@ -9,7 +9,6 @@ from harness.report.figures import (
     GREY,
     RED,
     Columns,
-    clipped,
     drawable,
     hover,
     line_across,
@@ -116,18 +115,18 @@ def _cost(summary: Summary, system: str) -> plotting.figure | None:
         return None
     card = summary.cards.get(system)
     reference = card.reference_seconds_per_state if card else None
-    times = [clipped(seconds) for seconds in (*(r.seconds_per_state for r in shown), reference) if seconds and drawable(seconds)]
+    times = [within(seconds) for seconds in (*(r.seconds_per_state for r in shown), reference) if seconds and drawable(seconds)]
     low, high = log_range([1.0, AGREEMENT, *(record.backward_error for record in shown)])
     x_range = log_range(times)
     axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": (low, high)}
     plot = new_figure(260, "time per state [s]", "worst backward error", **axes)
     for record in shown:
         columns = _columns([record], low, high)
-        scatter(plot, styles(summary.subjects)[record.subject], [clipped(record.seconds_per_state)], columns["size"], columns)
+        scatter(plot, styles(summary.subjects)[record.subject], [within(record.seconds_per_state)], columns["size"], columns)
     hover(plot, subject="@subject", **{"time per state": "@seconds", "backward error": "@error"})
     line_across(plot, "width", AGREEMENT, RED)
     if reference and drawable(reference):
-        line_across(plot, "height", clipped(reference), GREY)
+        line_across(plot, "height", within(reference), GREY)
     return plot
 
 

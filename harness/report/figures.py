@@ -111,11 +111,6 @@ def drawable(value: float | None) -> bool:
     return value is not None and not math.isnan(value) and value >= 0
 
 
-def clipped(value: float | None) -> float:
-    """``value`` within what a logarithmic axis can hold."""
-    return within(value, LOWEST, HIGHEST)
-
-
 def log_range(values: Iterable[float | None], limits: tuple[float, float] = (LOWEST, HIGHEST), margin: float = 3.0) -> tuple[float, float]:
     """Ends of a log axis for those of ``values`` that have a place on it; what lies beyond ``limits`` sits on its edge."""
     finite = [value for value in values if value and math.isfinite(value) and value > 0] or [1.0]
@@ -131,6 +126,6 @@ def inside(value: float | None, low: float, high: float) -> float:
     return within(value, low * 1.5, high / 1.5)
 
 
-def within(value: float | None, low: float, high: float) -> float:
+def within(value: float | None, low: float = LOWEST, high: float = HIGHEST) -> float:
     """``value``, or the end of the axis nearest to it: a log axis has no place for 0 and inf."""
     return min(max(value or 0.0, low), high)

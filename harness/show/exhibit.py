@@ -6,7 +6,7 @@ Engines load on a worker process, so that a model which kills one costs its own 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.crosscheck.expected import load_expectations, why_no_model
@@ -65,16 +65,13 @@ class Exhibit:
     placements: tuple[Placement, Placement] | None = None
 
 
-Held = tuple[LoadedModel | None, HeldModel | None, tuple[Placement, Placement] | None]
-
-
-def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Held:
+def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Holding:
     """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
     mechanism = assignment.mechanism
     loaded = load_model(assignment.library, assignment.subject, mechanism, assignment.model)
     # A picture is that of the format's own engine.
     is_drawn = with_picture and is_native(assignment.library, assignment.subject)
-    return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if is_drawn else None
+    return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if is_drawn else None)
 
 
 class Exhibition(Rounds):
@@ -142,21 +139,18 @@ class Exhibition(Rounds):
             remark = outcome.exception.problem if isinstance(outcome.exception, InvalidInput) else failure
             self._holdings[subject] = Holding(subject, remark=remark)
         else:
-            self._holdings[subject] = self._audited(subject, *outcome.value)
+            self._holdings[subject] = replace(outcome.value, remark=self._audited(subject, outcome.value.loaded))
         yield Part(str(subject), None)
 
-    def _audited(
-        self, subject: Subject, loaded: LoadedModel | None, held: HeldModel | None, placements: tuple[Placement, Placement] | None
-    ) -> Holding:
+    def _audited(self, subject: Subject, loaded: LoadedModel | None) -> str:
         if loaded is None:
-            return Holding(subject, placements=placements, remark="does not say what it holds")
-        remark = "as the system says"
+            return "does not say what it holds"
         try:
             audit(loaded, self._exhibit.models[subject.format], self._exhibit.mechanism)
         except InvalidInput as problem:
             self.report(problem)
-            remark = problem.problem
-        return Holding(subject, loaded, held, placements, remark)
+            return problem.problem
+        return "as the system says"
 
 
 def whereabouts(path: Path) -> str:
