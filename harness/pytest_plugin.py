@@ -183,28 +183,23 @@ class _Regression:
 
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
+        from harness.crosscheck.run import CrossCheck
+        from harness.crosscheck.settings import Settings
         from harness.study import run_study
 
         group = system if self._distributed else ""
         if group not in self._checks:
-            check = self._start([system] if self._distributed else self._wanted[0])
+            settings = Settings(
+                library=self.library,
+                names=[system] if self._distributed else self._wanted[0],
+                subjects=self._wanted[1],
+                states=self.config.getoption("--harness-states"),
+                seed=self.config.getoption("--harness-seed"),
+                replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
+            )
+            check = CrossCheck(settings)
             self._checks[group] = check, run_study(check, self._workers)
         return self._checks[group]
-
-    def _start(self, names: list[str]) -> CrossCheck:
-        from harness.crosscheck.run import CrossCheck
-        from harness.crosscheck.settings import Settings
-
-        option = self.config.getoption
-        settings = Settings(
-            library=self.library,
-            names=names,
-            subjects=self._wanted[1],
-            states=option("--harness-states"),
-            seed=option("--harness-seed"),
-            replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
-        )
-        return CrossCheck(settings)
 
     @cached_property
     def _workers(self) -> Workers:
