@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 from collections.abc import Iterator
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,6 +114,7 @@ class _Regression:
         self.library = library
         self.chosen = chosen
         self._exit = contextlib.ExitStack()
+        self._started: dict[str, Workers] = {}
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
         self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
@@ -177,7 +177,7 @@ class _Regression:
             records = [record for record in self._known.values() if record.system == system]
             diagnosed = sum(map(len, self._causes.values()))
             evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
-            found = find_causes(check.settings, records, self._diagnosing, evaluations=evaluations, crashes=check.crashes)
+            found = find_causes(check.settings, records, self._workers("diagnosis"), evaluations=evaluations, crashes=check.crashes)
             self._causes[system] = {cause.subject: cause for cause in found}
         return self._causes[system].get(subject), check.settings.diagnosis(system)
 
@@ -198,26 +198,21 @@ class _Regression:
                 replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
             )
             check = CrossCheck(settings)
-            self._checks[group] = check, run_study(check, self._workers)
+            self._checks[group] = check, run_study(check, self._workers("check"))
         return self._checks[group]
 
-    @cached_property
-    def _workers(self) -> Workers:
-        return self._started_workers()
-
-    @cached_property
-    def _diagnosing(self) -> Workers:
-        """Workers apart from those of the check, on which other records are still to come."""
-        return self._started_workers()
-
-    def _started_workers(self) -> Workers:
+    def _workers(self, work: str) -> Workers:
+        """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
         from harness.workers import Scheduler, Workers
 
+        if work in self._started:
+            return self._started[work]
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
         address = option("--harness-scheduler")
         scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
-        return self._exit.enter_context(Workers(count, scheduler, option("--harness-time-limit")))
+        self._started[work] = self._exit.enter_context(Workers(count, scheduler, option("--harness-time-limit")))
+        return self._started[work]
 
 
 class SystemFile(pytest.File):
