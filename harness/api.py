@@ -1,8 +1,9 @@
-"""What ``import harness`` offers to scripts and notebooks; see the docstring of the package."""
+"""The functions that ``import harness`` offers to scripts and notebooks; see the docstring of the package."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,11 +20,13 @@ if TYPE_CHECKING:
 
     from harness.certify.compare import Comparison
     from harness.certify.reference import Reference, ReferenceKernel
+    from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
     from harness.results.causes import Cause
+    from harness.workers import Workers
 
 Names = str | Sequence[str]
 
@@ -110,7 +113,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        reference = self._reference(self._states(q, v, tau))
+        reference = self._kernel.evaluate(self._states(q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None) -> Comparison:
@@ -121,16 +124,13 @@ class LoadedSystem:
         """
         from harness.certify.compare import compare
 
-        return compare(self._reference(self._states(q, v, tau)), np.atleast_2d(np.asarray(accelerations, dtype=np.float64)))
+        return compare(self._kernel.evaluate(self._states(q, v, tau)), np.atleast_2d(np.asarray(accelerations, dtype=np.float64)))
 
     @cached_property
     def _kernel(self) -> ReferenceKernel:
         from harness.certify.reference import ReferenceKernel
 
         return ReferenceKernel(self.mechanism)
-
-    def _reference(self, states: States) -> Reference:
-        return self._kernel.evaluate(states)
 
     def _states(self, q: Any, v: Any, tau: Any) -> States:
         from harness.equations.states import States
@@ -189,17 +189,11 @@ def check(
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
     """
-    from harness.crosscheck.run import CrossCheck
-    from harness.study import run_study
-    from harness.workers import Workers
-
-    study = CrossCheck(_settings(names, library, mjcf, urdf, subjects, states, seed))
-    with Workers(workers, time_limit=time_limit) as pool:
-        for _ in run_study(study, pool):
-            pass
-    for problem in study.problems:
-        raise problem
-    return Records(study.result().records)
+    settings = _settings(names, library, mjcf, urdf, subjects, states, seed)
+    with _checked(settings, workers, time_limit) as (study, _):
+        for problem in study.problems:
+            raise problem
+        return Records(study.result().records)
 
 
 def diagnose(
@@ -221,16 +215,10 @@ def diagnose(
     Raises:
         harness.errors.InvalidInput: the library or the system file cannot be used. harness.errors.InvalidRequest: as ``check``.
     """
-    from harness.crosscheck.run import CrossCheck
     from harness.diagnosis.causes import find_causes
-    from harness.study import run_study
-    from harness.workers import Workers
 
     settings = _settings([name], library, mjcf, urdf, subjects, states, seed)
-    study = CrossCheck(settings)
-    with Workers(workers, time_limit=time_limit) as pool:
-        for _ in run_study(study, pool):
-            pass
+    with _checked(settings, workers, time_limit) as (study, pool):
         return find_causes(settings, study.result().records, pool, crashes=study.crashes)
 
 
@@ -241,6 +229,20 @@ def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, l
         ValueError: the sizes are not those of the mechanism; and as ``load``.
     """
     return load(name, library).compare(q, v, accelerations, tau)
+
+
+@contextmanager
+def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iterator[tuple[CrossCheck, Workers]]:
+    """A complete cross-check, and the workers that ran it."""
+    from harness.crosscheck.run import CrossCheck
+    from harness.study import run_study
+    from harness.workers import Workers
+
+    study = CrossCheck(settings)
+    with Workers(workers, time_limit=time_limit) as pool:
+        for _ in run_study(study, pool):
+            pass
+        yield study, pool
 
 
 def _settings(

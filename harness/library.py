@@ -37,7 +37,7 @@ _MEMBER = re.compile(r"(?P<family>.+)_(?P<size>[1-9]\d{0,3})")
 
 @dataclass(frozen=True)
 class Library:
-    """Where the files of one library are. Picklable; reads nothing until asked."""
+    """The places of one library's files. Picklable; reads nothing until asked."""
 
     name: str
     systems: Path
@@ -111,7 +111,7 @@ class Library:
         return self.models / model_format / f"{name}{MODEL_SUFFIXES[model_format]}"
 
     def has_model(self, name: str, model_format: str) -> bool:
-        """Whether the system has a model of its own or one that its family writes, readable or not."""
+        """True where the system has a model of its own or one that its family writes, readable or not."""
         path = self.model_path(name, model_format)
         return os.path.lexists(path) or member_of(path) is not None
 
@@ -159,7 +159,7 @@ def _installed_directory(name: str) -> Path:
         if (Path(folder) / "systems").is_dir():
             return Path(folder)
     found = f"lies in {', '.join(folders)}, where there is no systems/ folder" if folders else "cannot be found by Python"
-    raise InvalidInput(name, None, f"is an installed library whose package {module!r} {found}; install it anew, or tell its authors")
+    raise InvalidInput(name, None, f"is an installed library whose package {module!r} {found}; install it anew, or ask its authors")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -192,12 +192,8 @@ def sizes(path: Path) -> tuple[int, ...]:
     return ()
 
 
-class CannotRun(Exception):
-    """A Python file of a library that cannot be run: which, in which line, and why."""
-
-    def __init__(self, path: Path, line: int | None, problem: str) -> None:
-        super().__init__(path, line, problem)
-        self.path, self.line, self.problem = path, line, problem
+class CannotRun(InvalidInput):
+    """A Python file of a library that is not Python, or raises."""
 
 
 def run_file(path: Path, name: str) -> ModuleType:

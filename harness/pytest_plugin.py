@@ -7,6 +7,7 @@ the same for a project's own runs. No engine is imported when this module loads.
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,8 +113,8 @@ class _Regression:
         self.config = config
         self.library = library
         self.chosen = chosen
-        self._workers: Workers | None = None
-        self._diagnosing: Workers | None = None
+        self._exit = contextlib.ExitStack()
+        self._started: dict[str, Workers] = {}
         self._distributed = hasattr(config, "workerinput")
         # By the systems that run together; all of them under one name where nothing is distributed.
         self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
@@ -131,9 +132,7 @@ class _Regression:
         self._wanted = sorted({item.system for item in items}), sorted({item.subject for item in items})
 
     def pytest_sessionfinish(self) -> None:
-        for workers in (self._workers, self._diagnosing):
-            if workers is not None:
-                workers.__exit__(None, None, None)
+        self._exit.close()
 
     def pytest_report_header(self) -> str:
         states, seed = self.config.getoption("--harness-states"), self.config.getoption("--harness-seed")
@@ -156,7 +155,6 @@ class _Regression:
         return self._known[system, subject]
 
     def _advance(self, system: str) -> None:
-        """Wait for the next record of the cross-check that ``system`` belongs to."""
         _, coming = self._check_of(system)
         [record] = next(coming).value.records
         self._known[record.system, record.subject] = record
@@ -177,50 +175,44 @@ class _Regression:
             while len([known for known in self._known if known[0] == system]) < len(check.subjects):
                 self._advance(system)
             records = [record for record in self._known.values() if record.system == system]
-            if self._diagnosing is None:
-                # Not the workers of the check, on which other records are still to come.
-                self._diagnosing = self._started_workers()
             diagnosed = sum(map(len, self._causes.values()))
             evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
-            found = find_causes(check.settings, records, self._diagnosing, evaluations=evaluations, crashes=check.crashes)
+            found = find_causes(check.settings, records, self._workers("diagnosis"), evaluations=evaluations, crashes=check.crashes)
             self._causes[system] = {cause.subject: cause for cause in found}
         return self._causes[system].get(subject), check.settings.diagnosis(system)
 
     def _check_of(self, system: str) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that ``system`` belongs to, and its records to come."""
+        from harness.crosscheck.run import CrossCheck
+        from harness.crosscheck.settings import Settings
         from harness.study import run_study
 
         group = system if self._distributed else ""
         if group not in self._checks:
-            check = self._start([system] if self._distributed else self._wanted[0])
-            if self._workers is None:
-                self._workers = self._started_workers()
-            self._checks[group] = check, run_study(check, self._workers)
+            settings = Settings(
+                library=self.library,
+                names=[system] if self._distributed else self._wanted[0],
+                subjects=self._wanted[1],
+                states=self.config.getoption("--harness-states"),
+                seed=self.config.getoption("--harness-seed"),
+                replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
+            )
+            check = CrossCheck(settings)
+            self._checks[group] = check, run_study(check, self._workers("check"))
         return self._checks[group]
 
-    def _start(self, names: list[str]) -> CrossCheck:
-        from harness.crosscheck.run import CrossCheck
-        from harness.crosscheck.settings import Settings
-
-        option = self.config.getoption
-        settings = Settings(
-            library=self.library,
-            names=names,
-            subjects=self._wanted[1],
-            states=option("--harness-states"),
-            seed=option("--harness-seed"),
-            replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
-        )
-        return CrossCheck(settings)
-
-    def _started_workers(self) -> Workers:
+    def _workers(self, work: str) -> Workers:
+        """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
         from harness.workers import Scheduler, Workers
 
+        if work in self._started:
+            return self._started[work]
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
         address = option("--harness-scheduler")
         scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
-        return Workers(count, scheduler, option("--harness-time-limit")).__enter__()
+        self._started[work] = self._exit.enter_context(Workers(count, scheduler, option("--harness-time-limit")))
+        return self._started[work]
 
 
 class SystemFile(pytest.File):
@@ -252,43 +244,17 @@ class CrossCheckItem(pytest.Item):
         record = self.regression.record(self.system, self.subject)
         self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
         if not record.as_expected:
-            raise NotAsExpected(record, *self.regression.cause(self.system, self.subject))
-        superfluous = self.regression.superfluous(self.system, self.subject)
-        if superfluous:
-            raise Superfluous(superfluous)
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        if isinstance(excinfo.value, NotAsExpected | Superfluous):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
+            pytest.fail(_explained(record, *self.regression.cause(self.system, self.subject)), pytrace=False)
+        if superfluous := self.regression.superfluous(self.system, self.subject):
+            pytest.fail("\n".join(["superfluous parts of the model:", *(f"  {part}" for part in superfluous)]), pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         return self.path, None, f"{self.system}[{self.subject}]"
 
 
-class Superfluous(Exception):
-    """A model that agrees but holds more than its scene needs; prints each part with its line."""
-
-    def __init__(self, findings: list[SuperfluousPart]) -> None:
-        super().__init__(findings)
-        self.findings = findings
-
-    def __str__(self) -> str:
-        return "\n".join(["superfluous parts of the model:", *(f"  {finding}" for finding in self.findings)])
-
-
-class NotAsExpected(Exception):
-    """A record whose verdict is not the expected one; prints what a person needs to go on, and the cause as far as it is known."""
-
-    def __init__(self, record: Record, cause: Cause | None, diagnosis: str) -> None:
-        super().__init__(record, cause, diagnosis)
-        self.record = record
-        self.cause = cause
-        self.diagnosis = diagnosis
-
-    def __str__(self) -> str:
-        if self.cause is None:
-            return self.record.explanation
-        of_cause = [f"  {self.cause.inference}", *(f"  {term}" for term in self.cause.terms), f"  cause: {self.cause.first_line}"]
-        of_cause.append(f"  the whole diagnosis: {self.diagnosis}")
-        return "\n".join([self.record.explanation, *dict.fromkeys(of_cause)])
+def _explained(record: Record, cause: Cause | None, diagnosis: str) -> str:
+    """Everything a person needs to go on from an unexpected record, with the cause as far as it is known."""
+    if cause is None:
+        return record.explanation
+    of_cause = [f"  {cause.inference}", *(f"  {term}" for term in cause.terms), f"  cause: {cause.first_line}"]
+    return "\n".join([record.explanation, *dict.fromkeys(of_cause), f"  the whole diagnosis: {diagnosis}"])

@@ -1,4 +1,4 @@
-"""What the harness keeps between runs and within a process, and how it writes files.
+"""The cache between runs and within a process, and the atomic writing of files.
 
 An entry of the cache is text under a name that hashes what it was made from; it carries its own digest, so that a
 damaged entry counts as missing. What is made by code is named after the sources of the whole rooms that make it.
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class Kept(Generic[T]):
-    """What was last made in this process, by key: compiled kernels and loaded models."""
+    """The objects last made in this process, by key: compiled kernels and loaded models."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -35,7 +35,7 @@ class Kept(Generic[T]):
         self._found.clear()
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What ``make`` gave for ``key``; the one that was used longest ago goes when there are too many."""
+        """The result of ``make`` for ``key``; the one that was used longest ago goes when there are too many."""
         if key not in self._found:
             self._found[key] = make()
             if len(self._found) > self._most:

@@ -10,7 +10,7 @@ AGREEMENT = 64.0
 
 
 class Verdict(StrEnum):
-    """What a comparison says; in ascending order of severity."""
+    """The result of a comparison; in ascending order of severity."""
 
     AGREES = "agrees"
     UNDECIDED = "undecided"

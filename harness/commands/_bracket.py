@@ -1,4 +1,4 @@
-"""The bracket around every command that computes: its options, its run, worker processes, progress, JSON, and exit status."""
+"""The bracket around every command: its options, its run, worker processes, progress, JSON, and exit status."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from harness.commands import _options as options
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
-    from harness.results.records import Run
+    from harness.results.records import Record, Run
     from harness.results.study_result import StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Bracket:
-    """What every command that computes is given.
+    """The first argument of a command.
 
     Attributes:
         library_path, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has them.
@@ -93,17 +95,12 @@ class Bracket:
         """
         from harness.results.history import History
 
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            problem = f"cannot be made: {error.strerror}; name a folder that can be written with --out"
-            raise InvalidInput(self.directory, None, problem) from error
         return self._exit.enter_context(History(self.directory / "history.sqlite"))
 
     def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
         """Run a study to the end and return its result: progress, each part into the history, and the JSON file after each.
 
-        ``document`` gives the arguments of ``write_json``. ``kept`` is False for a study whose parts are no part of the run's.
+        ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
         from harness.commands._terminal import progress
         from harness.study import run_study
@@ -122,19 +119,42 @@ class Bracket:
         if self.number is not None:
             self.history.append(self.number, found)
 
-    def write_json(self, records: Sequence[Any] = (), **rest: Any) -> None:
-        """Write the JSON file that was asked for, if one was."""
-        from harness.results.records import write_json
+    def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
+        """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
+        from harness.results.records import to_json
+        from harness.storage import write_atomically
 
         if self.json_path:
-            write_json(self.json_path, self.run, records, **rest)
+            write_atomically(self.json_path, to_json(self.run, records, **parts))
+
+    def write_page(self, number: int | None = None) -> None:
+        """Write the report of a run, by default the latest of the library, with the latest benchmark and atlas of that library.
+
+        Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
+        """
+        from harness.report import build, build_measured, write
+        from harness.results.atlas import Atlas
+        from harness.results.benchmark import Benchmark
+        from harness.results.cross_check import CrossCheckResult
+
+        history, library = self.history, self.library.name
+        benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
+        runs = history.studies(CrossCheckResult, library)
+        if number is None:
+            number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
+        if number is not None:
+            files = build(runs[number], history.read(number, CrossCheckResult), history.earlier(number), benchmark, atlas)
+        elif benchmark is not None or atlas is not None:
+            files = build_measured(benchmark, atlas)
+        else:
+            return
+        write(self.directory, files)
+        click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""
         options.report_errors(problems)
-        if crashed:
-            sys.exit(options.CRASHED)
-        sys.exit(options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+        sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
 
 
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:

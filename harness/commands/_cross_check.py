@@ -23,8 +23,7 @@ def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
     found.records.sort(key=lambda record: (record.system, record.subject))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, causes=found.causes))
-    further = {"causes": [cause.as_json() for cause in found.causes]} if found.causes else None
-    bracket.write_json(found.records, superfluous=found.superfluous, further=further)
+    bracket.write_json(found.records, superfluous=found.superfluous, **({"causes": found.causes} if found.causes else {}))
     return study
 
 

@@ -1,4 +1,4 @@
-"""What commands share: exit statuses, options, and errors as messages."""
+"""The options and exit statuses that commands share, and errors as messages."""
 
 from __future__ import annotations
 
@@ -10,24 +10,9 @@ from typing import Any
 
 import click
 
-from harness.errors import InvalidInput, InvalidRequest
-
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
-
-
-def reporting_errors(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn the errors of input files and names into one message and exit status 2."""
-
-    @functools.wraps(command)
-    def wrapper(*arguments: Any, **options: Any) -> None:
-        try:
-            command(*arguments, **options)
-        except (InvalidInput, InvalidRequest) as error:
-            report_errors([error])
-
-    return wrapper
 
 
 def report_errors(problems: Sequence[Exception]) -> None:
@@ -38,13 +23,6 @@ def report_errors(problems: Sequence[Exception]) -> None:
         sys.exit(INVALID)
 
 
-library_option = click.option(
-    "--library",
-    "library_path",
-    metavar="DIR",
-    help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
-)
-json_option = click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file.")
 _PEM_FILE = click.Path(exists=True, dir_okay=False)
 
 
@@ -76,8 +54,13 @@ def scheduler_option(command: Callable[..., None]) -> Callable[..., None]:
 
 
 BY_NAME: dict[str, Callable[..., Any]] = {
-    "library": library_option,
-    "json": json_option,
+    "library": click.option(
+        "--library",
+        "library_path",
+        metavar="DIR",
+        help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
+    ),
+    "json": click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file."),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
     "workers": click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default."),
     "scheduler": scheduler_option,

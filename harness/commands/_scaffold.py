@@ -11,14 +11,14 @@ import keyword
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
+from harness.results.table import number_text
 
-MOST_DEGREES_OF_FREEDOM = 12
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -44,11 +44,8 @@ def chain(count: int) -> list[Plate]:
     They are wide and ever lighter, because a long chain of equal bars is ill-conditioned: that would be a
     test of engines, not an example.
     """
-    whole = Plate(mass=6.0, length=0.25, inertia=1.5, stiffness=20.0, damping=0.5)
-    return [
-        replace(whole, mass=whole.mass * half, inertia=whole.inertia * half, stiffness=whole.stiffness * half, damping=whole.damping * half)
-        for half in (0.5**i for i in range(count))
-    ]
+    halves = [0.5**number for number in range(count)]
+    return [Plate(mass=6.0 * half, length=0.25, inertia=1.5 * half, stiffness=20.0 * half, damping=0.5 * half) for half in halves]
 
 
 def write_example(directory: Path, name: str | None = None, degrees_of_freedom: int = 1, engine: str | None = None) -> list[Path]:
@@ -130,7 +127,6 @@ def _render(template: str, name: str, plates: Sequence[Plate] = ()) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    # The shortest decimal that reads back as the same float64.
-    environment.filters["number"] = lambda value: repr(float(value)).removesuffix(".0")
+    environment.filters["number"] = number_text
     source = files("harness").joinpath("commands", "templates", template).read_text("utf-8")
     return environment.from_string(source).render(name=name, plates=plates)

@@ -6,7 +6,8 @@ import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from harness.diagnosis.faults.smallest import SmallestChange
     from harness.diagnosis.faults.summary import KindOfFault
     from harness.diagnosis.held import Difference
+    from harness.report.benchmarks import BenchmarkSummary
+    from harness.report.hard_cases import HardSummary
     from harness.results.causes import Cause
     from harness.results.superfluous import SuperfluousPart
 
@@ -62,6 +65,14 @@ def print_titled(title: str, table: Table) -> None:
         console().print(table.terminal())
 
 
+def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
+    """A line for all that could not be measured, and for all that is not as expected."""
+    for problem in measured.problems:
+        click.echo(f"\nnot measured: {problem}")
+    for sentence in measured.unexpected:
+        click.echo(f"\nnot as expected: {sentence}")
+
+
 def print_unexpected(records: Sequence[Record]) -> None:
     """Each unexpected record, and the number of expected ones."""
     unexpected = [record for record in records if not record.as_expected]
@@ -75,8 +86,8 @@ def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     """A line for each part of a model that its scene does not need."""
     if findings:
         click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
-    for finding in sorted(findings, key=lambda finding: (finding.path, finding.subject, finding.line)):
-        click.echo(f"  {finding}")
+    for part in sorted(findings, key=attrgetter("path", "subject", "line")):
+        click.echo(f"  {part}")
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
@@ -84,14 +95,12 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
     Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
-    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
         click.echo(f"\n{system}: {inference}")
         for cause in own:
-            if cause.is_shared:
-                click.echo(f"  {cause.subject}: as {cause.diagnosed}")
-            else:
-                for line in [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]:
-                    click.echo(f"  {cause.subject}: {line}")
+            lines = [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]
+            for line in [f"as {cause.diagnosed}"] if cause.is_shared else lines:
+                click.echo(f"  {cause.subject}: {line}")
     if causes:
         systems = {cause.system for cause in causes}
         click.echo(f"\nthe whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
@@ -99,33 +108,38 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
     """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
-    for (system, inference), own in itertools.groupby(causes, key=lambda cause: (cause.system, cause.inference)):
+    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
         click.echo(f"\n{system}: {inference}")
         for difference in held:
             click.echo(f"  held after loading: {difference}")
         for cause in own:
             click.echo(f"\n{cause.subject}")
-            if cause.is_shared:
-                click.echo(f"  as {cause.diagnosed}, which reads the same file")
-            else:
-                for line in [*cause.terms, *itertools.chain.from_iterable(cause.sides)]:
-                    click.echo(f"  {line}")
+            lines = [*cause.terms, *itertools.chain.from_iterable(cause.sides)]
+            for line in [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else lines:
+                click.echo(f"  {line}")
 
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
     from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 
-    rows: list[list[object]] = []
-    for found in caught:
-        ratio = Cell(found.ratio, tone="" if found.as_in_theory else "surprise")
-        where = f"{found.file}:{found.place.line}"
-        rows.append([found.system, found.subject, where, found.number, found.value, found.smallest, found.theory, ratio])
     if not caught:
         click.echo("no live numbers: no model was walked")
         return
-    figures = [Column("value", "given"), Column("smallest caught", "error"), Column("theory", "error"), Column("ratio", "rounded")]
-    console().print(Table(["system", "subject", "where", "number", *figures], rows).terminal())
+    table = Table.of(
+        caught,
+        {
+            "system": "system",
+            "subject": "subject",
+            "where": lambda found: f"{found.file}:{found.place.line}",
+            "number": "number",
+            Column("value", "given"): "value",
+            Column("smallest caught", "error"): "smallest",
+            Column("theory", "error"): "theory",
+            Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
+        },
+    )
+    console().print(table.terminal())
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     click.echo(
@@ -135,17 +149,16 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     """One row per kind of fault of a campaign, and one for all."""
-    rows: list[list[object]] = []
-    for one in kinds:
-        shares = [f"{count / one.judged:.0%}" if one.judged else "" for count in (one.named, one.in_class)]
-        numbers = [one.smallest, one.theory, one.seconds, one.longest]
-        rows.append([one.kind, one.planted, one.live, one.caught, one.judged, *shares, one.blamed, *numbers])
     if not kinds:
         click.echo("no faults: no model was found to plant them in")
         return
-    counts = [Column(title, "count") for title in ("planted", "live", "caught", "judged", "named first", "in class", "blamed")]
-    numbers_shown = [Column("smallest", "error"), Column("theory", "error"), Column("seconds", "error"), Column("longest", "error")]
-    console().print(Table(["kind", *counts, *numbers_shown], rows).terminal())
+    columns: dict[Column | str, Any] = {"kind": "kind"}
+    columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
+    columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
+    columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
+    columns[Column("blamed", "count")] = "blamed"
+    columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
+    console().print(Table.of(kinds, columns).terminal())
     judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""

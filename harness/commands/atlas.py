@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import subjects_option
-from harness.commands._page import write_page
+from harness.commands._terminal import print_sentences, print_titled
 
 
 @click.command("atlas")
@@ -23,14 +21,20 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
 
     Example: harness atlas far_base --subject mujoco/mjcf
     """
-    from harness.commands._atlas_tables import print_atlas
     from harness.hard.atlas_study import AtlasSettings, AtlasStudy
     from harness.hard.cases import STATES
+    from harness.report import hard_tables as tables
+    from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 
     study = AtlasStudy(AtlasSettings(library=bracket.library, cases=cases, subjects=subjects, motion=motion))
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
-    bracket.complete(study, lambda: {"further": {"atlas": asdict(measured)}})
-    print_atlas(run, measured)
-    write_page(bracket.directory, bracket.history, bracket.library.name)
+    bracket.complete(study, lambda: {"atlas": measured})
+    summary = HardSummary(run, measured)
+    print_titled("hard cases", tables.rows_of(summary).without("time"))
+    print_titled("motions that part", tables.partings(summary).without("largest distance"))
+    print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
+    print_sentences(summary)
+    click.echo(f"\n{summary.sentence}")
+    bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._page import write_page
+from harness.commands._terminal import print_sentences, print_titled
+
+if TYPE_CHECKING:
+    from harness.report.benchmarks import BenchmarkSummary
 
 
 @click.command("bench")
@@ -23,8 +28,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     """
     from harness.bench.parts import BenchmarkSettings
     from harness.bench.study import BenchmarkStudy
-    from harness.commands._benchmark_tables import print_benchmark
-    from harness.report.benchmarks import unexpected
+    from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
@@ -32,7 +36,33 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     study = BenchmarkStudy(settings)
     bracket.time_limit = study.thoroughness.time_limit
     run, measured = bracket.begin(study.thoroughness.states, profile, Benchmark), study.result()
-    bracket.complete(study, lambda: {"benchmark": (run, with_cheapest(measured))})
-    print_benchmark(run, measured)
-    write_page(bracket.directory, bracket.history, bracket.library.name)
-    bracket.finish(study.problems, study.crashed, not (measured.problems or any(unexpected(measured))))
+    bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
+    summary = BenchmarkSummary(run, measured)
+    _print_benchmark(summary)
+    bracket.write_page()
+    bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
+
+
+def _print_benchmark(summary: BenchmarkSummary) -> None:
+    """A table for each part that was measured, what is not as expected, and the cheapest ways."""
+    from harness.report import benchmark_tables as tables
+
+    costs = [cost for system in summary.systems for cost in summary.accelerations(system)]
+    print_titled("accelerations", tables.accelerations(costs).without("fastest", "slowest", "timed", "states", "remark"))
+    remarks: dict[tuple[str, str], list[str]] = {}
+    for cost in costs:
+        if cost.note:
+            remarks.setdefault((cost.note, cost.method), []).append(cost.system)
+    for (note, method), systems in remarks.items():
+        click.echo(f"  {method} on {', '.join(systems)}: {note}")
+    print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
+    print_titled("true motion", tables.truths(summary).without("cost", "start"))
+    print_titled("motion", tables.best_motions(summary))
+    print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time"))
+    print_titled("stationary action", tables.paths(summary.benchmark.stationarity))
+    print_titled("figures of the text", tables.figures(summary))
+    for kind in tables.KINDS:
+        print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
+    for text, places in summary.explanations(["as expected", "differs"]).items():
+        click.echo(f"\n{text}\n  {'; '.join(places)}")
+    print_sentences(summary)

@@ -44,8 +44,7 @@ def command(
     found.records.sort(key=lambda record: record.subject)
     causes = causes_of(bracket, study, **({} if evaluations is None else {"evaluations": evaluations}))
     held = find_differences(settings, name, bracket.pool) if causes else []
-    further = {"causes": [cause.as_json() for cause in causes], "held": [difference.as_json() for difference in held]}
-    bracket.write_json(found.records, superfluous=found.superfluous, further=further)
+    bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
     print_table(found.records)
     print_superfluous(found.superfluous)
     if causes:

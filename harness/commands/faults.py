@@ -84,7 +84,7 @@ def command(
         settings = CampaignSettings(kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=bracket.seed, diagnosed=diagnosed)
         study = CampaignStudy(bracket.library, names, settings)
     bracket.begin(states, "faults")
-    rows = bracket.complete(study, lambda: {"further": {"faults": [row.as_json() for row in study.result()]}})
+    rows = bracket.complete(study, lambda: {"faults": [row.as_json() for row in study.result()]})
     for sentence in study.deaths:
         click.echo(f"harness: {sentence}", err=True)
     if rows:

@@ -6,24 +6,23 @@ import json
 
 import click
 
-from harness.commands._options import json_option, library_option, report_errors, reporting_errors
+from harness.commands._bracket import Bracket, computing
+from harness.commands._options import report_errors
 from harness.errors import InvalidInput
 
 
 @click.command("list")
-@library_option
-@json_option
-@reporting_errors
-def command(library_path: str | None, json_path: str | None) -> None:
+@computing(seed=False, workers=False)
+def command(bracket: Bracket) -> None:
     """List mechanisms, engines and installed libraries.
 
     Example: harness list --library mine
     """
     from harness.engines import engine_names, installed_version, load_engine
     from harness.equations.derivation import degrees_of_freedom
-    from harness.library import Library, installed_libraries
+    from harness.library import installed_libraries
 
-    library = Library.at(library_path)
+    library = bracket.library
     installed = list(installed_libraries())
     problems: list[InvalidInput] = []
     systems: dict[str, tuple[int, str]] = {}
@@ -33,7 +32,7 @@ def command(library_path: str | None, json_path: str | None) -> None:
         except InvalidInput as problem:
             problems.append(problem)
     engines = {name: load_engine(library, name) for name in engine_names(library)}
-    if json_path:
+    if bracket.json_path:
         from harness.storage import write_atomically
 
         listed = {
@@ -43,7 +42,7 @@ def command(library_path: str | None, json_path: str | None) -> None:
             ],
             "libraries": installed,
         }
-        write_atomically(json_path, json.dumps(listed, indent=2) + "\n")
+        write_atomically(bracket.json_path, json.dumps(listed, indent=2) + "\n")
     width = max(map(len, [*systems, *engines]))
     for name, (nv, text) in systems.items():
         click.echo(f"{name:<{width}}  {nv:>2} dof  {text}")

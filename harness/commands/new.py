@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from harness.commands._options import reporting_errors
+from harness.commands._bracket import Bracket, computing
 
 
 @click.command("new")
@@ -23,8 +23,8 @@ from harness.commands._options import reporting_errors
     default=".",
     help="Folder of the library, made where it is missing; the current one by default.",
 )
-@reporting_errors
-def command(name: str | None, dof: int, engine: str | None, library_path: str) -> None:
+@computing(library=False, json=False, seed=False, workers=False)
+def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) -> None:
     """Write a working mechanism NAME, or an engine, to edit.
 
     A mechanism is a system file, an MJCF and a URDF; an engine is one Python file. Both agree from the start, and the
@@ -36,6 +36,7 @@ def command(name: str | None, dof: int, engine: str | None, library_path: str) -
 
     if name is None and engine is None:
         raise click.UsageError("name a mechanism to write, or an engine with --engine")
+    library_path = bracket.library_path or "."
     for path in write_example(Path(library_path), name, dof, engine):
         click.echo(f"written: {click.format_filename(path)}")
     watch = ["harness", "check", *([name] if name else []), "--library", library_path]

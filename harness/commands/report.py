@@ -7,7 +7,6 @@ import click
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
 from harness.commands._options import STATES_OF_PROFILE
-from harness.commands._page import write_page
 
 
 @click.command("report")
@@ -30,5 +29,5 @@ def command(bracket: Bracket, profile: str) -> None:
     study = cross_check(bracket, settings)
     ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
-    write_page(bracket.directory, bracket.history, bracket.library.name, bracket.number)
+    bracket.write_page(bracket.number)
     finish(bracket, study)

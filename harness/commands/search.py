@@ -37,7 +37,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
     )
     bracket.begin(settings.budget, "search")
     result = bracket.complete(Search(settings))
-    bracket.write_json(further={"search": result.to_json()})
+    bracket.write_json(search=result.to_json())
     for line in as_lines(result):
         click.echo(line)
     sys.exit(result.status)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.engines._protocol import (
@@ -30,7 +29,7 @@ from harness.engines._protocol import (
     Unsupported,
 )
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
-from harness.library import Library, nearest
+from harness.library import Library, nearest, run_file
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -62,7 +61,8 @@ __all__ = [
 
 def engine_names(library: Library) -> list[str]:
     """Names of all engine files, sorted: those of the harness and those of the library."""
-    return sorted({path.stem for path in _engine_files(library) if not path.stem.startswith("_")})
+    folders = Library.built_in().engines, library.engines
+    return sorted({path.stem for folder in folders for path in folder.glob("*.py") if not path.stem.startswith("_")})
 
 
 def load_engine(library: Library, name: str) -> Engine:
@@ -74,20 +74,12 @@ def load_engine(library: Library, name: str) -> Engine:
     """
     own = library.engines / f"{name}.py"
     built_in = Library.built_in().engines / f"{name}.py"
-    try:
-        if library.engines != built_in.parent and own.is_file():
-            specification = importlib.util.spec_from_file_location(f"_harness_engine_{name}", own)
-            assert specification is not None and specification.loader is not None
-            module = importlib.util.module_from_spec(specification)
-            specification.loader.exec_module(module)
-        elif built_in.is_file():
-            module = importlib.import_module(f"harness.engines.{name}")
-        else:
-            raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
-    except InvalidRequest:
-        raise
-    except Exception as error:
-        raise InvalidInput(own if own.is_file() else built_in, None, f"raises {type(error).__name__}: {error}") from error
+    if library.engines != built_in.parent and own.is_file():
+        module = run_file(own, f"_harness_engine_{name}")
+    elif built_in.is_file():
+        module = importlib.import_module(f"harness.engines.{name}")
+    else:
+        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
     engine: Engine | None = getattr(module, "ENGINE", None)
     if engine is None:
         raise InvalidInput(own if own.is_file() else built_in, None, "defines no ENGINE; see CONTRIBUTING, add an engine")
@@ -111,7 +103,7 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
 
 
 def linear_velocity_in_body(engine: Engine) -> bool:
-    """In which frame the engine gives the linear velocity of a free joint."""
+    """True where the engine gives the linear velocity of a free joint in the body's own frame."""
     return bool(getattr(engine, "linear_velocity_in_body", False))
 
 
@@ -134,7 +126,7 @@ def subjects(library: Library) -> list[Subject]:
 
 
 def is_native(library: Library, subject: Subject) -> bool:
-    """Whether the subject reads the format that is its engine's own: what asks about engines, and not readers, asks those."""
+    """True where the format is the engine's own; a question about engines, and not about readers, goes to such subjects."""
     return load_engine(library, subject.engine).formats[0] == subject.format
 
 
@@ -150,11 +142,6 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
     chosen = [known[name] for name in dict.fromkeys(names)]
     return chosen or [subject for subject in known.values() if not native_only or is_native(library, subject)]
-
-
-def _engine_files(library: Library) -> list[Path]:
-    folders = {Library.built_in().engines, library.engines}
-    return [path for folder in folders for path in folder.glob("*.py")]
 
 
 def require_model(source: Any, engine: str) -> ModelFile:

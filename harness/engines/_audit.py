@@ -25,9 +25,8 @@ def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
     """
     for joint in mechanism.joints:
         if joint not in loaded.joints:
-            raise InvalidModel(
-                model.path, model.root_line, f"has no moving joint {joint!r}, which the system needs; {nearest_joint(joint, loaded)}"
-            )
+            hint = nearest(joint, sorted(loaded.joints)) if loaded.joints else "the model has none at all"
+            raise InvalidModel(model.path, model.root_line, f"has no moving joint {joint!r}, which the system needs; {hint}")
     for joint, (positions, velocities) in loaded.joints.items():
         line = model.joint_lines.get(joint, model.root_line)
         if joint not in mechanism.joints:
@@ -43,12 +42,5 @@ def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
         found_text, expected_text = (" ".join(f"{component + 0.0:g}" for component in vector) for vector in (loaded.gravity, expected))
         raise InvalidModel(model.path, model.gravity_line, f"gravity is {found_text} m/s^2, expected {expected_text} as the system says")
     if abs(loaded.total_mass - mechanism.total_mass) > AUDIT_TOLERANCE * mechanism.total_mass:
-        raise InvalidModel(
-            model.path,
-            model.root_line,
-            f"the moving bodies have {loaded.total_mass:.10g} kg in all, expected {mechanism.total_mass:.10g} kg as the system says",
-        )
-
-
-def nearest_joint(joint: str, loaded: LoadedModel) -> str:
-    return nearest(joint, sorted(loaded.joints)) if loaded.joints else "the model has none at all"
+        masses = f"{loaded.total_mass:.10g} kg in all, expected {mechanism.total_mass:.10g} kg as the system says"
+        raise InvalidModel(model.path, model.root_line, f"the moving bodies have {masses}")

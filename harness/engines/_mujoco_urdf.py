@@ -1,4 +1,4 @@
-"""What MuJoCo's URDF reader passes over, supplied to its ``MjSpec`` before compilation; MuJoCo then computes it.
+"""URDF elements that MuJoCo's reader passes over, supplied to its ``MjSpec`` before compilation; MuJoCo then computes them.
 
 The reader gives bodies, joints, inertias and ``<dynamics damping>``. From the same file are added: springs in joints and
 between points (as tendons), reflected inertias and a ball joint at the root. The harness gives gravity, switches off the
@@ -81,7 +81,7 @@ def _text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class WrittenBack:
-    """What the file gives a body that was compiled with more.
+    """The mass or inertia that the file gives a body which was compiled with more.
 
     Attributes:
         body: its name. attribute: "mass" [kg], or "inertia" [kg m^2], whose ``place`` is that of the principal axis.
@@ -171,7 +171,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
                 written_back += [change] if isinstance(change, WrittenBack) else []
                 yield change
     if _has_fixed_child(document.root, {change.body for change in written_back}):
-        # Links fused into such a body could no more be told from it.
+        # Links fused into such a body would be indistinguishable from it.
         yield Edit("compiler", "", {"fusestatic": False})
     for armature in file.armatures:
         yield Edit("joint", armature.joint, {"armature": armature.reflected_inertia})

@@ -29,33 +29,25 @@ class ForceElements:
 
     def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace] | None = None) -> None:
         self._model = model
-        self._places = joint_places(model) if places is None else places
         self._data = model.createData()
         self.elements = tuple(elements)
-        self._joint_springs = [element for element in elements if isinstance(element, JointSpring)]
-        self._joint_dampers = [element for element in elements if isinstance(element, JointDamper)]
-        self._point_springs = [element for element in elements if isinstance(element, PointSpring)]
-        springs = [(self._joint(spring.joint), spring) for spring in self._joint_springs]
-        dampers = [(self._joint(damper.joint), damper) for damper in self._joint_dampers]
+        joints = joint_places(model) if places is None else places
+        springs = [(joints[element.joint], element) for element in elements if isinstance(element, JointSpring)]
+        dampers = [(joints[element.joint], element) for element in elements if isinstance(element, JointDamper)]
         # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.
-        self._springs_at = [(joint.idx_q, joint.idx_v, spring.stiffness, spring.reference) for joint, spring in springs]
-        self._dampers_at = [(slice(joint.idx_v, joint.idx_v + joint.nv), damper.damping) for joint, damper in dampers]
+        self._joint_springs = [(joint.idx_q, joint.idx_v, spring.stiffness, spring.reference) for joint, spring in springs]
+        self._joint_dampers = [(slice(joint.idx_v, joint.idx_v + joint.nv), damper.damping) for joint, damper in dampers]
+        self._point_springs = [element for element in elements if isinstance(element, PointSpring)]
 
     @property
     def empty(self) -> bool:
-        """Whether there are none."""
-        return not (self._joint_springs or self._joint_dampers or self._point_springs)
+        """True where there are none."""
+        return not self.elements
 
     def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
         """(nv, n) forces [N or N m] at configurations (nq, n) and velocities (nv, n)."""
         forces = np.zeros_like(velocity)
-        for spring in self._joint_springs:
-            joint = self._joint(spring.joint)
-            forces[joint.idx_v] -= spring.stiffness * (configuration[joint.idx_q] - spring.reference)
-        for damper in self._joint_dampers:
-            joint = self._joint(damper.joint)
-            rows = slice(joint.idx_v, joint.idx_v + joint.nv)
-            forces[rows] -= damper.damping * velocity[rows]
+        self._add_of_joints(forces, configuration, velocity)
         if self._point_springs:
             for column in range(velocity.shape[1]):
                 forces[:, column] += self._of_point_springs(configuration[:, column], velocity[:, column])
@@ -64,11 +56,14 @@ class ForceElements:
     def at(self, configuration: Array, velocity: Array) -> Array:
         """(nv,) forces [N or N m] at one configuration (nq,) and velocity (nv,), without the overhead of a batch."""
         forces = self._of_point_springs(configuration, velocity) if self._point_springs else np.zeros(self._model.nv)
-        for position, row, stiffness, reference in self._springs_at:
-            forces[row] -= stiffness * (configuration[position] - reference)
-        for rows, damping in self._dampers_at:
-            forces[rows] -= damping * velocity[rows]
+        self._add_of_joints(forces, configuration, velocity)
         return forces
+
+    def _add_of_joints(self, forces: Array, configuration: Array, velocity: Array) -> None:
+        for position, row, stiffness, reference in self._joint_springs:
+            forces[row] -= stiffness * (configuration[position] - reference)
+        for rows, damping in self._joint_dampers:
+            forces[rows] -= damping * velocity[rows]
 
     def ends_of_point_springs(self, configuration: Array) -> list[tuple[PointSpring, Array]]:
         """Each spring between points with its ends in the world at one configuration (nq,) [m], (2, 3)."""
@@ -78,9 +73,6 @@ class ForceElements:
         return [
             (spring, np.array([self._point(body, np.array(point))[0] for body, point in spring.ends])) for spring in self._point_springs
         ]
-
-    def _joint(self, name: str) -> JointPlace:
-        return self._places[name]
 
     def _of_point_springs(self, configuration: Array, velocity: Array) -> Array:
         import pinocchio

@@ -1,11 +1,11 @@
-"""What a ``pinocchio.Model`` holds after loading, placed in the world by Pinocchio's own kinematics.
+"""Joints, bodies and springs that a ``pinocchio.Model`` holds after loading, placed in the world by Pinocchio's own kinematics.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, sections 4.4 (joint models) and 7.3; Pinocchio 4 documentation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,15 +18,29 @@ from harness.models.model_file import JointDamper, JointSpring
 _KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
 
 
-def held(model: Any, places: Mapping[str, JointPlace], force_elements: ForceElements) -> HeldModel:
-    """``model`` with every position at 0 and every quaternion at the identity.
+def held(
+    model: Any,
+    places: Mapping[str, JointPlace],
+    force_elements: ForceElements,
+    positions: Mapping[str, float],
+    steps: Mapping[str, Sequence[float]],
+) -> HeldModel:
+    """``model`` in the configuration of ``Model``, which leaves composite joints at zero; their parts share one ``moved``.
 
     ``places`` name the joints, the parts of composite ones too; ``force_elements`` are what the harness adds to ABA.
     """
     import pinocchio
 
     elements, data = force_elements.elements, model.createData()
-    pinocchio.forwardKinematics(model, data, pinocchio.neutral(model))
+    configuration, velocity = pinocchio.neutral(model), np.zeros(model.nv)
+    for name, value in positions.items():
+        configuration[places[name].idx_q] = value
+    for name, step in steps.items():
+        velocity[places[name].idx_v : places[name].idx_v + len(step)] = step
+    if steps:
+        configuration = pinocchio.integrate(model, configuration, velocity)
+    pinocchio.forwardKinematics(model, data, configuration)
+    body_names = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pinocchio.FrameType.BODY}
     names = {place.idx_v: name for name, place in places.items()}
     joints: dict[str, HeldJoint] = {}
     bodies: dict[str, HeldBody] = {}
@@ -50,6 +64,7 @@ def held(model: Any, places: Mapping[str, JointPlace], force_elements: ForceElem
                 kind=kind,
                 parent=parent,
                 anchor=frame.translation.copy(),
+                moved=after.translation.copy(),
                 axis=np.zeros(3) if turning else angular if kind == "hinge" else linear,
                 armature=float(model.armature[part.idx_v]),
                 damping=sum(element.damping for element in elements if isinstance(element, JointDamper) and element.joint == name),
@@ -60,10 +75,11 @@ def held(model: Any, places: Mapping[str, JointPlace], force_elements: ForceElem
             parent = name
         last.append(parent)
         inertia, turned = model.inertias[number], after.rotation.astype(np.longdouble)
-        bodies[parent] = HeldBody(float(inertia.mass), after.act(inertia.lever), (turned @ inertia.inertia @ turned.T).astype(np.float64))
+        about_centre = (turned @ inertia.inertia @ turned.T).astype(np.float64)
+        bodies[parent] = HeldBody(float(inertia.mass), after.act(inertia.lever), about_centre, body_names.get(number, ""))
     springs_between_points = tuple(
         HeldSpring(ends, spring.stiffness, spring.damping, spring.free_length)
-        for spring, ends in force_elements.ends_of_point_springs(pinocchio.neutral(model))
+        for spring, ends in force_elements.ends_of_point_springs(configuration)
         if spring.stiffness or spring.damping
     )
     return HeldModel(model.gravity.linear.copy(), joints, bodies, springs_between_points)

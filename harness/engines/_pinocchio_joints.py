@@ -1,4 +1,4 @@
-"""Where the joints of a model file stand in Pinocchio's configurations and velocities.
+"""Places of the joints of a model file in Pinocchio's configurations and velocities.
 
 Several joints of one body become one composite joint, which has a name of its own.
 """

@@ -1,4 +1,4 @@
-"""What Pinocchio's MJCF reader passes over or reads otherwise than MuJoCo, and the model it reads.
+"""The model that Pinocchio's MJCF reader gives, and refusals of what it passes over or reads otherwise than MuJoCo.
 
 Gravity, springs and dampers are supplied by the caller from the file (``harness.models.mjcf_forces``). Everything else that the
 harness lets stand in an MJCF and that this reader does not read as MuJoCo does is refused here by name and line.
@@ -46,7 +46,7 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
         try:
             model = pinocchio.buildModelFromMJCF(path)
         except Exception as error:
-            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured.text() or ' '.join(str(error).split())}") from error
+            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured() or ' '.join(str(error).split())}") from error
     return model, _composites(document)
 
 

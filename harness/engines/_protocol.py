@@ -1,4 +1,4 @@
-"""What an engine file provides, and what it gives back: protocols and plain data."""
+"""The protocols of an engine file, and the plain data it returns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """What an engine holds after loading, for the audit.
+    """Joint sizes, gravity and mass that an engine holds after loading, for the audit.
 
     Attributes:
         joints: name of each moving joint to its (number of positions, number of velocities).
@@ -56,7 +56,8 @@ class HeldJoint:
     Attributes:
         kind: "hinge", "slide", "ball", "free" or "planar".
         parent: name of the joint whose body carries it; "" for the world.
-        anchor: a point of the axis, or the centre of a ball [m], (3,). axis: unit vector, (3,); zero for ball, free and planar joints.
+        anchor: a point of the axis, or the centre of a ball [m], (3,), on the parent's side of the joint; moved: the same point on
+            the other side, which a slide or a free joint takes away. axis: unit vector, (3,); zero for ball, free and planar joints.
         armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
             spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
             the harness adds for it, applies them.
@@ -67,6 +68,7 @@ class HeldJoint:
     kind: str
     parent: str
     anchor: Array
+    moved: Array
     axis: Array
     armature: float
     damping: float
@@ -80,12 +82,13 @@ class HeldBody:
     """Everything that moves rigidly with one joint and no further one, in the world's frame with every joint at zero.
 
     Attributes:
-        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3).
+        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3). name: the engine's, "" where it has none.
     """
 
     mass: float
     centre: Array
     inertia: Array
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ class HeldSpring:
 
 @dataclass(frozen=True)
 class HeldModel:
-    """What an engine holds after loading, for the static audit.
+    """Everything that an engine holds after loading, for the static audit.
 
     Attributes:
         gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them; a body without
@@ -123,12 +126,13 @@ class Model(Protocol):
     """A mechanism loaded into an engine.
 
     An engine may also offer ``terms(q, v, tau) -> Terms``, arguments and columns as in ``forward_dynamics``, and
-    ``held() -> HeldModel``; what it does not offer is not judged. For a picture it may offer ``place(positions, steps) ->
-    Placement``: joints of one position at ``positions``, then moved by ``steps`` along their velocities.
+    ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
+    and may be left out. Every joint is at zero, or at ``positions`` [m or rad] for one of one position; then it is moved by
+    ``steps`` along its velocities.
     """
 
     def loaded(self) -> LoadedModel | None:
-        """What the engine holds; None where there is no model file to audit."""
+        """The quantities the audit compares; None where there is no model file to audit."""
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         """qdd, (n, nv), at q of shape (n, nq) and v, tau (n, nv); columns follow the joints given to ``load``.
@@ -139,7 +143,7 @@ class Model(Protocol):
 
 
 class Engine(Protocol):
-    """What an engine file's ``ENGINE`` provides.
+    """The ``ENGINE`` of an engine file.
 
     Attributes:
         requires: importable module and distribution name of the program behind it.

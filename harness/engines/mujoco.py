@@ -9,6 +9,7 @@ Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_placement, _mujoco_urdf, require_model
-from harness.engines._placement import Placement
+from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -43,11 +43,8 @@ class MujocoModel:
         gravity = _mujoco_held.gravity_of(model).tolist()
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
 
-    def held(self) -> HeldModel:
-        return _mujoco_held.held(self.model)
-
-    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
-        return _mujoco_placement.place(self.model, positions, steps)
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
+        return _mujoco_held.held(self.model, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -75,9 +72,29 @@ class MujocoModel:
         return np.ascontiguousarray(accelerations[:, velocities])
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        from harness.engines import _mujoco_terms
+        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers and tendons.
 
-        return _mujoco_terms.terms_of(self.model, self.addresses, q, v, tau)
+        Gravity is the bias force at rest, velocity the bias force without gravity, so that neither is what is left of a difference.
+        Source: MuJoCo documentation, Computation, general framework: M v' + c = tau + J' f; API reference, ``mj_fullM``.
+        """
+        import mujoco
+
+        model, (positions, velocities) = self.model, self.addresses
+        weightless = copy.copy(model)
+        weightless.opt.gravity[:] = 0.0
+        data, without_gravity = mujoco.MjData(model), mujoco.MjData(weightless)
+        mass, (velocity, gravity, passive, applied) = np.empty((len(q), model.nv, model.nv)), np.empty((4, len(q), model.nv))
+        for state in range(len(q)):
+            for each in (data, without_gravity):
+                each.qpos[positions], each.qvel[velocities], each.qfrc_applied[velocities] = q[state], v[state], tau[state]
+                mujoco.mj_forward(each.model, each)
+            mujoco.mj_fullM(model, data, mass[state])
+            passive[state], applied[state], velocity[state] = data.qfrc_passive, data.qfrc_applied, without_gravity.qfrc_bias
+            data.qvel[:] = 0.0
+            mujoco.mj_forward(model, data)
+            gravity[state] = data.qfrc_bias
+        vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (velocity, gravity, passive, applied))
+        return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
     def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.reproducer``."""

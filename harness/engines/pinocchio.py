@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, _pinocchio_placement, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_joints import joint_places
-from harness.engines._placement import Placement
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -50,14 +49,11 @@ class PinocchioModel:
         mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), mass)
 
-    def held(self) -> HeldModel:
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         """See ``harness.engines``; springs and dampers are those the harness adds."""
         from harness.engines import _pinocchio_held
 
-        return _pinocchio_held.held(self.model, self.places, self.force_elements)
-
-    def place(self, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> Placement:
-        return _pinocchio_placement.place(self.model, self.force_elements, positions, steps)
+        return _pinocchio_held.held(self.model, self.places, self.force_elements, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -99,11 +95,27 @@ class PinocchioModel:
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        from harness.engines import _pinocchio_terms
+        """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 
+        Passive are the force elements that the harness adds to ABA, which applies none.
+        Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 (inverse dynamics) and 6 (composite rigid bodies).
+        """
+        import pinocchio
+
+        model, velocities = self.model, self.addresses[1]
+        weightless = pinocchio.Model(model)
+        weightless.gravity.linear = np.zeros(3)
+        data, without_gravity = model.createData(), weightless.createData()
         configuration, velocity, force = self.columns(q, v, tau)
         passive = self.force_elements.generalised_forces(configuration, velocity)
-        return _pinocchio_terms.terms_of(self.model, self.addresses[1], configuration, velocity, force, passive)
+        mass, (bias, gravity) = np.empty((len(q), model.nv, model.nv)), np.empty((2, len(q), model.nv))
+        for state, (position, rate) in enumerate(zip(configuration.T, velocity.T, strict=True)):
+            upper = np.triu(pinocchio.crba(model, data, position))
+            mass[state] = upper + np.triu(upper, 1).T
+            bias[state] = pinocchio.nonLinearEffects(weightless, without_gravity, position, rate)
+            gravity[state] = pinocchio.computeGeneralizedGravity(model, data, position)
+        vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (bias, gravity, passive.T, force.T))
+        return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
     def reading(self, source: str, is_file: bool) -> str:
         """Python text that reads the model into ``m``."""
@@ -154,7 +166,7 @@ class PinocchioEngine:
                 root = () if file.ball_joint is None else (pinocchio.JointModelSpherical(), file.ball_joint)
                 model = pinocchio.buildModelFromXML(file.text, *root)
             except Exception as error:
-                raise ValueError(captured.text() or str(error)) from error
+                raise ValueError(captured() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         for armature in file.armatures:
             model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia

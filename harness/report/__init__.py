@@ -17,8 +17,8 @@ from typing import Any
 from harness.errors import InvalidInput
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.html import render_html, render_measured
-from harness.report.markdown import render_markdown, render_measured_markdown
+from harness.report.html import render_html
+from harness.report.markdown import render_markdown
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
@@ -43,18 +43,10 @@ def build(
     numbers its plots anew on every call.
     """
     summary = Summary(run, found, history)
-    measured, hard = _summaries(benchmark, atlas)
-    told, further = _plain(measured, hard)
-    if found.worst_cases:
-        further["worst_cases"] = found.worst_cases
+    parts: dict[str, Any] = {"superfluous": summary.superfluous} | ({"worst_cases": found.worst_cases} if found.worst_cases else {})
     if summary.causes:
-        further["causes"] = [cause for _, cause in sorted(summary.causes.items())]
-    cards = sorted(found.systems, key=lambda card: card.name)
-    return {
-        "index.html": render_html(summary, measured, hard),
-        "report.md": render_markdown(summary, measured, hard),
-        "report.json": to_json(run, summary.records, cards, summary.superfluous, told, further),
-    }
+        parts["causes"] = [cause for _, cause in sorted(summary.causes.items())]
+    return _files(summary, benchmark, atlas, parts)
 
 
 def build_measured(benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None = None) -> dict[str, str]:
@@ -63,26 +55,23 @@ def build_measured(benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, At
     Raises:
         ValueError: there is neither.
     """
-    measured, hard = _summaries(benchmark, atlas)
-    newest = max((part.run for part in (measured, hard) if part is not None), key=lambda run: run.started)
-    told, further = _plain(measured, hard)
+    return _files(None, benchmark, atlas, {})
+
+
+def _files(
+    summary: Summary | None, benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None, parts: dict[str, Any]
+) -> dict[str, str]:
+    """The files; ``parts`` are those of the JSON file that belong to a cross-check."""
+    measured, hard = BenchmarkSummary(*benchmark) if benchmark else None, HardSummary(*atlas) if atlas else None
+    run = summary.run if summary else max((part.run for part in (measured, hard) if part), key=lambda run: run.started)
+    records, cards = (summary.records, summary.cards) if summary else ([], {})
+    parts |= {"benchmark": {"run": measured.run} | vars(measured.benchmark)} if measured else {}
+    parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
     return {
-        "index.html": render_measured(newest, measured, hard),
-        "report.md": render_measured_markdown(measured, hard),
-        "report.json": to_json(newest, [], benchmark=told, further=further),
+        "index.html": render_html(run, summary, measured, hard),
+        "report.md": render_markdown(summary, measured, hard),
+        "report.json": to_json(run, records, [card for _, card in sorted(cards.items())], **parts),
     }
-
-
-def _summaries(
-    benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None
-) -> tuple[BenchmarkSummary | None, HardSummary | None]:
-    return BenchmarkSummary(*benchmark) if benchmark else None, HardSummary(*atlas) if atlas else None
-
-
-def _plain(measured: BenchmarkSummary | None, hard: HardSummary | None) -> tuple[tuple[Run, Benchmark] | None, dict[str, Any]]:
-    """Their share of the JSON file."""
-    told = (measured.run, measured.benchmark) if measured else None
-    return told, {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
 
 
 def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
+from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_range, new_figure, scatter, styles
 from harness.results.benchmark import AccelerationCost, Growth, MotionCost
 from harness.results.pareto import cost_of, way_of
 from harness.results.table import error_text, seconds_text
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 # What lies beyond sits on the edge of the plot: no rounding error is felt below the first, nothing is right above the last.
 _BACKWARD_ERRORS = 1e-3, 1e18
 _STATE_ERRORS = 1e-17, 10.0
-_LEAST_SPAN = 100.0
 _AXES = {"seconds": "wall time per second of motion [s]", "evaluations": "evaluations of the accelerations per second of motion"}
 
 
@@ -45,30 +43,25 @@ def method_styles(summary: BenchmarkSummary) -> dict[str, Style]:
     return styles(sorted({*summary.methods, *growing}))
 
 
-def integrator_styles(summary: BenchmarkSummary) -> dict[str, Style]:
-    """The style of each integrator, the same in all plots."""
-    return styles(summary.integrators)
-
-
 def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
     costs = [cost for cost in summary.accelerations(system) if cost.seconds_per_state and drawable(cost.backward_error)]
     if not costs:
         return None
-    low, high = _range(
+    low, high = log_range(
         [1.0, AGREEMENT, *(e for cost in costs for e in (cost.backward_error, cost.median_backward_error))], _BACKWARD_ERRORS
     )
-    x_range = _range([cost.seconds_per_state for cost in costs])
+    x_range = log_range([cost.seconds_per_state for cost in costs])
     axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": (low, high)}
     plot = new_figure(380, "time per state [s]", "backward error", **axes)
     _draw_front(
-        plot, [(c.seconds_per_state or 0.0, _inside(c.backward_error, low, high)) for c in acceleration_front(costs)], x_range[1], high
+        plot, [(c.seconds_per_state or 0.0, inside(c.backward_error, low, high)) for c in acceleration_front(costs)], x_range[1], high
     )
     known, chosen = method_styles(summary), [cost for cost in costs if drawable(cost.median_backward_error)]
-    x, medians = [cost.seconds_per_state or 0.0 for cost in chosen], [_inside(cost.median_backward_error, low, high) for cost in chosen]
-    worst = [_inside(cost.backward_error, low, high) for cost in chosen]
+    x, medians = [cost.seconds_per_state or 0.0 for cost in chosen], [inside(cost.median_backward_error, low, high) for cost in chosen]
+    worst = [inside(cost.backward_error, low, high) for cost in chosen]
     plot.segment(x, medians, x, worst, line_color=[known[way_of(cost)][0] for cost in chosen], line_width=1, line_alpha=0.6)
     scatter(plot, [known[way_of(cost)] for cost in chosen], x, medians, _acceleration_columns(chosen), fill_alpha=0.0)
-    x, worst = [cost.seconds_per_state or 0.0 for cost in costs], [_inside(cost.backward_error, low, high) for cost in costs]
+    x, worst = [cost.seconds_per_state or 0.0 for cost in costs], [inside(cost.backward_error, low, high) for cost in costs]
     scatter(plot, [known[way_of(cost)] for cost in costs], x, worst, _acceleration_columns(costs))
     hover(
         plot,
@@ -83,21 +76,21 @@ def _motion(summary: BenchmarkSummary, system: str, by: str) -> plotting.figure 
     costs = [cost for cost in summary.motion(system) if cost.duration and drawable(cost.state_error) and _spent(cost, by) > 0]
     if not costs:
         return None
-    y_range = low, high = _range([cost.state_error for cost in costs], _STATE_ERRORS)
-    x_range = _range([_spent(cost, by) for cost in costs])
+    y_range = low, high = log_range([cost.state_error for cost in costs], _STATE_ERRORS)
+    x_range = log_range([_spent(cost, by) for cost in costs])
     axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": y_range}
     plot = new_figure(380, _AXES[by], "relative error of the end state", **axes)
-    _draw_front(plot, [(_spent(cost, by), _inside(cost.state_error, low, high)) for cost in motion_front(costs, by)], x_range[1], high)
-    known = integrator_styles(summary)
+    _draw_front(plot, [(_spent(cost, by), inside(cost.state_error, low, high)) for cost in motion_front(costs, by)], x_range[1], high)
+    known = styles(summary.integrators)
     lines = {name: [cost for cost in costs if cost.integrator == name] for name in sorted({cost.integrator for cost in costs})}
     plot.multi_line(
         [[_spent(cost, by) for cost in own] for own in lines.values()],
-        [[_inside(cost.state_error, low, high) for cost in own] for own in lines.values()],
+        [[inside(cost.state_error, low, high) for cost in own] for own in lines.values()],
         line_color=[known[name][0] for name in lines],
         line_width=1.2,
         line_alpha=0.7,
     )
-    x, y = [_spent(cost, by) for cost in costs], [_inside(cost.state_error, low, high) for cost in costs]
+    x, y = [_spent(cost, by) for cost in costs], [inside(cost.state_error, low, high) for cost in costs]
     scatter(plot, [known[cost.integrator] for cost in costs], x, y, _motion_columns(costs))
     hover(
         plot,
@@ -112,13 +105,13 @@ def _growth(summary: BenchmarkSummary, label: str, values: Sequence[Sequence[flo
     lines = [(growth, known) for growth, known in lines if known]
     if not lines:
         return None
-    y_range = low, high = _range([value for _, known in lines for _, value in known])
+    y_range = low, high = log_range([value for _, known in lines for _, value in known])
     sizes = [size for _, known in lines for size, _ in known]
     x_range = min(sizes) / 1.3, max(sizes) * 1.3
     plot = new_figure(320, "number of bodies", label, x_axis_type="log", y_axis_type="log", x_range=x_range, y_range=y_range)
     for growth, known in lines:
         style = method_styles(summary)[growth.method]
-        x, y = [size for size, _ in known], [_inside(value, low, high) for _, value in known]
+        x, y = [size for size, _ in known], [inside(value, low, high) for _, value in known]
         plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
         shown = [seconds_text(value) if label.startswith("time") else error_text(value) for _, value in known]
         scatter(plot, style, x, y, {"method": [growth.method] * len(x), "size": [str(size) for size in x], "value": shown})
@@ -164,18 +157,3 @@ def _motion_columns(costs: Sequence[MotionCost]) -> Columns:
         "state": [error_text(cost.state_error) for cost in costs],
         "energy": [error_text(cost.energy_error) for cost in costs],
     }
-
-
-def _inside(value: float | None, low: float, high: float) -> float:
-    """``value``, or just inside the nearer end of the axis, so that the whole marker is seen."""
-    return within(value, low * 1.5, high / 1.5)
-
-
-def _range(values: Iterable[float | None], limits: tuple[float, float] = (1e-300, 1e300), margin: float = 3.0) -> tuple[float, float]:
-    """Ends of a log axis for those of ``values`` that have a place on it."""
-    finite = [value for value in values if value and math.isfinite(value) and value > 0] or [1.0]
-    low = min(max(min(finite) / margin, limits[0]), limits[1] / _LEAST_SPAN)
-    high = min(max(finite) * margin, limits[1])
-    # Within one decade a logarithmic axis has no round numbers to show.
-    widening = max(1.0, math.sqrt(_LEAST_SPAN * low / high))
-    return low / widening, high * widening

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from itertools import groupby
+from operator import attrgetter
 from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
@@ -89,28 +91,25 @@ def best_motions(summary: BenchmarkSummary) -> Table:
     orders = {(order.system, order.integrator): order for order in summary.benchmark.orders}
     rows: list[list[object]] = []
     for system in summary.systems:
-        costs = summary.motion(system)
-        for integrator in sorted({cost.integrator for cost in costs}):
-            known = [(error, cost) for cost in costs if cost.integrator == integrator and (error := error_of(cost)) is not None]
+        for integrator, costs in groupby(summary.motion(system), key=attrgetter("integrator")):
+            known = [(error, cost) for cost in costs if (error := error_of(cost)) is not None]
             error, best = min(known, key=lambda entry: entry[0], default=(None, None))
             order = orders.get((system, integrator))
             about = [order.measured, order.expected, order.verdict] if order else [None, None, ""]
             rows.append([system, integrator, *about, error, cost_of(best) if best else None])
-    numbers = [*_of_kind("rounded", "order", "expected"), Column("verdict"), Column("smallest error", "error")]
-    return Table([*map(Column, ("system", "integrator")), *numbers, Column("time per second of motion", "seconds")], rows)
+    orders_shown = Column("order", "rounded"), Column("expected", "rounded"), "verdict"
+    costs_shown = Column("smallest error", "error"), Column("time per second of motion", "seconds")
+    return Table(["system", "integrator", *orders_shown, *costs_shown], rows)
 
 
 def orders(summary: BenchmarkSummary) -> Table:
     """System by integrator: the measured order of convergence, and a mark where it differs from theory."""
-    columns, rows = summary.order_table()
-    heads = [f"{name} (order {'any' if expected is None else f'{expected:g}'})" for name, expected in columns]
-    return _matrix(heads, rows, _order_cell)
+    return _order_matrix(summary, _order_cell)
 
 
 def order_verdicts(summary: BenchmarkSummary) -> Table:
     """The same with verdicts only, which stay while measured orders vary."""
-    table, (_, rows) = orders(summary), summary.order_table()
-    return Table(table.columns, [[system, *("-" if order is None else order.verdict for order in cells)] for system, cells in rows])
+    return _order_matrix(summary, lambda order: Cell(order.verdict))
 
 
 def drifts(found: Iterable[Drift]) -> Table:
@@ -133,7 +132,7 @@ def drifts(found: Iterable[Drift]) -> Table:
 
 def drift_matrix(summary: BenchmarkSummary) -> Table:
     """System by integrator: how energy wanders."""
-    return _matrix(*summary.drift_table(), _drift_cell)
+    return _matrix({(drift.system, drift.integrator): drift for drift in summary.drifts()}, _drift_cell)
 
 
 def paths(found: Iterable[Stationarity]) -> Table:
@@ -153,7 +152,9 @@ def paths(found: Iterable[Stationarity]) -> Table:
 
 def path_matrix(summary: BenchmarkSummary) -> Table:
     """System by path: the power of ε as which the action changes, at the finest step."""
-    return _matrix(*summary.path_table(), lambda entry: Cell(entry.slope, [f"step {entry.step:.1g} s"], "plain", fills=True))
+    coarse_to_fine = sorted(summary.benchmark.stationarity, key=lambda entry: -entry.step)
+    finest = {(entry.system, entry.path): entry for entry in coarse_to_fine}
+    return _matrix(finest, lambda entry: Cell(entry.slope, [f"step {entry.step:.1g} s"], "plain", fills=True))
 
 
 def figures(summary: BenchmarkSummary) -> Table:
@@ -185,14 +186,17 @@ def cheapest(summary: BenchmarkSummary, kind: str, anchors: Mapping[str, str] | 
     return Table(["system", *heads], rows, caption=_CAPTIONS[kind])
 
 
-def _of_kind(kind: str, *titles: str) -> list[Column]:
-    return [Column(title, kind) for title in titles]
+def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], Cell]) -> Table:
+    """System by column, of entries by both."""
+    columns, empty = sorted({column for _, column in entries}), Cell(None, tone="empty", fills=True)
+    cells = {place: cell(entry) for place, entry in entries.items()}
+    rows = [[system, *(cells.get((system, column), empty) for column in columns)] for system in sorted({system for system, _ in entries})]
+    return Table(["system", *(Column(column, "rounded") for column in columns)], rows, style="matrix numbers")
 
 
-def _matrix(heads: Sequence[str], lines: Sequence[tuple[str, Sequence[_Entry | None]]], cell: Callable[[_Entry], Cell]) -> Table:
-    empty = Cell(None, tone="empty", fills=True)
-    rows = [[system, *(empty if entry is None else cell(entry) for entry in entries)] for system, entries in lines]
-    return Table(["system", *_of_kind("rounded", *heads)], rows, style="matrix numbers")
+def _order_matrix(summary: BenchmarkSummary, cell: Callable[[Order], Cell]) -> Table:
+    orders = [(order, "any" if order.expected is None else f"{order.expected:g}") for order in summary.benchmark.orders]
+    return _matrix({(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}, cell)
 
 
 def _order_cell(order: Order) -> Cell:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.figures import (
     GREY,
-    HIGHEST,
-    LOWEST,
     RED,
     Columns,
-    Style,
-    clipped,
     drawable,
     hover,
     line_across,
+    log_range,
     new_figure,
     scatter,
     styles,
@@ -33,11 +29,6 @@ if TYPE_CHECKING:
 
 # Half decade below which a distribution is not drawn: 1e-8.
 LEAST_SHOWN = -16
-
-
-def subject_styles(summary: Summary) -> dict[str, Style]:
-    """The style of each subject, the same in all plots."""
-    return styles(summary.subjects)
 
 
 def half_decades(record: Record) -> dict[int, int]:
@@ -67,7 +58,7 @@ def _overview(summary: Summary) -> plotting.figure | None:
     compared = [record for record in summary.records if drawable(record.backward_error)]
     if not compared:
         return None
-    low, high = _range(record.backward_error for record in compared)
+    low, high = log_range([1.0, AGREEMENT, *(record.backward_error for record in compared)])
     rows, count = summary.systems, len(summary.subjects)
     height = 50 + len(rows) * max(28, 12 * count)
     plot = new_figure(height, "worst backward error", "", x_axis_type="log", x_range=(low, high), y_range=(len(rows) - 0.5, -0.5))
@@ -78,7 +69,7 @@ def _overview(summary: Summary) -> plotting.figure | None:
         shown = [record for record in compared if record.subject == subject]
         offset = 0.7 * ((summary.subjects.index(subject) + 0.5) / count - 0.5)
         columns = _columns(shown, low, high)
-        scatter(plot, subject_styles(summary)[subject], columns["size"], [rows.index(record.system) + offset for record in shown], columns)
+        scatter(plot, styles(summary.subjects)[subject], columns["size"], [rows.index(record.system) + offset for record in shown], columns)
     hover(plot, system="@system", subject="@subject", verdict="@verdict", **{"backward error": "@error"})
     line_across(plot, "height", AGREEMENT, RED)
     return plot
@@ -94,7 +85,7 @@ def _distribution(summary: Summary, system: str) -> plotting.figure | None:
     low, high = min(_edge(first), 1.0) / 2, max(_edge(last + 1), AGREEMENT) * 2
     plot = new_figure(260, "backward error", "states", x_axis_type="log", y_axis_type="log", x_range=(low, high), y_range=(0.5, 2.0 * most))
     for record, bins in filled:
-        colour, _, _ = subject_styles(summary)[record.subject]
+        colour, _, _ = styles(summary.subjects)[record.subject]
         indices = range(min(bins), max(bins) + 1)
         # Counts of zero sit on the floor of the log axis, half a state.
         tops = [0.5, *(bins.get(index, 0.5) for index in indices), 0.5]
@@ -108,7 +99,7 @@ def _distribution(summary: Summary, system: str) -> plotting.figure | None:
         }
         scatter(
             plot,
-            subject_styles(summary)[record.subject],
+            styles(summary.subjects)[record.subject],
             [10 ** ((index + 0.5) / 2) for index in held],
             [bins[index] for index in held],
             columns,
@@ -124,18 +115,18 @@ def _cost(summary: Summary, system: str) -> plotting.figure | None:
         return None
     card = summary.cards.get(system)
     reference = card.reference_seconds_per_state if card else None
-    times = [clipped(seconds) for seconds in (*(r.seconds_per_state for r in shown), reference) if seconds and drawable(seconds)]
-    low, high = _range(record.backward_error for record in shown)
-    x_range = (max(min(times) / 4, LOWEST), min(max(times) * 4, HIGHEST))
+    times = [within(seconds) for seconds in (*(r.seconds_per_state for r in shown), reference) if seconds and drawable(seconds)]
+    low, high = log_range([1.0, AGREEMENT, *(record.backward_error for record in shown)])
+    x_range = log_range(times)
     axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": (low, high)}
     plot = new_figure(260, "time per state [s]", "worst backward error", **axes)
     for record in shown:
         columns = _columns([record], low, high)
-        scatter(plot, subject_styles(summary)[record.subject], [clipped(record.seconds_per_state)], columns["size"], columns)
+        scatter(plot, styles(summary.subjects)[record.subject], [within(record.seconds_per_state)], columns["size"], columns)
     hover(plot, subject="@subject", **{"time per state": "@seconds", "backward error": "@error"})
     line_across(plot, "width", AGREEMENT, RED)
     if reference and drawable(reference):
-        line_across(plot, "height", clipped(reference), GREY)
+        line_across(plot, "height", within(reference), GREY)
     return plot
 
 
@@ -143,17 +134,17 @@ def _trend(summary: Summary) -> plotting.figure | None:
     points = {subject: [p for p in values if drawable(p[1])] for subject, values in summary.trend().items()} if summary.earlier else {}
     if not any(points.values()):
         return None
-    low, high = _range(value for values in points.values() for _, value in values)
+    low, high = log_range([1.0, AGREEMENT, *(value for values in points.values() for _, value in values)])
     plot = new_figure(280, "run started (UTC)", "worst backward error", x_axis_type="datetime", y_axis_type="log", y_range=(low, high))
     for subject, values in points.items():
         x, y = [moment for moment, _ in values], [within(value, low, high) for _, value in values]
-        plot.line(x, y, line_color=subject_styles(summary)[subject][0], line_width=1.5)
+        plot.line(x, y, line_color=styles(summary.subjects)[subject][0], line_width=1.5)
         columns: Columns = {
             "subject": [subject] * len(x),
             "started": [f"{moment:%Y-%m-%d %H:%M}" for moment in x],
             "error": [error_text(value) for _, value in values],
         }
-        scatter(plot, subject_styles(summary)[subject], x, y, columns)
+        scatter(plot, styles(summary.subjects)[subject], x, y, columns)
     hover(plot, subject="@subject", started="@started", **{"backward error": "@error"})
     line_across(plot, "width", AGREEMENT, RED)
     return plot
@@ -172,10 +163,3 @@ def _columns(records: Sequence[Record], low: float, high: float) -> Columns:
 
 def _edge(index: int) -> float:
     return float(10.0 ** (index / 2))
-
-
-def _range(values: Iterable[float | None]) -> tuple[float, float]:
-    """Ends of a log axis that shows 1, the limit and every value that has a place on it."""
-    finite = [value for value in values if value and math.isfinite(value)]
-    low, high = min([1.0, *finite]) / 4, max([AGREEMENT, *finite]) * 4
-    return max(low, LOWEST), min(high, HIGHEST)

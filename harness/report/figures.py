@@ -8,9 +8,10 @@ old to read them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
+
+from markupsafe import Markup
 
 if TYPE_CHECKING:
     from bokeh import plotting
@@ -23,41 +24,32 @@ MARKERS = (
 COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7d8b3c", "#d9534f")
 GREY, RED = "#808080", "#d9534f"
 LOWEST, HIGHEST = 1e-300, 1e300
+_LEAST_SPAN = 100.0
 Columns = dict[str, Sequence[Any]]
 Style = tuple[str, str, str]
 
 
-@dataclass(frozen=True)
-class EmbeddedPlots:
-    """Everything a page needs to show the plots.
+def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
+    """Everything a page needs to show every plot that has data, in one document.
 
-    Attributes:
-        resources: ``<script>`` elements with all of BokehJS; "" where there is no plot.
-        script: the ``<script>`` element that fills the divs.
-        divs: name of a plot to its ``<div>``; a plot without data is absent.
+    "resources" is all of BokehJS in ``<script>`` elements, "script" the one that fills the divs; both are empty where there is
+    no plot. "plots" maps names to ``<div>`` elements.
     """
-
-    resources: str = ""
-    script: str = ""
-    divs: dict[str, str] = field(default_factory=dict)
-
-
-def embed(plots: Mapping[str, plotting.figure | None]) -> EmbeddedPlots:
-    """One document of every plot that has data."""
     from bokeh.document import Document
     from bokeh.embed import components
     from bokeh.resources import Resources
 
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
-        return EmbeddedPlots()
+        return {"resources": "", "script": "", "plots": {}}
     document = Document()
     # Without the freeze Bokeh visits all plots again after adding each.
     with document.models.freeze():
         for plot in drawn.values():
             document.add_root(plot)
     script, divs = components(drawn)
-    return EmbeddedPlots(Resources(mode="inline", components=["bokeh"]).render_js(), script, divs)
+    resources = Markup(Resources(mode="inline", components=["bokeh"]).render_js())
+    return {"resources": resources, "script": Markup(script), "plots": {name: Markup(div) for name, div in divs.items()}}
 
 
 def styles(names: Sequence[str]) -> dict[str, Style]:
@@ -119,11 +111,21 @@ def drawable(value: float | None) -> bool:
     return value is not None and not math.isnan(value) and value >= 0
 
 
-def clipped(value: float | None) -> float:
-    """``value`` within what a logarithmic axis can hold."""
-    return within(value, LOWEST, HIGHEST)
+def log_range(values: Iterable[float | None], limits: tuple[float, float] = (LOWEST, HIGHEST), margin: float = 3.0) -> tuple[float, float]:
+    """Ends of a log axis for those of ``values`` that have a place on it; what lies beyond ``limits`` sits on its edge."""
+    finite = [value for value in values if value and math.isfinite(value) and value > 0] or [1.0]
+    low = min(max(min(finite) / margin, limits[0]), limits[1] / _LEAST_SPAN)
+    high = min(max(finite) * margin, limits[1])
+    # Within one decade a logarithmic axis has no round numbers to show.
+    widening = max(1.0, math.sqrt(_LEAST_SPAN * low / high))
+    return low / widening, high * widening
 
 
-def within(value: float | None, low: float, high: float) -> float:
+def inside(value: float | None, low: float, high: float) -> float:
+    """``value``, or just inside the nearer end of the axis, so that the whole marker is seen."""
+    return within(value, low * 1.5, high / 1.5)
+
+
+def within(value: float | None, low: float = LOWEST, high: float = HIGHEST) -> float:
     """``value``, or the end of the axis nearest to it: a log axis has no place for 0 and inf."""
     return min(max(value or 0.0, low), high)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
-from statistics import median
 
-from harness.report.summary import ChangedValue, changed_versions
-from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting
+from harness.results.atlas import Atlas, HardReason, HardRow
 from harness.results.records import Run
 from harness.results.table import counted
 from harness.verdict import SEVERITY, Verdict, gravest
@@ -21,39 +17,30 @@ SILENT = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
 
 
 @dataclass(frozen=True)
-class Silence:
-    """Points of one subject with one verdict other than a comparison, and why."""
-
-    subject: str
-    verdict: str
-    count: int
-    lowest: float
-    highest: float
-    reason: str
-
-
-@dataclass(frozen=True)
 class Family:
     """One hard case with what was measured along it.
 
     Attributes:
-        name, title, knob, unit, source, remedy: of the case; systems: names, in the order of the knob.
-        rows: subject to its row.
+        name: of the case. rows: subject to its row, at least one.
     """
 
     name: str
-    title: str
-    knob: str
-    unit: str
-    source: str
-    remedy: str
-    systems: list[str]
     rows: Mapping[str, HardRow]
+
+    @property
+    def case(self) -> HardRow:
+        """A row, of which title, knob, unit, source and remedy are those of the case."""
+        return next(iter(self.rows.values()))
+
+    @property
+    def systems(self) -> list[str]:
+        """Their names, in the order of the knob."""
+        return list(dict.fromkeys(point.system for row in self.rows.values() for point in row.points))
 
     @property
     def label(self) -> str:
         """The knob with its unit."""
-        return self.knob if self.unit == "1" else f"{self.knob} [{self.unit}]"
+        return self.case.knob if self.case.unit == "1" else f"{self.case.knob} [{self.case.unit}]"
 
     @property
     def verdict(self) -> str:
@@ -74,46 +61,22 @@ class Family:
         """Remedies for a user, each once; none where every subject agrees."""
         if self.verdict == Verdict.AGREES:
             return []
-        return list(dict.fromkeys(reason.remedy for _, reason in self.reasons)) or [self.remedy]
+        return list(dict.fromkeys(reason.remedy for _, reason in self.reasons)) or [self.case.remedy]
 
     @property
-    def silences(self) -> list[Silence]:
-        """Points that are undecided, refused or failed, by subject, verdict and reason."""
-        found: dict[tuple[str, str, str], list[HardPoint]] = {}
+    def silences(self) -> list[str]:
+        """A sentence on the points that are undecided, refused or failed, for each subject, verdict and reason."""
+        found: dict[tuple[str, str, str], list[float]] = {}
         for subject, row in self.rows.items():
             for point in row.points:
                 if point.verdict in SILENT:
-                    found.setdefault((subject, point.verdict, point.reason), []).append(point)
-        return [
-            Silence(subject, verdict, len(points), min(p.knob for p in points), max(p.knob for p in points), reason)
-            for (subject, verdict, reason), points in found.items()
-        ]
-
-
-@dataclass(frozen=True)
-class PartingSummary:
-    """One integrator over the starts of one family of motions; times in seconds, rates over those of theory or of a nudged start."""
-
-    motion: str
-    integrator: str
-    starts: int
-    parted: int
-    rates: str
-    soonest: str
-    largest: float
-    verdict: str
-
-
-@dataclass(frozen=True)
-class StepSummary:
-    """One integrator over the stiffnesses of a spring: largest stable step times the frequency [rad/s]."""
-
-    integrator: str
-    expected: float
-    measured: str
-    softest: float
-    stiffest: float
-    verdict: str
+                    found.setdefault((subject, point.verdict, point.reason), []).append(point.knob)
+        sentences = []
+        for (subject, verdict, reason), knobs in found.items():
+            low, high = min(knobs), max(knobs)
+            where = f", {low:.3g}" if low == high else f" between {low:.3g} and {high:.3g}"
+            sentences.append(f"{subject} {verdict} at {counted(len(knobs), 'point')}{where}: {reason or 'no reason is given'}.")
+        return sentences
 
 
 class HardSummary:
@@ -130,7 +93,7 @@ class HardSummary:
         self.run, self.atlas = run, atlas
         self.subjects = sorted({row.subject for row in atlas.rows})
         rows = sorted(atlas.rows, key=attrgetter("case", "subject"))
-        self.families = [_family(list(own)) for _, own in groupby(rows, key=attrgetter("case"))]
+        self.families = [Family(name, {row.subject: row for row in own}) for name, own in groupby(rows, key=attrgetter("case"))]
         self.unexpected, self.problems = atlas.unexpected, atlas.problems
 
     @property
@@ -146,52 +109,15 @@ class HardSummary:
         points = sum(len(row.points) for row in rows)
         wrong = sum(not row.as_expected for row in rows)
         families = f"{len(self.families)} {'family' if len(self.families) == 1 else 'families'}"
-        told = f"{families}, {counted(len(self.subjects), 'subject')}, {counted(points, 'point')}"
+        counts = f"{families}, {counted(len(self.subjects), 'subject')}, {counted(points, 'point')}"
         if wrong:
-            return f"{told}: {len(rows) - wrong} of {len(rows)} pairs of family and subject are as expected, {wrong} not."
-        return f"{told}: every verdict is as expected." if rows else "No family was measured."
+            return f"{counts}: {len(rows) - wrong} of {len(rows)} pairs of family and subject are as expected, {wrong} not."
+        return f"{counts}: every verdict is as expected." if rows else "No family was measured."
 
     def sizes(self, subject: str) -> dict[str, int]:
         """Verdict to number of families whose gravest verdict of ``subject`` it is, from agreement to error."""
         verdicts = [family.rows[subject].verdict for family in self.families if subject in family.rows]
         return {verdict: verdicts.count(verdict) for verdict in SEVERITY if verdict in verdicts}
-
-    def changed_versions(self, run: Run) -> list[ChangedValue]:
-        """Versions that the atlas had and ``run`` has not."""
-        return changed_versions(self.run.versions, run.versions)
-
-    @cached_property
-    def motions(self) -> list[tuple[str, str, list[str], list[tuple[float, list[Parting | None]]]]]:
-        """(motion, system, integrators, rows) of each family of motions; a row is a knob and one parting per integrator."""
-        found = []
-        ordered = sorted(self.atlas.partings, key=attrgetter("motion"))
-        for motion, own in groupby(ordered, key=attrgetter("motion")):
-            partings = list(own)
-            integrators = list(dict.fromkeys(parting.integrator for parting in partings))
-            cells = {(parting.knob, parting.integrator): parting for parting in partings}
-            knobs = sorted({parting.knob for parting in partings})
-            rows = [(knob, [cells.get((knob, name)) for name in integrators]) for knob in knobs]
-            found.append((motion, partings[0].system, integrators, rows))
-        return found
-
-    def partings(self) -> list[PartingSummary]:
-        """One line per family of motions and integrator."""
-        groups: dict[tuple[str, str], list[Parting]] = {}
-        for parting in self.atlas.partings:
-            groups.setdefault((parting.motion, parting.integrator), []).append(parting)
-        return [_parting_summary(*key, partings) for key, partings in sorted(groups.items())]
-
-    def stable_steps(self) -> list[StepSummary]:
-        """One line per integrator."""
-        found = []
-        for name, own in groupby(sorted(self.atlas.stable_steps, key=attrgetter("integrator")), key=attrgetter("integrator")):
-            steps = list(own)
-            low, high = min(step.measured for step in steps), max(step.measured for step in steps)
-            measured = "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-            frequencies = [step.frequency for step in steps]
-            verdict = gravest(step.verdict for step in steps)
-            found.append(StepSummary(name, steps[0].expected, measured, min(frequencies), max(frequencies), verdict))
-        return found
 
 
 def growth_text(growth: float | None, theory: float | None) -> str:
@@ -200,19 +126,3 @@ def growth_text(growth: float | None, theory: float | None) -> str:
         return ""
     measured = "no slope" if growth is None else f"slope {growth:.2f}"
     return measured if theory is None else f"{measured}, theory {theory:g}"
-
-
-def _family(rows: Sequence[HardRow]) -> Family:
-    first = rows[0]
-    systems = list(dict.fromkeys(point.system for row in rows for point in row.points))
-    return Family(first.case, first.title, first.knob, first.unit, first.source, first.remedy, systems, {row.subject: row for row in rows})
-
-
-def _parting_summary(motion: str, integrator: str, partings: Sequence[Parting]) -> PartingSummary:
-    times = [parting.parted for parting in partings if parting.parted is not None]
-    ratios = [p.rate / p.expected_rate for p in partings if p.rate is not None and p.expected_rate]
-    rates = f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
-    soonest = f"{min(times):.4g} s" if times else "-"
-    largest = max(parting.largest for parting in partings)
-    verdict = gravest(parting.verdict for parting in partings)
-    return PartingSummary(motion, integrator, len(partings), len(times), rates, soonest, largest, verdict)

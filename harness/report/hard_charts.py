@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, line_across, new_figure, scatter, styles, within
+from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_range, new_figure, scatter, styles
 from harness.report.hard_cases import SILENT, Family, HardSummary
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.table import error_text
@@ -15,8 +15,7 @@ from harness.verdict import AGREEMENT
 if TYPE_CHECKING:
     from bokeh import plotting
 
-# What lies beyond sits on the edge of the plot.
-_LOWEST, _HIGHEST = 1e-3, 1e18
+_ERRORS = 1e-4, 1e19
 # JavaScript draws no logarithmic axis among subnormal numbers.
 _SMALLEST_ON_A_LOG_AXIS = 1e-290
 # A knob over less than this ratio is drawn on a linear axis.
@@ -26,13 +25,7 @@ SILENT_MARKER = ("x", "✕")
 
 def plots(summary: HardSummary) -> dict[str, plotting.figure | None]:
     """The plot of each family by its name, "hard NAME"; None without a point that has a place."""
-    subject_styles = hard_styles(summary)
-    return {f"hard {family.name}": _plot(family, subject_styles) for family in summary.families}
-
-
-def hard_styles(summary: HardSummary) -> dict[str, Style]:
-    """The style of each subject, the same in all plots."""
-    return styles(summary.subjects)
+    return {f"hard {family.name}": _plot(family, styles(summary.subjects)) for family in summary.families}
 
 
 def _plot(family: Family, known: dict[str, Style]) -> plotting.figure | None:
@@ -40,8 +33,7 @@ def _plot(family: Family, known: dict[str, Style]) -> plotting.figure | None:
     if not placed:
         return None
     place, axis, label = _axis(family, [point.knob for _, point in placed])
-    errors = [point.backward_error for _, point in placed]
-    low, high = _range(errors)
+    low, high = log_range([1.0, 10 * AGREEMENT, *(point.backward_error for _, point in placed)], _ERRORS, margin=10.0)
     x_range = _ends([place(point.knob) for _, point in placed], axis)
     plot = new_figure(280, label, "backward error", x_axis_type=axis, y_axis_type="log", x_range=x_range, y_range=(low, high))
     _draw_bounds(plot, placed, place, high)
@@ -56,7 +48,7 @@ def _plot(family: Family, known: dict[str, Style]) -> plotting.figure | None:
     hover(
         plot,
         subject="@subject",
-        **{family.knob: "@knob", "system": "@system", "verdict": "@verdict", "backward error": "@error", "digits lost": "@digits"},
+        **{family.case.knob: "@knob", "system": "@system", "verdict": "@verdict", "backward error": "@error", "digits lost": "@digits"},
         **{"unstable up to": "@bound", "kappa_s": "@condition", "why": "@reason"},
     )
     line_across(plot, "width", AGREEMENT, RED)
@@ -97,18 +89,11 @@ def _ends(values: Sequence[float], axis: str) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _range(errors: Iterable[float | None]) -> tuple[float, float]:
-    """Ends of the axis of errors: they hold 1, the limit of agreement and a decade beyond every error."""
-    finite = [error for error in errors if error is not None and math.isfinite(error) and error > 0]
-    low, high = min([1.0, *finite]) / 3, max([AGREEMENT * 10, *finite]) * 10
-    return max(low, _LOWEST / 3), min(high, _HIGHEST * 10)
-
-
 def _height(row: HardRow, point: HardPoint, family: Family, low: float, high: float) -> float:
     """Height of a point on the plot; those without an error stand in lines below the upper edge, one for each subject."""
     error = point.backward_error
     if error is not None and drawable(error) and math.isfinite(error):
-        return within(error, low * 1.5, high / 1.5)
+        return inside(error, low, high)
     lines = 1 + list(family.rows).index(row.subject)
     return float(high / (high / low) ** (0.06 * lines))
 

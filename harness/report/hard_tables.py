@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from itertools import groupby
+from operator import attrgetter
+from statistics import median
 
-from harness.report.hard_cases import Family, HardSummary, PartingSummary, StepSummary, growth_text
-from harness.results.atlas import HardRow, Parting
+from harness.report.hard_cases import Family, HardSummary, growth_text
+from harness.results.atlas import HardRow, Parting, StableStep
 from harness.results.table import Cell, Column, Table, error_text, seconds_text
+from harness.verdict import gravest
 
 
 def rows_of(hard: HardSummary) -> Table:
@@ -48,29 +53,31 @@ def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
 
 def partings(hard: HardSummary) -> Table:
     """One row per family of motions and integrator."""
-    return Table.of(
-        hard.partings(),
-        {
-            "motion": "motion",
-            "integrator": "integrator",
-            "parted": lambda entry: f"{entry.parted} of {entry.starts}",
-            "rate over the expected one": "rates",
-            "soonest": "soonest",
-            Column("largest distance", "error"): "largest",
-            "verdict": _verdict,
-        },
-    )
+    rows: list[list[object]] = []
+    key = attrgetter("motion", "integrator")
+    for (motion, integrator), own in groupby(sorted(hard.atlas.partings, key=key), key=key):
+        found = list(own)
+        times = [one.parted for one in found if one.parted is not None]
+        ratios = [one.rate / one.expected_rate for one in found if one.rate is not None and one.expected_rate]
+        rates = f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
+        soonest = f"{min(times):.4g} s" if times else "-"
+        largest = max(one.largest for one in found)
+        rows.append([motion, integrator, f"{len(times)} of {len(found)}", rates, soonest, largest, _gravest(found)])
+    texts = "motion", "integrator", "parted", "rate over the expected one", "soonest"
+    return Table([*texts, Column("largest distance", "error"), "verdict"], rows)
 
 
-def starts(integrators: list[str], rows: list[tuple[float, list[Parting | None]]]) -> Table:
-    """One row per start of a motion, with rate and time of each integrator."""
+def starts(partings: Sequence[Parting]) -> Table:
+    """One row per start of one family of motions, with rate and time of each integrator."""
+    integrators = list(dict.fromkeys(parting.integrator for parting in partings))
+    by_place = {(parting.knob, parting.integrator): parting for parting in partings}
     columns = [Column("knob", "given"), Column("expected rate", "error"), Column("may part from", "plain")]
     columns += [Column(f"{name}: {what}", kind) for name in integrators for what, kind in (("rate", "error"), ("parts after", "plain"))]
     cells: list[list[object]] = []
-    for knob, found in rows:
-        known = next(parting for parting in found if parting is not None)
-        cells.append([knob, known.expected_rate, _time(known.earliest)])
-        for one in found:
+    for knob, own in groupby(sorted(partings, key=attrgetter("knob")), key=attrgetter("knob")):
+        first = next(own)
+        cells.append([knob, first.expected_rate, _time(first.earliest)])
+        for one in (by_place.get((knob, name)) for name in integrators):
             tone = "disagrees" if one and one.verdict != "agrees" else ""
             cells[-1] += ["", ""] if one is None else [one.rate, Cell(_time(one.parted), tone=tone)]
     return Table(columns, cells)
@@ -78,20 +85,22 @@ def starts(integrators: list[str], rows: list[tuple[float, list[Parting | None]]
 
 def stable_steps(hard: HardSummary) -> Table:
     """One row per integrator: the largest stable step times the frequency of an undamped spring."""
-    return Table.of(
-        hard.stable_steps(),
-        {
-            "integrator": "integrator",
-            Column("theory", "plain"): lambda entry: "no limit" if entry.expected > 1e300 else f"{entry.expected:.4g}",
-            Column("measured", "plain"): "measured",
-            Column("frequencies", "plain"): lambda entry: f"{entry.softest:.3g} to {entry.stiffest:.3g} rad/s",
-            "verdict": _verdict,
-        },
-    )
+    rows: list[list[object]] = []
+    key = attrgetter("integrator")
+    for integrator, own in groupby(sorted(hard.atlas.stable_steps, key=key), key=key):
+        steps = list(own)
+        expected, limits = steps[0].expected, [step.measured for step in steps]
+        low, high = min(limits), max(limits)
+        measured = "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        frequencies = [step.frequency for step in steps]
+        theory = "no limit" if expected > 1e300 else f"{expected:.4g}"
+        rows.append([integrator, theory, measured, f"{min(frequencies):.3g} to {max(frequencies):.3g} rad/s", _gravest(steps)])
+    return Table(["integrator", *(Column(title, "plain") for title in ("theory", "measured", "frequencies")), "verdict"], rows)
 
 
-def _verdict(entry: PartingSummary | StepSummary) -> Cell:
-    return Cell(entry.verdict, tone=entry.verdict)
+def _gravest(measured: Iterable[Parting | StableStep]) -> Cell:
+    verdict = gravest(one.verdict for one in measured)
+    return Cell(verdict, tone=verdict)
 
 
 def _largest(row: HardRow, number: str) -> float | None:

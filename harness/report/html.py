@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from html.entities import html5
 from importlib.resources import files
@@ -15,9 +15,9 @@ from markupsafe import Markup
 
 from harness.report import benchmark_charts, benchmark_tables, charts, hard_charts, hard_tables
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import embed
+from harness.report.figures import embed, styles
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, state_lines
+from harness.report.summary import Summary, changed_versions, changes_table, state_lines
 from harness.results.pareto import way_of
 from harness.results.records import Record, Run
 from harness.results.table import counted, error_text, seconds_text
@@ -34,54 +34,37 @@ _MATHML_ATTRIBUTES = {"display", "mathvariant", "accent", "stretchy", "columnali
 _LONG_EQUATIONS = 12_000
 
 
-def render_html(summary: Summary, benchmark: BenchmarkSummary | None = None, hard: HardSummary | None = None) -> str:
-    """The whole ``index.html`` of a run, with a benchmark and an atlas where there are."""
-    return _render(
-        "template.html",
-        charts.plots(summary) | _plots(benchmark, hard),
-        _about(benchmark, hard)
-        | {
+def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> str:
+    """The whole ``index.html``; without a cross-check, ``run`` is the newer one of benchmark and atlas."""
+    plots: dict[str, plotting.figure | None] = {}
+    about: dict[str, Any] = {"run": run, "benchmark": benchmark, "hard": hard}
+    if summary is not None:
+        plots |= charts.plots(summary)
+        about |= {
             "summary": summary,
-            "run": summary.run,
-            "subject_styles": charts.subject_styles(summary),
+            "subject_styles": styles(summary.subjects),
             "anchors": _anchors(summary.systems, "system"),
             "long_equations": _LONG_EQUATIONS,
-        },
-    )
-
-
-def render_measured(run: Run, benchmark: BenchmarkSummary | None, hard: HardSummary | None = None) -> str:
-    """The whole ``index.html`` where nothing but a benchmark or an atlas has run; ``run`` is the newer of them."""
-    return _render("benchmark_page.html", _plots(benchmark, hard), _about(benchmark, hard) | {"run": run})
-
-
-def _plots(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict[str, plotting.figure | None]:
-    return (benchmark_charts.plots(benchmark) if benchmark else {}) | (hard_charts.plots(hard) if hard else {})
-
-
-def _about(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> dict[str, Any]:
-    about: dict[str, Any] = {"benchmark": benchmark, "hard": hard}
-    if hard is not None:
-        about |= {
-            "hard_styles": hard_charts.hard_styles(hard),
-            "hard_anchors": _anchors([family.name for family in hard.families], "hard"),
-            "silent_marker": hard_charts.SILENT_MARKER[1],
-            "hard_tables": hard_tables,
         }
     if benchmark is not None:
+        plots |= benchmark_charts.plots(benchmark)
         about |= {
             "method_styles": benchmark_charts.method_styles(benchmark),
-            "integrator_styles": benchmark_charts.integrator_styles(benchmark),
+            "integrator_styles": styles(benchmark.integrators),
             "cost_anchors": _anchors(benchmark.systems, "cost"),
             "acceleration_front": acceleration_front,
             "motion_front": motion_front,
             "way_of": way_of,
             "tables": benchmark_tables,
         }
-    return about
-
-
-def _render(template: str, plots: Mapping[str, plotting.figure | None], about: Mapping[str, Any]) -> str:
+    if hard is not None:
+        plots |= hard_charts.plots(hard)
+        about |= {
+            "hard_styles": styles(hard.subjects),
+            "hard_anchors": _anchors([family.name for family in hard.families], "hard"),
+            "silent_marker": hard_charts.SILENT_MARKER[1],
+            "hard_tables": hard_tables,
+        }
     package = files(__package__)
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -92,16 +75,14 @@ def _render(template: str, plots: Mapping[str, plotting.figure | None], about: M
         "left_out": left_out, "moment": moment, "way": way_of,
         "capitalize_first": lambda text: text[:1].upper() + text[1:],
     }  # fmt: skip
-    drawn = embed(plots)
-    return environment.get_template(template).render(
+    return environment.get_template("template.html" if summary is not None else "benchmark_page.html").render(
         **about,
         limit=AGREEMENT,
         counted=counted,
+        changed_versions=changed_versions,
         changes_table=changes_table,
         style=Markup(package.joinpath("style.css").read_text("utf-8")),
-        resources=Markup(drawn.resources),
-        script=Markup(drawn.script),
-        plots={name: Markup(div) for name, div in drawn.divs.items()},
+        **embed(plots),
     )
 
 

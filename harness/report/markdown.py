@@ -25,28 +25,18 @@ if TYPE_CHECKING:
 VOLATILE = "## This run (differs from run to run)"
 
 
-def render_markdown(summary: Summary, benchmark: BenchmarkSummary | None = None, hard: HardSummary | None = None) -> str:
-    """The whole ``report.md`` of a run, with a benchmark and an atlas where there are."""
-    return _joined([*_stable(summary), *_stable_parts(benchmark, hard), *_volatile(summary), *_volatile_parts(benchmark, hard)])
-
-
-def render_measured_markdown(benchmark: BenchmarkSummary | None, hard: HardSummary | None = None) -> str:
-    """The whole ``report.md`` where nothing but a benchmark or an atlas has run."""
-    return _joined(["# Rigid-body engines", *_stable_parts(benchmark, hard), VOLATILE, *_volatile_parts(benchmark, hard)])
-
-
-def _joined(sections: Iterable[str]) -> str:
-    return "\n\n".join(section for section in sections if section) + "\n"
-
-
-def _stable_parts(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> Iterator[str]:
-    yield from _stable_hard(hard) if hard else ()
-    yield from _stable_benchmark(benchmark) if benchmark else ()
-
-
-def _volatile_parts(benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> Iterator[str]:
-    yield from _volatile_hard(hard) if hard else ()
-    yield from _volatile_benchmark(benchmark) if benchmark else ()
+def render_markdown(summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> str:
+    """The whole ``report.md``."""
+    sections = [
+        *(_stable(summary) if summary else ["# Rigid-body engines"]),
+        *(_stable_hard(hard) if hard else ()),
+        *(_stable_benchmark(benchmark) if benchmark else ()),
+        VOLATILE,
+        *(_volatile(summary) if summary else ()),
+        *(_volatile_hard(hard) if hard else ()),
+        *(_volatile_benchmark(benchmark) if benchmark else ()),
+    ]
+    return "\n\n".join(filter(None, sections)) + "\n"
 
 
 def _stable(summary: Summary) -> Iterator[str]:
@@ -62,11 +52,9 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield "## Expected to differ"
     yield _bullets(_listed(record) for record in summary.listed) or "None."
     yield "## Worst backward error per engine"
+    worst = summary.worst_per_engine()
     engines = [
-        [engine, record.backward_error, record.verdict, record.system, record.subject]
-        if record
-        else [engine, None, "nothing compared", "", ""]
-        for engine, record in summary.worst_per_engine()
+        [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in worst
     ]
     error = Column("backward error", "error")
     yield Table(["engine", error, "verdict", "system", "subject"], engines).markdown()
@@ -101,7 +89,6 @@ def _diagnosis(cause: Cause) -> Iterator[str]:
 
 def _volatile(summary: Summary) -> Iterator[str]:
     run = summary.run
-    yield VOLATILE
     about = {"started": run.started, "library": run.library, "profile": run.profile, "seed": str(run.seed)}
     yield _about(
         "what", "value", about | {"states per system": str(run.states), "command": run.command} | dict(sorted(run.machine.items()))
@@ -137,7 +124,7 @@ def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
             yield f"#### The cheapest way: {kind}"
             yield ways
     reasons = benchmark.explanations(["as expected", "differs"])
-    yield _bullets(f"{markdown_line(reason.text)} ({'; '.join(reason.places)})" for reason in reasons)
+    yield _bullets(f"{markdown_line(text)} ({'; '.join(places)})" for text, places in reasons.items())
     yield benchmark_tables.growth(benchmark).without("bodies").markdown()
 
 

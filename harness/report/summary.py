@@ -6,7 +6,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
@@ -21,15 +21,8 @@ if TYPE_CHECKING:
     from harness.results.hard_states import RankedCase
 
 Earlier = tuple[Run, Sequence[Record]]
-
-
-@dataclass(frozen=True)
-class ChangedValue:
-    """A verdict or a version that is not what it was in the run before."""
-
-    what: str
-    before: str
-    after: str
+# A verdict or a version that is not what it was in the run before: its name, before, and now.
+ChangedValue = tuple[str, str, str]
 
 
 class Summary:
@@ -135,15 +128,13 @@ class Summary:
         before: dict[tuple[str, str], str] = {}
         for _, records in self.earlier:
             before |= {(record.system, record.subject): record.verdict for record in records}
-        changes = []
+        changes: list[ChangedValue] = []
         for (system, subject), cell in sorted(self.cells.items()):
             known = before.get((system, subject), "not run")
-            changes += [ChangedValue(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
+            changes += [(f"{system}, {subject}", known, record.verdict) for record in cell if record.verdict != known]
         if self.earlier:
             gone = {(record.system, record.subject): record.verdict for record in self.earlier[-1][1]}
-            changes += [
-                ChangedValue(", ".join(pair), verdict, "not run") for pair, verdict in sorted(gone.items()) if pair not in self.cells
-            ]
+            changes += [(", ".join(pair), verdict, "not run") for pair, verdict in sorted(gone.items()) if pair not in self.cells]
         return changes
 
     def changed_versions(self) -> list[ChangedValue]:
@@ -172,12 +163,12 @@ def _published(cause: Cause) -> Cause:
 def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[ChangedValue]:
     """Versions that differ."""
     names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-    return [ChangedValue(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+    return [(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
 
 
 def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     """One row per change; ``what`` is the heading of what changed."""
-    return Table([what, "before", "now"], [[change.what, change.before, change.after] for change in changes])
+    return Table([what, "before", "now"], list(changes))
 
 
 def _verdict_cell(records: Sequence[Record], link: str) -> Cell:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -41,7 +41,3 @@ class Cause:
         if not self.found:
             return [[self.first_line]]
         return [list(side["text"]) for side in (self.found["model"], self.found["textbook"]) if side]
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return asdict(self)

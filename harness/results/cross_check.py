@@ -32,5 +32,5 @@ class CrossCheckResult(StudyResult):
 
     @property
     def as_expected(self) -> bool:
-        """Whether every verdict is the expected one and no model holds more than its scene needs."""
+        """True where every verdict is the expected one and no model holds more than its scene needs."""
         return all(record.as_expected for record in self.records) and not self.superfluous

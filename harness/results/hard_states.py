@@ -10,7 +10,7 @@ import json
 import math
 import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -167,14 +167,13 @@ class RankedCase:
 def worst_cases(
     records: Iterable[Record],
     found: Mapping[str, Iterable[FoundState]],
-    reproducers: Mapping[tuple[str, str], str] | None = None,
     most: int = 10,
     replay_options: Collection[str] = (),
 ) -> dict[str, list[RankedCase]]:
-    """Per subject the worst case of each system, the worst system first, at most ``most``.
+    """Per subject the worst case of each system, the worst system first, at most ``most``; none with a reproducer yet.
 
-    ``found`` maps a system to its found states, ``reproducers`` (system, subject) to a program. A record without a
-    state, and a verdict that is no answer of the engine, is no case.
+    ``found`` maps a system to its found states. A record without a state, and a verdict that is no answer of the engine, is no
+    case.
     """
     cases = [
         RankedCase(
@@ -191,23 +190,17 @@ def worst_cases(
     ]
     for system, states in found.items():
         for one in states:
-            replay = replay_command(system, one.subject, one.state, replay_options)
-            cases.append(RankedCase(system=system, replay=replay, **{key: getattr(one, key) for key in _SHARED}))
+            about = {name: getattr(one, name) for name in ("subject", "verdict", "backward_error", "state", "statement")}
+            cases.append(RankedCase(system=system, replay=replay_command(system, one.subject, one.state, replay_options), **about))
     worst: dict[tuple[str, str], RankedCase] = {}
     for case in cases:
         key = case.subject, case.system
         if case.verdict not in (Verdict.UNDECIDED, Verdict.UNSUPPORTED) and (key not in worst or case.severity > worst[key].severity):
             worst[key] = case
     ranking: dict[str, list[RankedCase]] = {}
-    for (subject, system), case in sorted(worst.items(), key=lambda item: (item[0][0], [-part for part in item[1].severity], item[0][1])):
-        of_subject = ranking.setdefault(subject, [])
-        if len(of_subject) < most:
-            program = (reproducers or {}).get((system, subject), "")
-            of_subject.append(RankedCase(**asdict(case) | {"reproducer": program}))
-    return ranking
-
-
-_SHARED = ("subject", "verdict", "backward_error", "state", "statement")
+    for case in sorted(worst.values(), key=lambda case: (case.subject, [-part for part in case.severity], case.system)):
+        ranking.setdefault(case.subject, []).append(case)
+    return {subject: cases[:most] for subject, cases in ranking.items()}
 
 
 def replay_command(system: str, subject: str, state: Mapping[str, Sequence[float]], options: Collection[str] = ()) -> str:

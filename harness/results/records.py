@@ -13,16 +13,10 @@ import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 from harness.results.table import Cell, Column, Table
-from harness.storage import write_atomically
 from harness.verdict import AGREEMENT, Verdict
-
-if TYPE_CHECKING:
-    from harness.results.benchmark import Benchmark
-    from harness.results.superfluous import SuperfluousPart
 
 _VERDICTS = [verdict.value for verdict in Verdict]
 
@@ -238,49 +232,20 @@ def half_decade(backward_error: float) -> str:
     return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
 
 
-def to_json(
-    run: Run,
-    records: Iterable[Record],
-    cards: Iterable[SystemCard] = (),
-    superfluous: Iterable[SuperfluousPart] | None = None,
-    benchmark: tuple[Run, Benchmark] | None = None,
-    further: Mapping[str, Any] | None = None,
-) -> str:
-    """{"harness": versions, "run", "records", "systems"} as strictly valid JSON, ASCII only.
+def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), **parts: Any) -> str:
+    """{"harness": versions, "run", "records", "systems"} and ``parts``, which are plain data, as strictly valid JSON, ASCII only.
 
-    Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the
-    strings "inf", "-inf" and "nan". "superfluous" lists the findings of that kind where they were looked for,
-    "benchmark" holds "run" and the fields of ``Benchmark`` where there is one. ``further`` is plain data to add.
+    Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the strings "inf", "-inf" and
+    "nan".
     """
     about = asdict(run)
-    document: dict[str, Any] = {
+    document = {
         "harness": about.pop("versions"),
         "run": about,
         "records": [asdict(record) | {"as_expected": record.as_expected} for record in records],
         "systems": list(cards),
     }
-    if superfluous is not None:
-        document["superfluous"] = list(superfluous)
-    if benchmark is not None:
-        document["benchmark"] = {"run": asdict(benchmark[0])} | asdict(benchmark[1])
-    document |= further or {}
-    return dumps(document, indent=2) + "\n"
-
-
-def write_json(
-    path: Path | str,
-    run: Run,
-    records: Iterable[Record],
-    superfluous: Iterable[SuperfluousPart] | None = None,
-    benchmark: tuple[Run, Benchmark] | None = None,
-    further: Mapping[str, Any] | None = None,
-) -> None:
-    """Write ``to_json`` to ``path``, whole or not at all.
-
-    Raises:
-        InvalidInput: the file cannot be written.
-    """
-    write_atomically(path, to_json(run, records, (), superfluous, benchmark, further))
+    return dumps(document | parts, indent=2) + "\n"
 
 
 def dumps(value: Any, indent: int | None = None) -> str:

@@ -1,11 +1,11 @@
-"""What a search found, as plain data and as text.
+"""The result of a search, as plain data and as text.
 
 Exit statuses are those of the command line: 0 as expected, 1 worse than expected, 3 a crash or time-out.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -62,15 +62,8 @@ class SearchResult:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.records.dumps``."""
-        return {
-            "found": [asdict(case) | {"found": asdict(case.found)} for case in self.cases],
-            "states": self.states,
-            "undecided": self.undecided,
-            "worst": self.worst,
-            "failures": self.failures,
-            "stored": self.stored is not None,
-            "not_stored": self.not_stored,
-        }
+        numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "not_stored")}
+        return {"found": self.cases, "stored": self.stored is not None} | numbers
 
 
 def as_lines(result: SearchResult) -> list[str]:

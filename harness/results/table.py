@@ -33,6 +33,11 @@ def seconds_text(value: float | None) -> str:
     return f"{error_text(value / 1e-9)} ns"
 
 
+def number_text(value: float) -> str:
+    """The shortest decimal that reads back as the same float64."""
+    return repr(float(value)).removesuffix(".0")
+
+
 def counted(number: int, noun: str) -> str:
     """ "1 state", "2 states"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -6,23 +6,22 @@ Engines load on a worker process, so that a model which kills one costs its own 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.crosscheck.expected import load_expectations, why_no_model
 from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.held import SOUND, differences, held_by, soundness
-from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, load_engine, subjects
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, is_native, load_engine, load_model, subjects
 from harness.engines._audit import audit
-from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
-from harness.errors import InvalidInput, InvalidModel
+from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile, read_model
-from harness.results.table import Column, Table
-from harness.show.placement import place
+from harness.results.table import Column, Table, number_text
+from harness.show.placement import Placement, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
@@ -66,21 +65,13 @@ class Exhibit:
     placements: tuple[Placement, Placement] | None = None
 
 
-Held = tuple[LoadedModel | None, HeldModel | None, tuple[Placement, Placement] | None]
-
-
-def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Held:
+def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Holding:
     """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
-    model, mechanism = assignment.model, assignment.mechanism
-    assert model is not None
-    engine = load_engine(assignment.library, assignment.subject.engine)
-    try:
-        loaded = engine.load(model, mechanism.joints, mechanism.gravity)
-        # A picture is that of the format's own engine.
-        is_native = assignment.subject.format == engine.formats[0]
-        return loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture and is_native else None
-    except ValueError as error:
-        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    mechanism = assignment.mechanism
+    loaded = load_model(assignment.library, assignment.subject, mechanism, assignment.model)
+    # A picture is that of the format's own engine.
+    is_drawn = with_picture and is_native(assignment.library, assignment.subject)
+    return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if is_drawn else None)
 
 
 class Exhibition(Rounds):
@@ -148,21 +139,18 @@ class Exhibition(Rounds):
             remark = outcome.exception.problem if isinstance(outcome.exception, InvalidInput) else failure
             self._holdings[subject] = Holding(subject, remark=remark)
         else:
-            self._holdings[subject] = self._audited(subject, *outcome.value)
+            self._holdings[subject] = replace(outcome.value, remark=self._audited(subject, outcome.value.loaded))
         yield Part(str(subject), None)
 
-    def _audited(
-        self, subject: Subject, loaded: LoadedModel | None, held: HeldModel | None, placements: tuple[Placement, Placement] | None
-    ) -> Holding:
+    def _audited(self, subject: Subject, loaded: LoadedModel | None) -> str:
         if loaded is None:
-            return Holding(subject, placements=placements, remark="does not say what it holds")
-        remark = "as the system says"
+            return "does not say what it holds"
         try:
             audit(loaded, self._exhibit.models[subject.format], self._exhibit.mechanism)
         except InvalidInput as problem:
             self.report(problem)
-            remark = problem.problem
-        return Holding(subject, loaded, held, placements, remark)
+            return problem.problem
+        return "as the system says"
 
 
 def whereabouts(path: Path) -> str:
@@ -171,21 +159,16 @@ def whereabouts(path: Path) -> str:
     return str(path) if member is None else f"{member[0]} for size {member[1]}"
 
 
-def number(value: float) -> str:
-    """The shortest decimal that reads back as the same float64."""
-    return repr(float(value)).removesuffix(".0")
-
-
 def audit_table(exhibit: Exhibit) -> Table:
     """The system's own joints, gravity and mass, and a row of them per subject."""
     mechanism = exhibit.mechanism
-    gravity = f"0 0 {number(-mechanism.gravity)}" if mechanism.gravity else "0 0 0"
+    gravity = f"0 0 {number_text(-mechanism.gravity)}" if mechanism.gravity else "0 0 0"
     rows = [["the system", _joints(mechanism.joint_sizes), gravity, _sum(mechanism.total_mass), ""]]
     for holding in exhibit.holdings:
         held = ["", "", ""]
         if (loaded := holding.loaded) is not None:
             # An engine that feels none may say so by a negative zero.
-            held = [_joints(loaded.joints), " ".join(number(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
+            held = [_joints(loaded.joints), " ".join(number_text(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
         rows.append([str(holding.subject), *held, holding.remark])
     return Table(["", "joints with nq/nv", "gravity", "moving mass", ""], rows, style="plain")
 
@@ -247,14 +230,14 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
 
 def parameter_table(mechanism: Mechanism) -> Table:
     """Symbol, value and unit of each parameter."""
-    rows = [[symbol, number(value), unit] for symbol, value, unit in mechanism.parameters]
+    rows = [[symbol, number_text(value), unit] for symbol, value, unit in mechanism.parameters]
     return Table(["parameter", Column("value", "plain"), "unit"], rows)
 
 
 def coordinate_table(mechanism: Mechanism) -> Table:
     """Joint and sampled range of each coordinate."""
     rows = [
-        [coordinate, joint, "any angle" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"]
+        [coordinate, joint, "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}"]
         for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
     ]
     return Table(["coordinate", "joint", "sampled"], rows)

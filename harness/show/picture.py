@@ -13,8 +13,10 @@ from html import escape
 
 import numpy as np
 
-from harness.engines._placement import WORLD, PlacedJoint, Placement, Vector
+from harness.arrays import Array
+from harness.engines import HeldBody, HeldJoint
 from harness.report.figures import COLOURS
+from harness.show.placement import WORLD, Placement
 from harness.show.views import Point, View
 
 WIDTH = 460.0
@@ -40,7 +42,7 @@ def draw(placement: Placement, others: Sequence[Placement], view: View, gravity:
         sheet.names(placement)
     sheet.axes(gravity)
     sheet.scale_bar()
-    title = escape(f"Joints {', '.join(joint.name for joint in placement.joints)}; {view.name}")
+    title = escape(f"Joints {', '.join(placement.joints)}; {view.name}")
     return (
         f'<svg class="mechanism" viewBox="0 0 {WIDTH:g} {sheet.height:g}" role="img" xmlns="http://www.w3.org/2000/svg"><title>{title}</title>'
         + "".join(sheet.parts)
@@ -53,7 +55,7 @@ class _Sheet:
     """Drawing parts gathered one after the other; later ones lie on top."""
 
     view: View
-    shown: Sequence[Vector]
+    shown: Sequence[Array]
     parts: list[str] = field(default_factory=list)
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)
     tips: dict[str, Point] = field(default_factory=dict)
@@ -67,12 +69,12 @@ class _Sheet:
         self.height = max(_LEAST_HEIGHT, min(_MOST_HEIGHT, self.scale * spans[1] + 2 * _MARGIN + _FOOT))
         self.middle = (low + high) / 2
 
-    def at(self, point: Vector) -> Point:
+    def at(self, point: Array) -> Point:
         """Place on the sheet of a point of the world."""
         x, y = self.view.flat(point)
         return WIDTH / 2 + self.scale * (x - self.middle[0]), (self.height - _FOOT) / 2 - self.scale * (y - self.middle[1])
 
-    def along(self, axis: Vector) -> Point:
+    def along(self, axis: Array) -> Point:
         """A unit axis on the sheet, foreshortened."""
         x, y = self.view.flat(axis)
         return x, -y
@@ -102,24 +104,22 @@ class _Sheet:
     def links(self, placement: Placement, shadow: bool = False) -> None:
         """Each body as lines from its last joint to its centre of mass and to the joints it carries."""
         for number, body in enumerate(placement.bodies):
-            hub = [joint for joint in placement.joints if joint.body == number][-1].moved
-            ends = [_first(placement, child).anchor for child, other in enumerate(placement.bodies) if other.parent == number]
+            hub = _joints_of(placement, number)[-1].moved
+            ends = [_joints_of(placement, child)[0].anchor for child, parent in enumerate(placement.parents) if parent == number]
             ends += [body.centre] if _is_heavy(placement, number) else []
             for end in ends:
                 if math.dist(self.at(hub), self.at(end)) > 0.5:
                     self.line([self.at(hub), self.at(end)], "shadow" if shadow else "link", "" if shadow else _colour(number))
                     if not shadow:
                         self.take([self.at(hub), self.at(end)])
-        for joint in placement.joints:
+        for name, joint in placement.joints.items():
             if not shadow and joint.kind == "slide" and math.dist(self.at(joint.anchor), self.at(joint.moved)) > 0.5:
-                self.line([self.at(joint.anchor), self.at(joint.moved)], "rail", _colour(joint.body))
+                self.line([self.at(joint.anchor), self.at(joint.moved)], "rail", _colour(placement.body_of[name]))
 
     def ground(self, placement: Placement) -> None:
         """Hatching under the joints that stand on the world."""
-        places = {
-            self.at(_first(placement, n).anchor) for n, b in enumerate(placement.bodies) if b.parent == WORLD and _is_held(placement, n)
-        }
-        for x, y in places:
+        first = [_joints_of(placement, number)[0] for number, parent in enumerate(placement.parents) if parent == WORLD]
+        for x, y in {self.at(joint.anchor) for joint in first if joint.kind != "free"}:
             self.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
             self.taken.append((x - 18, y, x + 18, y + 18))
             for step in range(-14, 17, 6):
@@ -143,21 +143,23 @@ class _Sheet:
         Of joints in one place the outer ones are drawn larger, and the inner ones over them.
         """
         small = _symbol_size(placement)
-        places = [tuple(map(round, self.at(joint.moved))) for joint in placement.joints]
-        for number, joint in enumerate(placement.joints):
+        places = [tuple(map(round, self.at(joint.moved))) for joint in placement.joints.values()]
+        for number, (name, joint) in enumerate(placement.joints.items()):
             inside = 1.0 * places[number + 1 :].count(places[number])
             # A ring round the centre of mass that would hide it.
             inside += 1.5 * any(math.dist(self.at(body.centre), self.at(joint.moved)) < 3 for body in placement.bodies if body.mass > 0)
-            self._joint(joint, self.at(joint.moved), small * (16.0 + 10.0 * inside), small * (6.0 + 4.0 * inside))
+            colour = _colour(placement.body_of[name])
+            self._joint(name, joint, colour, small * (16.0 + 10.0 * inside), small * (6.0 + 4.0 * inside))
 
-    def _joint(self, joint: PlacedJoint, place: Point, size: float, radius: float) -> None:
-        axis, colour, tip = self.along(joint.axis), _colour(joint.body), place
+    def _joint(self, name: str, joint: HeldJoint, colour: str, size: float, radius: float) -> None:
+        place = tip = self.at(joint.moved)
+        axis = self.along(joint.axis)
         seen = math.hypot(*axis)
-        if joint.kind in ("ball", "free"):
-            self.circle(place, radius + 2, "joint", colour, f"{joint.name}, {joint.kind}")
+        if joint.kind in ("ball", "free", "planar"):
+            self.circle(place, radius + 2, "joint", colour, f"{name}, {joint.kind}")
             self.circle(place, 3, "dot", colour)
         elif joint.kind == "hinge" and seen < 0.2:
-            self._turning(joint, place, radius, colour)
+            self._turning(name, joint, radius, colour)
         elif seen < 0.2:
             self.line([(place[0] + dx, place[1] + dy) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7), (-7, -7))], "joint", colour)
         else:
@@ -167,12 +169,13 @@ class _Sheet:
                 self.line([tail, end], kind, colour if kind != "capsule" else "")
             self.arrow(end, tip, "sense", colour)
             self.take([tail, tip])
-        self.tips[joint.name] = tip
+        self.tips[name] = tip
         self.taken.append((place[0] - 9, place[1] - 9, place[0] + 9, place[1] + 9))
 
-    def _turning(self, joint: PlacedJoint, place: Point, radius: float, colour: str) -> None:
+    def _turning(self, name: str, joint: HeldJoint, radius: float, colour: str) -> None:
         """A hinge seen along its axis, with the arrow of positive angles."""
-        self.circle(place, radius, "joint", colour, f"{joint.name}, hinge")
+        place = self.at(joint.moved)
+        self.circle(place, radius, "joint", colour, f"{name}, hinge")
         # Downwards on the sheet is a right-handed turn about an axis that points away.
         sweep = [math.radians(angle) for angle in range(-70, 31, 20)]
         if float(np.dot(joint.axis, self.view.towards)) > 0:
@@ -188,7 +191,7 @@ class _Sheet:
         for number, body in enumerate(placement.bodies):
             if _is_heavy(placement, number):
                 (x, y), r = self.at(body.centre), _symbol_size(placement) * (4.5 + 4 * (body.mass / heaviest) ** (1 / 3))
-                self.circle((x, y), r, "centre", _colour(number), f"{body.name}, {body.mass:g} kg")
+                self.circle((x, y), r, "centre", _colour(number), _title(body, number))
                 quarters = (
                     f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
                 )
@@ -196,11 +199,11 @@ class _Sheet:
                 self.taken.append((x - r, y - r, x + r, y + r))
 
     def names(self, placement: Placement) -> None:
-        for joint in placement.joints:
-            self.label(joint.name, self.tips[joint.name], "name", _colour(joint.body))
+        for joint, body_number in placement.body_of.items():
+            self.label(joint, self.tips[joint], "name", _colour(body_number))
         for number, body in enumerate(placement.bodies):
             if _is_heavy(placement, number) and len(placement.bodies) <= _MANY:
-                self.label(f"{body.name}, {body.mass:g} kg", self.at(body.centre), "name body", _colour(number))
+                self.label(_title(body, number), self.at(body.centre), "name body", _colour(number))
 
     def label(self, text: str, place: Point, kind: str, colour: str) -> None:
         """Text near a point, at the first place around it where nothing stands yet."""
@@ -224,12 +227,12 @@ class _Sheet:
     def axes(self, gravity: float) -> None:
         """The world's axes and gravity, in the lower left corner."""
         corner = (46.0, self.height - 34)
-        for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("z", (0.0, 0.0, 1.0))):
+        for name, axis in zip("xyz", np.eye(3), strict=True):
             self._direction(corner, axis, 26, name, "axes")
         if gravity:
-            self._direction((110.0, self.height - 46), (0.0, 0.0, -1.0), 26, "g", "gravity")
+            self._direction((110.0, self.height - 46), np.array([0.0, 0.0, -1.0]), 26, "g", "gravity")
 
-    def _direction(self, start: Point, axis: Vector, length: float, name: str, kind: str) -> None:
+    def _direction(self, start: Point, axis: Array, length: float, name: str, kind: str) -> None:
         """An arrow; a circle with a dot where it points at the viewer, with a cross where it points away."""
         x, y = self.along(axis)
         if math.hypot(x, y) > 0.2:
@@ -258,12 +261,12 @@ class _Sheet:
         self.parts.append(f'<text class="axes" text-anchor="end" x="{right:.1f}" y="{y - 9:.1f}">{length:g} m</text>')
 
 
-def _first(placement: Placement, body: int) -> PlacedJoint:
-    return next(joint for joint in placement.joints if joint.body == body)
+def _joints_of(placement: Placement, body: int) -> list[HeldJoint]:
+    return [joint for name, joint in placement.joints.items() if placement.body_of[name] == body]
 
 
-def _is_held(placement: Placement, body: int) -> bool:
-    return _first(placement, body).kind != "free"
+def _title(body: HeldBody, number: int) -> str:
+    return f"{body.name or f'body {number + 1}'}, {body.mass:g} kg"
 
 
 def _is_heavy(placement: Placement, body: int) -> bool:

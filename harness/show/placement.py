@@ -1,17 +1,58 @@
-"""The two configurations that a picture shows of a model."""
+"""The two configurations that a picture shows of a model, as an engine's own kinematics places it in the world [m]."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines import Model
-from harness.engines._placement import Placement
+from harness.arrays import Array
+from harness.engines import HeldBody, HeldJoint, HeldModel, Model
 from harness.equations.mechanism import Mechanism
 
 ANGLE_SHOWN = 0.4
 SLIDE_SHOWN = 0.25
+WORLD = -1
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A mechanism at one configuration; the joints of a body stand in their order from its parent.
+
+    Attributes:
+        joints: by name. bodies: those that move. springs: their lines, from end to end.
+        body_of: joint to the place in ``bodies`` of the one it moves.
+        parents: for each body the place of the one that carries it, or ``WORLD``.
+    """
+
+    joints: dict[str, HeldJoint]
+    bodies: list[HeldBody]
+    springs: list[Array]
+    body_of: dict[str, int]
+    parents: list[int]
+
+    @classmethod
+    def of(cls, held: HeldModel) -> Placement:
+        """A model whose every body is held; of the joints of a body, each carries the next."""
+        names = list(held.bodies)
+        carried = {joint.parent: name for name, joint in held.joints.items()}
+        body_of = {}
+        parents = [WORLD] * len(names)
+        for name in held.joints:
+            last = name
+            while last not in names:
+                last = carried[last]
+            body_of[name] = names.index(last)
+        for name, joint in held.joints.items():
+            parent = body_of.get(joint.parent, WORLD)
+            if parent != body_of[name]:
+                parents[body_of[name]] = parent
+        return cls(dict(held.joints), list(held.bodies.values()), [spring.points for spring in held.springs], body_of, parents)
+
+    def points(self) -> list[Array]:
+        """Everything that a picture must hold."""
+        ends = [point for joint in self.joints.values() for point in (joint.anchor, joint.moved)]
+        return ends + [body.centre for body in self.bodies if body.mass > 0] + [point for line in self.springs for point in line]
 
 
 def place(model: Model, mechanism: Mechanism) -> tuple[Placement, Placement] | None:
@@ -20,27 +61,17 @@ def place(model: Model, mechanism: Mechanism) -> tuple[Placement, Placement] | N
     A coordinate whose range does not hold 0 stands in the middle of it. None where the engine places nothing. Raises what the
     engine raises.
     """
-    placer = getattr(model, "place", None)
-    if placer is None:
+    held = getattr(model, "held", None)
+    if held is None:
         return None
-    singles = {
-        joint: bounds
-        for joint, bounds in zip(mechanism.joints, mechanism.position_ranges, strict=True)
-        if mechanism.joint_sizes[joint] == (1, 1)
-    }
-    middle = {
-        joint: sum(bounds) / 2 if bounds is not None and not bounds[0] <= 0.0 <= bounds[1] else 0.0 for joint, bounds in singles.items()
-    }
-    resting = placer(middle, {})
-    step = SLIDE_SHOWN * _extent(resting, singles)
-    steps: dict[str, list[float]] = {}
-    for joint in resting.joints:
-        wanted = {"slide": [step], "hinge": [ANGLE_SHOWN], "ball": [ANGLE_SHOWN] * 3, "free": [step] * 3 + [ANGLE_SHOWN] * 3}[joint.kind]
-        bounds = singles.get(joint.name)
-        steps[joint.name] = wanted if bounds is None else [min(wanted[0], bounds[1] - middle[joint.name])]
-    return resting, placer(middle, steps)
-
-
-def _extent(placement: Placement, ranges: Mapping[str, tuple[float, float] | None]) -> float:
-    span = float(np.linalg.norm(np.ptp(np.array(placement.points()), axis=0)))
-    return span or max((abs(bound) for bounds in ranges.values() if bounds for bound in bounds), default=0.0) or 1.0
+    ranges = dict(zip(mechanism.joints, mechanism.position_ranges, strict=True))
+    singles = {joint: ranges[joint] for joint, size in mechanism.joint_sizes.items() if size == (1, 1)}
+    middle = {joint: sum(bounds) / 2 if bounds and not bounds[0] <= 0.0 <= bounds[1] else 0.0 for joint, bounds in singles.items()}
+    resting = Placement.of(held(middle, {}))
+    extent = float(np.linalg.norm(np.ptp(np.array(resting.points()), axis=0)))
+    extent = extent or max((abs(bound) for bounds in singles.values() if bounds for bound in bounds), default=0.0) or 1.0
+    slide, turn = [SLIDE_SHOWN * extent], [ANGLE_SHOWN]
+    wanted = {"slide": slide, "hinge": turn, "ball": turn * 3, "free": slide * 3 + turn * 3, "planar": slide * 2 + turn}
+    steps = {name: wanted[joint.kind] for name, joint in resting.joints.items()}
+    steps |= {name: [min(steps[name][0], bounds[1] - middle[name])] for name, bounds in singles.items() if bounds}
+    return resting, Placement.of(held(middle, steps))

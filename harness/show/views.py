@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines._placement import Placement, Vector
+from harness.show.placement import Placement
 
 Point = tuple[float, float]
 _FLAT = 1e-6
@@ -26,7 +26,7 @@ class View:
     def towards(self) -> Array:
         return np.cross(self.right, self.up)
 
-    def flat(self, vector: Vector | Array) -> Point:
+    def flat(self, vector: Array) -> Point:
         """A vector's components to the right and up."""
         return float(np.dot(vector, self.right)), float(np.dot(vector, self.up))
 
@@ -45,9 +45,10 @@ def choose_view(placements: Iterable[Placement]) -> View:
     points = np.array([point for placement in placements for point in placement.points()])
 
     def in_plane(view: View) -> bool:
-        if any(joint.kind not in ("hinge", "slide") for joint in placements[0].joints):
+        joints = placements[0].joints.values()
+        if any(joint.kind not in ("hinge", "slide") for joint in joints):
             return False
-        along = [(joint.kind, abs(float(np.dot(joint.axis, view.towards)))) for joint in placements[0].joints]
+        along = [(joint.kind, abs(float(np.dot(joint.axis, view.towards)))) for joint in joints]
         return all(amount > 1 - _FLAT if kind == "hinge" else amount < _FLAT for kind, amount in along)
 
     def extent(view: View) -> float:

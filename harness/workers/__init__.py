@@ -65,10 +65,6 @@ class Workers:
         if self._pool is not None:
             self._pool.close()
 
-    def __len__(self) -> int:
-        assert self._pool is not None, "enter the context first"
-        return len(self._pool)
-
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes in the order in which the tasks end; every task has exactly one.
 

@@ -59,9 +59,6 @@ class Cluster:
                 raise InvalidRequest(f"no cluster at {scheduler}: {error}; {remedy}") from error
             self._open = stack.pop_all()
 
-    def __len__(self) -> int:
-        return max(1, len(self._seats()))
-
     def close(self) -> None:
         """End the processes of this session on the cluster's machines; its workers stay."""
         with self._open:

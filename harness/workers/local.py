@@ -41,9 +41,6 @@ class LocalPool:
         self._processes: list[_Process] = []
         self._owners: dict[Hashable, _Process] = {}
 
-    def __len__(self) -> int:
-        return self._count
-
     def close(self) -> None:
         """Kill the processes; nothing runs afterwards."""
         self._count = 0
@@ -163,7 +160,7 @@ class _Process:
             os.write(self._wake, b"!")
 
     def outcome(self, time_limit: float) -> Outcome | None:
-        """What became of the task, None while it runs; after a crash the process is of no more use and to be closed."""
+        """The outcome of the task, None while it runs; after a crash the process is of no more use and to be closed."""
         # Asked before the pipe is read: an answer may be the last that a process gave.
         alive = self.alive
         try:

@@ -1,4 +1,4 @@
-"""A task, what became of it, and the order in which tasks are given out."""
+"""A task, its outcome, and the order in which tasks are given out."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Crash:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task: a value, an exception it raised, or a crash."""
+    """The end of a task: a value, an exception it raised, or a crash."""
 
     task: Task
     value: Any = None

@@ -12,7 +12,7 @@ import pytest
 from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
-from harness.results.records import Records, half_decade, to_json, write_json
+from harness.results.records import Records, half_decade, to_json
 from harness.storage import write_atomically
 
 AGREEING = replace(RECORD, subject="lagrange", verdict="agrees", backward_error=1.5, verdict_counts={"agrees": 1000})
@@ -67,9 +67,9 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
     target = tmp_path / "records.json"
     target.write_text("old")
     with pytest.raises(TypeError):
-        write_json(target, RUN, [replace(RECORD, message=object())])  # type: ignore[arg-type]
+        write_atomically(target, to_json(RUN, [replace(RECORD, message=object())]))  # type: ignore[arg-type]
     assert target.read_text() == "old"
-    write_json(target, RUN, [RECORD])
+    write_atomically(target, to_json(RUN, [RECORD]))
     assert json.loads(target.read_text())["records"]
     assert list(tmp_path.iterdir()) == [target]
 

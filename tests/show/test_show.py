@@ -15,13 +15,12 @@ import pytest
 
 from harness.commands._scaffold import write_example
 from harness.engines import engine_names, load_engine
-from harness.engines._placement import Placement
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
 from harness.models.model_file import parse_model, read_model
 from harness.show.picture import draw
-from harness.show.placement import place
+from harness.show.placement import Placement, place
 from harness.show.views import CORNER, choose_view
 
 # The view a reader of the mechanism would choose.
@@ -167,9 +166,8 @@ def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> N
 def test_both_engines_place_the_joints_alike(modelled_name: str) -> None:
     """At zero and away from it: a wrong axis, origin or sign in a model is seen in the picture of one of them."""
     for mjcf, urdf in zip(placements(modelled_name, "mjcf"), placements(modelled_name, "urdf"), strict=True):
-        by_name = {joint.name: joint for joint in urdf.joints}
-        for joint in mjcf.joints:
-            other = by_name[joint.name]
+        for name, joint in mjcf.joints.items():
+            other = urdf.joints[name]
             assert joint.kind == other.kind
             np.testing.assert_allclose(joint.moved, other.moved, atol=1e-9)
             if joint.kind in ("hinge", "slide"):
