@@ -58,7 +58,7 @@ def test_float64_kernel(benchmark: Any, name: str) -> None:
     states = sample(mechanism, MANY, seed=0)
     kernel = mechanism.float64()
     inputs = kernel.inputs(states.q, states.v, states.tau)
-    measure(benchmark, name, "float64 kernel", MANY, lambda: kernel.chart(0).accelerations(inputs))
+    measure(benchmark, name, "float64 kernel", MANY, lambda: kernel.compiled.accelerations(inputs))
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -158,7 +158,7 @@ def test_kernel_over_pinocchio_in_a_loop(name: str) -> None:
         for row in rows:
             pinocchio.aba(model, data, *row)
 
-    calls = loop, lambda: kernel.chart(0).accelerations(inputs)
+    calls = loop, lambda: kernel.compiled.accelerations(inputs)
     rounds = [[timing.measure(call, 1, SECONDS_EACH).fastest for call in calls] for _ in range(ROUNDS)]
     slow, fast = np.min(rounds, axis=0)
     print(f"\n{name}: the kernel is {slow / fast:.0f} times as fast as pin.aba in a loop; the bar is {FASTER_THAN_A_LOOP:g}")
