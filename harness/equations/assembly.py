@@ -9,12 +9,14 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equation 1.57.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
 from harness.equations.calculus import ProgramWriter
-from harness.equations.euler_angles import energies_in_joint_coordinates, in_joint_coordinates
+from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joint_coordinates, in_joint_coordinates
 from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, assemble, upper_triangle, without_unused
+from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, assemble, upper_triangle, with_operands, without_unused
 from harness.equations.relative_joints import in_joint_positions
 from harness.equations.system import TIME, System
 
@@ -36,29 +38,57 @@ def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_
     return _in_joints(assemble([*_inputs(joint.positions, joint.velocities), *system.parameters], outputs), system)
 
 
-def lagrange_program(system: System) -> StraightLineProgram | None:
+def lagrange_program(system: System, linear_velocity_in_body: bool = False) -> StraightLineProgram | None:
     """The program of Lagrange's equations by derivatives of the programs of T and V.
 
-    None where ``harness.equations.lagrange`` must derive them: with ball and free joints, whose equations are rewritten
-    afterwards, and where it takes algebra to see that M does not depend on the rates.
+    For ball and free joints they are written in the velocities u of the joints, q' = A(q) u, which leaves few terms. There
+
+        d/dt dT/du + G(u) dT/du + A' (dV/dq - dT/dq) = A' Q + tau,   T a function of q and u,
+
+    where G is the vector product of the angular velocity with what is given in the body's frame, and of such a linear velocity
+    with its momentum.
+
+    None where ``harness.equations.lagrange`` must derive them, as it takes algebra to see that M does not depend on the rates.
 
     Raises:
         ValueError: as ``harness.equations.lagrange.derive``.
+
+    Source: Greenwood, Advanced Dynamics, section 4.4 (Boltzmann-Hamel equations).
     """
-    if system.attitudes:
-        return None
     plain = in_symbols(system)
     n = len(plain.coordinates)
+    change = change_of_variables(plain, list(system.coordinates), system.attitudes, linear_velocity_in_body)
+    inputs = [*_inputs(change.positions, plain.rates), *system.parameters]
+    angles = [q for q in plain.coordinates if q not in change.positions]
     of_gravity, of_springs = split_potential(plain.potential, system.gravity)
-    inputs = [*_inputs(plain.coordinates, plain.rates), *system.parameters]
-    energies = {"kinetic": [plain.kinetic], "gravity": [of_gravity], "springs": [of_springs], "forces": list(plain.generalised_forces)}
-    writer = ProgramWriter(assemble(inputs, energies))
-    positions, rates, now = range(n), range(n, 2 * n), 3 * n
-    (kinetic,), (gravity,), (springs,), forces = writer.outputs.values()
+    expressions = [plain.kinetic, of_gravity, of_springs, *plain.generalised_forces]
+    written = {"energies": [expression.xreplace(change.of_rates) for expression in expressions]}
+    blocks = {f"block {place}": list(block) for place, (_, _, block) in enumerate(change.blocks)}
+    writer = ProgramWriter(assemble([*inputs, *angles], written | blocks))
+    (kinetic, gravity, springs, *forces), *matrices = writer.outputs.values()
+    positions = [[*inputs, *angles].index(q) for q in plain.coordinates]
+    first_rate = len(change.positions)
+    rates, now = list(range(first_rate, first_rate + n)), first_rate + 2 * n
+
+    def of_joints(of_coordinates: Sequence[int]) -> list[int]:
+        """A' times forces, or derivatives by the coordinates."""
+        found = list(of_coordinates)
+        for (first, _, _), matrix in zip(change.blocks, matrices, strict=True):
+            found[first : first + 3] = [writer.dot(matrix[column::3], of_coordinates[first : first + 3]) for column in range(3)]
+        return found
+
+    motion = dict(zip(positions, rates, strict=True))
+    for (first, _, _), matrix in zip(change.blocks, matrices, strict=True):
+        for row in range(3):
+            motion[positions[first + row]] = writer.dot(matrix[3 * row : 3 * row + 3], rates[first : first + 3])
     momenta = writer.gradient(kinetic, rates)
-    # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
-    at_constant_rates = writer.along(momenta, dict(zip(positions, rates, strict=True)) | {now: writer.number(1)})
-    of_positions = writer.gradient(kinetic, positions)
+    # d/dt p(q, u, t) = M du/dt + (dp/dq) A u + dp/dt
+    velocity = writer.along(momenta, motion | {now: writer.number(1)})
+    velocity = [writer.difference(*pair) for pair in zip(velocity, of_joints(writer.gradient(kinetic, positions)), strict=True)]
+    for first, turning, _ in change.blocks:
+        for place, by in {(first, turning), (turning, first)}:
+            turned = writer.cross(rates[by : by + 3], momenta[first : first + 3])
+            velocity[place : place + 3] = [writer.sum(*pair) for pair in zip(velocity[place : place + 3], turned, strict=True)]
     # M is symmetric: column j below the diagonal is row j of the upper triangle.
     mass = [entry for j, rate in enumerate(rates) for entry in writer.along(momenta[j:], {rate: writer.number(1)})]
     depends = writer.depending_on(rates)
@@ -66,11 +96,30 @@ def lagrange_program(system: System) -> StraightLineProgram | None:
         return None
     outputs = {
         "mass": mass,
-        "velocity": [writer.difference(*pair) for pair in zip(at_constant_rates, of_positions, strict=True)],
-        "gravity": writer.gradient(gravity, positions),
-        "passive": [writer.difference(*pair) for pair in zip(forces, writer.gradient(springs, positions), strict=True)],
+        "velocity": velocity,
+        "gravity": of_joints(writer.gradient(gravity, positions)),
+        "passive": of_joints([writer.difference(*pair) for pair in zip(forces, writer.gradient(springs, positions), strict=True)]),
     }
-    return _in_joints(without_unused(writer.program(outputs)), system)
+    program = without_unused(writer.program(outputs))
+    return _in_quaternions(program, change, inputs, angles) if angles else _in_joints(program, system)
+
+
+def _in_quaternions(
+    program: StraightLineProgram, change: ChangeOfVariables, inputs: Sequence[sp.Symbol], angles: Sequence[sp.Symbol]
+) -> StraightLineProgram:
+    """A program whose inputs are ``inputs`` and then ``angles``, with the angles as functions of the quaternions among ``inputs``."""
+    replaced = {("input", len(inputs) + place): change.of_angles[angle] for place, angle in enumerate(angles)}
+    for place, instruction in enumerate(program.instructions):
+        if instruction in replaced and instruction[0] == "input":
+            angle = angles[instruction[1] - len(inputs)]
+            replaced |= {(function.__name__, place): change.of_angles[function(angle)] for function in (sp.sin, sp.cos)}
+    writer = ProgramWriter(assemble(inputs, {"replaced": list(replaced.values()), "regularity": [change.regularity]}))
+    known = dict(zip(replaced, writer.outputs["replaced"], strict=True))
+    places: list[int] = []
+    for instruction in program.instructions:
+        places.append(known[instruction] if instruction in known else writer.again(*with_operands(instruction, places)))
+    outputs = {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
+    return without_unused(writer.program(outputs | {"regularity": writer.outputs["regularity"]}))
 
 
 def energy_program_of(system: System, energies: EnergiesInSymbols) -> StraightLineProgram:

@@ -44,7 +44,7 @@ class ProgramWriter(Assembler):
         super().__init__(program.inputs)
         places: list[int] = []
         for instruction in program.instructions:
-            places.append(self._again(*with_operands(instruction, places)))
+            places.append(self.again(*with_operands(instruction, places)))
         self.outputs = {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
 
     def number(self, value: Fraction | int) -> int:
@@ -110,6 +110,16 @@ class ProgramWriter(Assembler):
     def quotient(self, first: int, second: int) -> int:
         return first if self._value(second) == 1 or self._value(first) == 0 else self.add("div", first, second)
 
+    def dot(self, first: Sequence[int], second: Sequence[int]) -> int:
+        total = self.number(0)
+        for pair in zip(first, second, strict=True):
+            total = self.sum(total, self.product(*pair))
+        return total
+
+    def cross(self, first: Sequence[int], second: Sequence[int]) -> list[int]:
+        pairs = [(1, 2), (2, 0), (0, 1)]
+        return [self.difference(self.product(first[j], second[k]), self.product(first[k], second[j])) for j, k in pairs]
+
     def gradient(self, place: int, variables: Sequence[int]) -> list[int]:
         """The derivatives of one instruction by inputs, by reverse accumulation."""
         depends = self.depending_on(variables)
@@ -173,7 +183,7 @@ class ProgramWriter(Assembler):
         square = self.sum(self.product(a, a), self.product(b, b))
         return [(a, self.quotient(b, square)), (b, self.negative(self.quotient(a, square)))]
 
-    def _again(self, operation: str, *operands: Any) -> int:
+    def again(self, operation: str, *operands: Any) -> int:
         """An instruction of the program itself, with the identities of 0 and 1."""
         if operation == "neg":
             return self.negative(*operands)

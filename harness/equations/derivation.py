@@ -89,8 +89,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     Raises:
         InvalidSystem: as ``load_mechanism``.
     """
-    from harness.equations.assembly import energy_program_of, program_of
-    from harness.equations.lagrange import in_symbols
+    from harness.equations.assembly import energy_program_of, lagrange_program, program_of
+    from harness.equations.lagrange import derive, in_symbols
     from harness.equations.notation import printed
     from harness.equations.system import TIME
 
@@ -105,7 +105,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         # Longer equations are not worth the time, and nobody would read them.
         text, mathml = printed(equations) if equations is not None and _is_short(program) else ("", "")
         free = any(attitude.position for attitude in system.attitudes)
-        in_body = tuple(program_of(chart, of_chart, linear_velocity_in_body=True) for chart, of_chart, _ in derived if free and of_chart)
+        in_body = tuple(lagrange_program(chart, True) or program_of(chart, derive(chart), True) for chart, *_ in derived if free)
         energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
         total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
@@ -146,6 +146,9 @@ def _derived(system: System) -> tuple[System, EquationsOfMotion | None, Straight
     if program is not None and not _is_short(program):
         return system, None, program
     equations = derive(system)
+    if program is not None and system.attitudes:
+        # In the velocities of the joints; no simplification in the angles leaves fewer instructions.
+        return system, equations, program
     program = program_of(system, equations)
     if _is_short(program):
         if system.measured_from:

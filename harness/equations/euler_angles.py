@@ -20,6 +20,7 @@ Representing attitude, 2006, section 8, for all sequences.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -113,10 +114,16 @@ class JointEnergies:
 
 
 @dataclass(frozen=True)
-class _ChangeOfVariables:
-    """From coordinates and their rates to joint positions and velocities; ``transform`` is A of q' = A(q) u."""
+class ChangeOfVariables:
+    """From coordinates and their rates to joint positions and velocities; ``transform`` is A of q' = A(q) u.
+
+    ``of_rates`` also knows what texts write for the angular velocity and, where it is given in the body's frame, for the
+    linear one. ``blocks`` are those of A that are no identity, (3, 3), each with the places of its first coordinate and of the
+    first angle of its joint.
+    """
 
     positions: tuple[sp.Symbol, ...]
+    blocks: tuple[tuple[int, int, sp.Matrix], ...]
     transform: sp.Matrix
     of_rates: Mapping[sp.Expr, sp.Expr]
     of_angles: Mapping[sp.Expr, sp.Expr]
@@ -182,7 +189,7 @@ def in_joint_coordinates(
             sp.S.One,
         )
     n = len(coordinates)
-    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body)
+    change = change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body)
     transform, rates = change.transform, change.transform * sp.Matrix(equations.rates)
     growth = sum((transform.diff(x) * rate for x, rate in zip(equations.coordinates, rates, strict=True)), sp.zeros(n, n))
     inertial = equations.velocity_terms.xreplace(change.of_rates) + equations.mass_matrix * growth * sp.Matrix(equations.rates)
@@ -203,7 +210,7 @@ def energies_in_joint_coordinates(
 
     The linear velocity of a free joint is that in the joint's frame.
     """
-    change = _change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body=False)
+    change = change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body=False)
     kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
     # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
     at_rest = dict.fromkeys(rates, sp.S.Zero)
@@ -216,29 +223,41 @@ def energies_in_joint_coordinates(
     return JointEnergies(change.positions, rates, energy, lagrangian, kinetic, power, forces, change.regularity)
 
 
-def _change_of_variables(
+def change_of_variables(
     equations: EnergiesInSymbols, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
-) -> _ChangeOfVariables:
+) -> ChangeOfVariables:
+    """The change to the positions and velocities of the joints; arguments as in ``in_joint_coordinates``."""
     q = equations.coordinates
     transform, positions = sp.eye(len(q)), list(q)
     of_angles: dict[sp.Expr, sp.Expr] = {}
     regularity: sp.Expr = sp.S.One
+    of_rates: dict[sp.Expr, sp.Expr] = {}
+    blocks: list[tuple[int, int, sp.Matrix]] = []
     for attitude in sorted(attitudes, key=lambda attitude: coordinates.index(attitude.coordinates[0]), reverse=True):
         first = coordinates.index(attitude.angles[0])
         angles = q[first : first + 3]
         quaternion = sp.symbols([f"{attitude.joint}_{part}" for part in "wxyz"], real=True)
-        transform[first : first + 3, first : first + 3] = _angle_rates(attitude.sequence, angles)
+        changes = [(first, _angle_rates(attitude.sequence, angles), body_rates(attitude.sequence, angles))]
         if attitude.position and linear_velocity_in_body:
-            transform[first - 3 : first, first - 3 : first] = rotation(attitude.sequence, angles)
+            turned = rotation(attitude.sequence, angles)
+            changes.append((first - 3, turned, turned.T))
+        for place, block, inverse in changes:
+            blocks.append((place, first, block))
+            transform[place : place + 3, place : place + 3] = block
+            rates = equations.rates[place : place + 3]
+            for row, rate in zip(inverse * sp.Matrix(rates), rates, strict=True):
+                of_rates |= {row: rate, -row: -rate}
         pairs, of_chart = sines_and_cosines(attitude.sequence, _of_quaternion(quaternion))
         of_angles |= _replacements(angles, pairs)
         regularity *= of_chart
         positions[first : first + 3] = quaternion
-    of_rates = dict(zip(equations.rates, transform * sp.Matrix(equations.rates), strict=True)) if attitudes else {}
-    return _ChangeOfVariables(tuple(positions), transform, of_rates, of_angles, regularity)
+    if attitudes:
+        of_rates |= dict(zip(equations.rates, transform * sp.Matrix(equations.rates), strict=True))
+    return ChangeOfVariables(tuple(positions), tuple(blocks), transform, of_rates, of_angles, regularity)
 
 
-def _angle_rates(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
+@functools.cache
+def _angle_rates(sequence: str, angles: tuple[sp.Expr, ...]) -> sp.Matrix:
     """The inverse of ``body_rates``; no tangent stays, as it is singular where only the cosine vanishes."""
     inverse = body_rates(sequence, angles).inv().applyfunc(sp.simplify)
     return inverse.applyfunc(lambda entry: entry.replace(sp.tan, lambda angle: sp.sin(angle) / sp.cos(angle)))

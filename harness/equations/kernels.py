@@ -38,9 +38,15 @@ class Float64Kernel:
     Every method takes ``inputs`` of shape (number of inputs, n), C-contiguous, one column a state.
     """
 
-    def __init__(self, program: StraightLineProgram, parameters: Sequence[float] | None = None) -> None:
-        """With ``parameters`` these are compiled into the machine code, and ``inputs`` ends before them."""
+    def __init__(
+        self, program: StraightLineProgram, parameters: Sequence[float] | None = None, other_charts: Sequence[StraightLineProgram] = ()
+    ) -> None:
+        """With ``parameters`` these are compiled into the machine code, and ``inputs`` ends before them.
+
+        ``other_charts`` are programs of the same equations, each of which stands in for the first where it is more regular.
+        """
         self.program = program
+        self._programs = (program, *other_charts)
         self.nv = len(program.outputs["velocity"])
         self._parameters = parameters
 
@@ -93,12 +99,16 @@ class Float64Kernel:
         import heyoka
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
-        if self._parameters is None:
-            return inputs, heyoka_expressions(self.program, inputs)
         # With the digits of long double, as heyoka turns a division by a number into a product.
-        values = [heyoka.expression(np.longdouble(value)) for value in self._parameters]
+        values = [heyoka.expression(np.longdouble(value)) for value in self._parameters or ()]
         inputs = inputs[: len(inputs) - len(values)]
-        return inputs, heyoka_expressions(self.program, [*inputs, *values])
+        chosen, *others = [heyoka_expressions(program, [*inputs, *values]) for program in self._programs]
+        for other in others:
+            better = heyoka.gt(other["regularity"][0], chosen["regularity"][0])
+            for name, expressions in chosen.items():
+                pairs = zip(expressions, other[name], strict=True)
+                chosen[name] = [one if one == another else heyoka.select(better, another, one) for one, another in pairs]
+        return inputs, chosen
 
     def _right_hand_side(self) -> list[Any]:
         inputs, outputs = self._symbols
@@ -140,9 +150,12 @@ class Float64Kernel:
 _KERNELS: Kept[Float64Kernel] = Kept(64)
 
 
-def float64_kernel(program: StraightLineProgram, parameters: tuple[float, ...] | None = None) -> Float64Kernel:
+def float64_kernel(
+    program: StraightLineProgram, parameters: tuple[float, ...] | None = None, other_charts: tuple[StraightLineProgram, ...] = ()
+) -> Float64Kernel:
     """The kernel of a program, which is compiled once per process; arguments as in ``Float64Kernel``."""
-    return _KERNELS.get((program.key, parameters), lambda: Float64Kernel(program, parameters))
+    key = program.key, parameters, tuple(chart.key for chart in other_charts)
+    return _KERNELS.get(key, lambda: Float64Kernel(program, parameters, other_charts))
 
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:

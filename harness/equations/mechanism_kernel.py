@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.kernels import Float64Kernel, float64_kernel, heyoka_expressions
-from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, without_unused
+from harness.equations.program import StraightLineProgram, position_count, without_unused
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
@@ -39,13 +39,20 @@ class Charts:
         """The chart for each state, (n,)."""
         if len(self.programs) == 1:
             return np.zeros(len(q), dtype=np.int64)
-        return np.asarray(np.nan_to_num(self.regularity(q), nan=-1.0).argmax(axis=0))
+        highest, *others = np.fmax(self.regularity(q), -1.0)
+        best = np.zeros(len(q), dtype=np.int64)
+        for chart, regularity in enumerate(others, 1):
+            best[regularity > highest] = chart
+            highest = np.maximum(highest, regularity)
+        return best
 
     def split(self, q: Array) -> Iterator[tuple[int, Indices]]:
         """The charts in use, each with the indices of its states; at least one chart."""
         best = self.most_regular(q)
-        for chart in np.unique(best).tolist() or [0]:
-            yield chart, np.flatnonzero(best == chart)
+        for chart in range(len(self.programs)):
+            chosen = np.flatnonzero(best == chart)
+            if len(chosen) or not (chart or len(q)):
+                yield chart, chosen
 
     @cached_property
     def _regularity(self) -> Any:
@@ -67,42 +74,39 @@ class MechanismKernel:
 
     def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
         self._mechanism = mechanism
-        self._charts = Charts(mechanism.charts(linear_velocity_in_body))
+        self._programs = mechanism.charts(linear_velocity_in_body)
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """qdd, (n, nv), at q (n, nq), v and tau (n, nv); the time is 0."""
-        inputs = self.inputs(q, v, tau)
-        if len(self._charts.programs) == 1:
-            return np.ascontiguousarray(self.chart(0).accelerations(inputs).T)
-        found = np.empty_like(v)
-        for chart, chosen in self._charts.split(q):
-            found[chosen] = self.chart(chart).accelerations(np.ascontiguousarray(inputs[:, chosen])).T
-        return found
+        return np.ascontiguousarray(self.compiled.accelerations(self.inputs(q, v, tau)).T)
 
     def terms(self, q: Array, v: Array, tau: Array) -> dict[str, Array]:
         """As ``Float64Kernel.terms``."""
-        inputs = self.inputs(q, v, tau)
-        found = {name: np.empty((*v.shape, v.shape[1]) if name == OUTPUTS[0] else v.shape) for name in OUTPUTS}
-        for chart, chosen in self._charts.split(q):
-            for name, term in self.chart(chart).terms(np.ascontiguousarray(inputs[:, chosen])).items():
-                found[name][chosen] = term
-        return found
+        return self.compiled.terms(self.inputs(q, v, tau))
 
-    def chart(self, number: int) -> Float64Kernel:
-        """The kernel of one chart, for the columns of ``inputs``."""
-        return float64_kernel(self._charts.programs[number], self._parameters)
+    @property
+    def compiled(self) -> Float64Kernel:
+        """The kernel for the columns of ``inputs``."""
+        program, *others = self._programs
+        return float64_kernel(program, self._parameters, tuple(others))
 
     def inputs(self, q: Array, v: Array, tau: Array) -> Array:
-        """Columns for the charts' kernels, whole turns taken from large angles."""
-        rows = [self._within_a_turn(q).T, v.T, tau.T, np.zeros((1, len(q)))]
-        if self._parameters is None:
-            values = np.array(self._mechanism.parameter_values, dtype=np.float64)[:, None]
-            rows.append(np.broadcast_to(values, (len(values), len(q))))
-        return np.ascontiguousarray(np.vstack(rows))
+        """Columns for the kernel, whole turns taken from large angles."""
+        nq, nv = q.shape[1], v.shape[1]
+        values = () if self._parameters is not None else self._mechanism.parameter_values
+        columns = np.empty((nq + 2 * nv + 1 + len(values), len(q)))
+        columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv], columns[nq + 2 * nv] = q.T, v.T, tau.T, 0.0
+        columns[nq + 2 * nv + 1 :] = np.reshape(values, (-1, 1))
+        # In a sum with another angle a large one would round its digits away.
+        if (np.abs(columns[:nq]) > LARGE_ANGLE).any():
+            for place in self._turning:
+                angle, large = columns[place], np.abs(columns[place]) > LARGE_ANGLE
+                angle[large] = np.arctan2(np.sin(angle[large]), np.cos(angle[large]))
+        return columns
 
     @cached_property
     def _parameters(self) -> tuple[float, ...] | None:
-        is_long = len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
+        is_long = len(self._programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
 
     def _within_a_turn(self, q: Array) -> Array:
@@ -113,4 +117,4 @@ class MechanismKernel:
 
     @cached_property
     def _turning(self) -> list[int]:
-        return [place for place in self._charts.programs[0].turning if place < self._mechanism.nq]
+        return [place for place in self._programs[0].turning if place < self._mechanism.nq]
