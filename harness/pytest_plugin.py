@@ -55,7 +55,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help=f"cross-check this library, a folder or an installed one's name ('{BUILT_IN_NAME}' for the textbook mechanisms)",
     )
     group.addoption(
-        "--harness-states", type=_above_zero, default=_DEFAULT_STATES, metavar="N", help="states per system (default: %(default)s)"
+        "--harness-states",
+        type=_above_zero,
+        metavar="N",
+        help=f"states per system (default: harness_states of the settings, else {_DEFAULT_STATES})",
     )
     group.addoption("--harness-seed", type=int, default=0, metavar="S", help="seed of the sampled states (default: %(default)s)")
     group.addoption("--harness-subject", action="append", default=[], metavar="ENGINE/FORMAT", help="only this subject; repeatable")
@@ -76,6 +79,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="seconds an engine may take over one batch (default: %(default)s)",
     )
     parser.addini("harness_library", "library the cross-check runs over when --harness-library is not given", default="")
+    parser.addini("harness_states", "states per system when --harness-states is not given", default=str(_DEFAULT_STATES))
+
+
+def _states_of_settings(config: pytest.Config) -> int:
+    text = config.getini("harness_states")
+    try:
+        return _above_zero(text)
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        raise pytest.UsageError(f"harness_states in the settings is {text!r}; expected a whole number above zero") from error
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -121,6 +133,7 @@ class _Regression:
         self._known: dict[tuple[str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
+        self.states = config.getoption("--harness-states") or _states_of_settings(config)
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
         if file_path.parent != self.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
@@ -135,8 +148,8 @@ class _Regression:
         self._exit.close()
 
     def pytest_report_header(self) -> str:
-        states, seed = self.config.getoption("--harness-states"), self.config.getoption("--harness-seed")
-        return f"harness: library {self.library.name}, {states} states per system, seed {seed}"
+        seed = self.config.getoption("--harness-seed")
+        return f"harness: library {self.library.name}, {self.states} states per system, seed {seed}"
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""

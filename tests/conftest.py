@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Iterator
 from functools import cached_property
@@ -40,6 +41,7 @@ class Exact:
         self.forces = [sp.Symbol(f"applied_{i}") for i in range(self.nv)]
         self.arguments = [*equations.coordinates, *equations.rates, *self.forces, TIME, *system.parameters]
         self.parameters = [mpmath.mpf(value) for value, _ in system.parameters.values()]
+        self._last: tuple[tuple[Any, ...], Any] | None = None
 
     def function(self, expressions: Any, extra: Any = ()) -> Callable[..., Any]:
         """``expressions`` as a function of the flat list of arguments, and of ``extra`` symbols."""
@@ -58,8 +60,11 @@ class Exact:
         return self.function([*equations.mass_matrix, *force])
 
     def mass_and_force(self, arguments: Any) -> tuple[mpmath.matrix, mpmath.matrix]:
-        """M and tau + p - c - g."""
-        values = self._mass_and_force(arguments)
+        """M and tau + p - c - g; those of the last arguments are kept, because norms and accelerations come in turns."""
+        asked = tuple(arguments)
+        if self._last is None or self._last[0] != asked:
+            self._last = asked, self._mass_and_force(asked)
+        values = self._last[1]
         with mpmath.workdps(DIGITS):
             mass = mpmath.matrix([values[i * self.nv : (i + 1) * self.nv] for i in range(self.nv)])
             return mass, mpmath.matrix(values[self.nv**2 :])
@@ -138,6 +143,18 @@ class Exact:
         return self.function([e.xreplace(plain).xreplace(position) for e in (self.system.kinetic - self.system.potential, *forces)])
 
 
+@functools.cache
+def _system(name: str) -> System:
+    return load_system(Library.built_in().system_path(name))[0]
+
+
+@functools.cache
+def _exact(name: str) -> Exact:
+    """One for all the test files of a process, with the functions it has compiled."""
+    system = _system(name)
+    return Exact(system, derive(system))
+
+
 def _mechanism_of(system: System) -> Mechanism:
     equations = derive(system)
     return Mechanism(
@@ -192,12 +209,12 @@ def built_in_name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="session")
 def built_in_system(built_in_name: str) -> System:
-    return load_system(Library.built_in().system_path(built_in_name))[0]
+    return _system(built_in_name)
 
 
 @pytest.fixture(scope="session")
-def built_in_exact(built_in_system: System) -> Exact:
-    return Exact(built_in_system, derive(built_in_system))
+def built_in_exact(built_in_name: str) -> Exact:
+    return _exact(built_in_name)
 
 
 MODELLED = [name for name in Library.built_in().system_names() if all(Library.built_in().has_model(name, form) for form in MODEL_SUFFIXES)]
@@ -211,7 +228,7 @@ def modelled_name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="session")
 def modelled_system(modelled_name: str) -> System:
-    return load_system(Library.built_in().system_path(modelled_name))[0]
+    return _system(modelled_name)
 
 
 @pytest.fixture(scope="session")
@@ -227,8 +244,7 @@ def plain_name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="session")
 def plain_exact(plain_name: str) -> Exact:
-    system = load_system(Library.built_in().system_path(plain_name))[0]
-    return Exact(system, derive(system))
+    return _exact(plain_name)
 
 
 @pytest.fixture(scope="session")

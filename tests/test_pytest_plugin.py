@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from support import make_library
+from support import Done, InThisProcess, make_library
 
 
 @pytest.fixture
@@ -19,15 +22,31 @@ def library(tmp_path: Path) -> Path:
     return root
 
 
-def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
+OPTIONS = ("-p", "no:cacheprovider")
+
+
+def run_in_a_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """pytest as users run it."""
+    command = [sys.executable, "-m", "pytest", *OPTIONS, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+
+
+def run(*arguments: str, cwd: Path) -> Done:
+    """pytest within this one, with ``InThisProcess`` for its workers."""
+    output, errors = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        patch.setattr("harness.workers.Workers", InThisProcess)
+        patch.chdir(cwd)
+        for variable in [name for name in os.environ if name.startswith("PYTEST_")]:
+            patch.delenv(variable)
+        status = pytest.main([*OPTIONS, "--capture=no", *arguments])
+    return Done(int(status), output.getvalue(), errors.getvalue())
 
 
 def test_any_library_from_an_empty_folder(library: Path) -> None:
     empty = library.parent / "empty"
     empty.mkdir()
-    done = run("--harness-library", "../mechanisms", "-v", cwd=empty)
+    done = run_in_a_process("--harness-library", "../mechanisms", "-v", cwd=empty)
     assert done.returncode == 1
     assert "2 failed, 8 passed" in done.stdout
     assert "harness: library mechanisms, 1000 states per system, seed 0" in done.stdout
@@ -54,23 +73,21 @@ ENGINE = Engine()
 """
 
 
-def test_no_process_runs_the_systems_of_another(library: Path) -> None:
+def test_processes_share_the_systems_and_none_runs_those_of_another(library: Path) -> None:
     log = library / "log"
     (library / "engines").mkdir()
     (library / "engines" / "watched.py").write_text(WATCHED_ENGINE.format(log=str(log)))
-    options = ("--harness-states", "40", "--harness-subject", "watched/mjcf", "-n", "2", "--dist", "loadfile")
-    run("--harness-library", str(library), *options, cwd=library)
-    loaded = {tuple(line.split()) for line in log.read_text().splitlines()}
-    assert sorted(name for name, _ in loaded) == ["bar_pendulum.xml", "spring_damper.xml"]
-    assert {process for _, process in loaded} == {"gw0", "gw1"}
-
-
-def test_processes_share_the_systems(library: Path) -> None:
-    done = run("--harness-library", str(library), "--harness-states", "40", "-n", "2", "--dist", "loadfile", "-v", cwd=library)
+    subjects = [f"--harness-subject={subject}" for subject in ("watched/mjcf", "mujoco/mjcf", "pinocchio/urdf")]
+    options = ("--harness-states", "40", *subjects, "-n", "2", "--dist", "loadfile", "-v")
+    done = run_in_a_process("--harness-library", str(library), *options, cwd=library)
     assert done.returncode == 1
-    assert "2 failed, 8 passed" in done.stdout
+    assert "2 failed, 4 passed" in done.stdout
     assert "bar_pendulum mujoco/mjcf: disagrees, expected agrees" in done.stdout
     assert {"[gw0]", "[gw1]"} <= set(done.stdout.split())
+    loaded = {tuple(line.split()) for line in log.read_text().splitlines()}
+    assert {name for name, _ in loaded} == {"bar_pendulum.xml", "spring_damper.xml"}
+    # Each file has one process, and each process one file.
+    assert {process for _, process in loaded} == {"gw0", "gw1"} and len(loaded) == 2
 
 
 def test_options_select_subjects_systems_and_states(library: Path) -> None:
@@ -90,6 +107,18 @@ def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
     (own / "test_own.py").write_text("def test_own(): pass\n")
     done = run("--harness-states", "40", cwd=library.parent)
     assert "2 failed, 9 passed" in done.stdout
+
+
+def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> None:
+    settings = library.parent / "pytest.ini"
+    for text, option, expected in (("30", (), 30), ("30", ("--harness-states=20",), 20), ("none", (), None)):
+        settings.write_text(f"[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms\nharness_states = {text}\n")
+        done = run(*option, "-k", "spring_damper and lagrange", cwd=library.parent)
+        if expected is None:
+            assert done.returncode == pytest.ExitCode.USAGE_ERROR
+            assert "harness_states in the settings is 'none'" in done.stderr
+        else:
+            assert f"{expected} states per system" in done.stdout and "1 passed" in done.stdout
 
 
 def test_nothing_is_collected_unless_asked_for(library: Path) -> None:

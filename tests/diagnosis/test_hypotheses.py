@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import itertools
+import random
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import BUILT_IN
+from support import BUILT_IN, IN_CI
 
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
@@ -31,6 +33,8 @@ SYSTEMS = ("quarter_car", "coupled_oscillators", "bar_pendulum", "arm_2r", "tora
 NEVER_FELT = {("gravity", "urdf"), ("friction", "mjcf"), ("friction", "urdf")}
 ALL = [members[0] for path in sorted(BUILT_IN.systems.glob("*.py")) if (members := BUILT_IN.names_in(path))]
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
+# How many of a hypothesis's mistakes are made in each model, drawn by a seed of their own; None for all.
+FEW = None if IN_CI else 1
 
 TURNED = {
     "mjcf": """\
@@ -144,10 +148,12 @@ def changes_the_dynamics(watched: Watch, text: str) -> bool:
     return movement is not None and movement > 1e-10
 
 
-def undone(hypothesis: Hypothesis, name: str, model_format: str) -> Iterator[tuple[Planted, bool]]:
-    """Each valid mistake that changes the dynamics, and whether some mend brings the truth back."""
+def undone(hypothesis: Hypothesis, name: str, model_format: str, statement: str = "") -> Iterator[tuple[Planted, bool]]:
+    """Valid mistakes of which ``statement`` is said and that change the dynamics, in an order drawn by a seed; whether some mend helps."""
     watched, reference = bench(name, model_format)
-    for planted in hypothesis.plant(watched.model):
+    mistakes = [planted for planted in hypothesis.plant(watched.model) if statement in planted.statement]
+    random.Random(f"{hypothesis.name} {name} {model_format}").shuffle(mistakes)
+    for planted in mistakes:
         text = planted.text(1.0)
         if is_valid(watched.model, text) and changes_the_dynamics(watched, text):
             yield planted, any(agrees(watched, reference, mend) for mend in mended(hypothesis, watched, reference, planted))
@@ -165,7 +171,7 @@ def test_every_hypothesis_is_found_by_its_name() -> None:
 def test_a_mistake_is_undone_by_a_mend_of_its_own_hypothesis(name: str, model_format: str) -> None:
     count = 0
     for system in SYSTEMS:
-        found = list(undone(HYPOTHESES[name], system, model_format))
+        found = list(itertools.islice(undone(HYPOTHESES[name], system, model_format), FEW))
         # What stands in the file as zero is one of its numbers, each of which every diagnosis tries anyway.
         assert [planted for planted, back in found if not back and not _is_number(planted)] == [], system
         count += sum(back for _, back in found)
@@ -174,10 +180,8 @@ def test_a_mistake_is_undone_by_a_mend_of_its_own_hypothesis(name: str, model_fo
 
 def test_a_body_counted_in_a_parent_without_mass_is_taken_out_again() -> None:
     """What rounding leaves of the parent is neither a mass with a centre nor a product of inertia."""
-    found = [
-        back for planted, back in undone(HYPOTHESES["bodies_fused"], "puma_560", "mjcf") if "link2 counted in link1" in planted.statement
-    ]
-    assert found == [True, True]
+    found = undone(HYPOTHESES["bodies_fused"], "puma_560", "mjcf", "link2 counted in link1")
+    assert [back for _, back in found] == [True, True]
 
 
 def _is_number(planted: Planted) -> bool:

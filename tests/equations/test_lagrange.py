@@ -11,6 +11,7 @@ import pytest
 import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support import IN_CI
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
 from harness.equations.lagrange import EquationsOfMotion, derive
@@ -177,7 +178,9 @@ def check_equations(system: System, exact: Any) -> None:
     sympys = brute_force_lagrange(system, exact) if exact.nv <= 3 else None
     n = exact.nv
 
-    @settings(max_examples=15 if exact.nv <= 3 else 5)
+    examples = (15 if exact.nv <= 3 else 5) if IN_CI else (4 if exact.nv <= 3 else 2)
+
+    @settings(max_examples=examples)
     @given(state_strategy(exact))
     def same_at_every_state(state: list[Fraction]) -> None:
         numbers = in_digits(state)

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from support import IN_CI, is_zero
 
 from harness.equations.derivation import load_system
 from harness.equations.lagrange import EquationsOfMotion, derive
@@ -17,6 +18,8 @@ from harness.library import Library
 
 # Zero at 80 digits of which differences leave 50, relative to the largest term.
 AT_ZERO = mpmath.mpf(10) ** -40
+# States of every system at which mpmath evaluates an identity.
+COUNT = 5 if IN_CI else 2
 SEED = ("collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r")
 
 
@@ -35,7 +38,7 @@ def accelerations(equations: EquationsOfMotion) -> sp.Matrix:
 
 
 def assert_zero(expressions: Any) -> None:
-    assert [sp.simplify(expression) for expression in expressions] == [0] * len(list(expressions))
+    assert [expression for expression in expressions if not is_zero(expression)] == []
 
 
 def random_arguments(exact: Any, source: random.Random) -> list[mpmath.mpf]:
@@ -151,7 +154,7 @@ def test_energy_function_is_that_of_the_parts_of_the_kinetic_energy(built_in_nam
     exact, equations = built_in_exact, built_in_exact.equations
     values = exact.function([equations.energy_function, equations.kinetic, equations.potential])
     source = random.Random(built_in_name)
-    for _ in range(5):
+    for _ in range(COUNT):
         arguments = random_arguments(exact, source)
         back, rest = ([factor * a if exact.nv <= i < 2 * exact.nv else a for i, a in enumerate(arguments)] for factor in (-1, 0))
         (h, kinetic, potential), (_, reversed_, _), (_, at_rest, _) = map(values, (arguments, back, rest))
@@ -165,7 +168,7 @@ def test_energy_function_is_that_of_the_parts_of_the_kinetic_energy(built_in_nam
 def test_energy_changes_by_the_power_of_the_forces_alone(built_in_name: str, built_in_exact: Any) -> None:
     """dh/dt = sum Q v - dL/dt, the chapter's energy balance, with qdd from the equations of motion."""
     source = random.Random(built_in_name)
-    for _ in range(5):
+    for _ in range(COUNT):
         residual, scale = built_in_exact.energy_balance(random_arguments(built_in_exact, source))
         assert scale > 0
         assert abs(residual) <= AT_ZERO * scale
