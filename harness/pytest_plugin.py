@@ -206,7 +206,7 @@ class _Regression:
                 library=self.library,
                 names=[system] if self._distributed else self._wanted[0],
                 subjects=self._wanted[1],
-                states=self.config.getoption("--harness-states"),
+                states=self.states,
                 seed=self.config.getoption("--harness-seed"),
                 replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
             )
