@@ -182,7 +182,7 @@ def test_exit_statuses(
         (["--methods", "mujoco RK4"], ["'mujoco RK4' computes motion; ask for it with --motion"]),
         (["--profile", "thorough"], ["--profile", "quick"]),
         (["--library", "nowhere"], ["nowhere", "no such directory"]),
-        (["collar", "--out", "/dev/null/reports"], ["/dev/null/reports", "cannot be made"]),
+        (["collar", "--out", "/dev/null/reports"], ["/dev/null/reports", "cannot be used"]),
         (["collar", "--workers", "0"], ["--workers"]),
     ],
 )
