@@ -5,6 +5,7 @@ Kernels are compared as ratios within one run. Not collected by a plain ``pytest
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 import time
@@ -98,6 +99,24 @@ def test_command(benchmark: Any, tmp_path: Path, arguments: list[str], limit: fl
     benchmark.group = "commands, from a warm cache"
     benchmark.pedantic(command, warmup_rounds=1, rounds=3)
     assert benchmark.stats.stats.median <= limit
+
+
+def cpu_seconds(*command: str, cwd: Path) -> float:
+    """User and system time of a command with its children [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *command], check=True, stdout=subprocess.DEVNULL, cwd=cwd)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def test_a_warm_check_of_one_mechanism_costs_three_times_the_imports_at_most(tmp_path: Path) -> None:
+    """4 CPU seconds where the imports cost 1.3; the ratio holds on slower machines too."""
+    check = ("-m", "harness", "check", "double_pendulum")
+    cpu_seconds(*check, cwd=tmp_path)
+    imports = min(
+        cpu_seconds("-c", "import sympy, heyoka, mujoco, pinocchio, hypothesis, flint, lxml.etree", cwd=tmp_path) for _ in range(2)
+    )
+    assert min(cpu_seconds(*check, cwd=tmp_path) for _ in range(2)) <= 3.1 * imports
 
 
 def test_certifying_100_000_states_of_every_system(benchmark: Any) -> None:

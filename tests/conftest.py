@@ -1,181 +1,30 @@
-"""What several test files share: hypothesis profiles, a cache of their own, and an exact evaluation of any system."""
+"""What several test files share: hypothesis profiles, a cache of their own, and fixtures that run a test over the systems."""
 
 from __future__ import annotations
 
-import functools
+import gc
 import os
+import zlib
 from collections.abc import Callable, Iterator
-from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
-import mpmath
 import pytest
-import sympy as sp
+from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import settings
-from support import PLAIN
 
-from harness.equations.assembly import energy_program_of, program_of
-from harness.equations.derivation import load_mechanism, load_system
-from harness.equations.lagrange import EquationsOfMotion, derive
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import DEFAULT_RATES
-from harness.equations.system import TIME, System
-from harness.library import MODEL_SUFFIXES, Library
+if TYPE_CHECKING:
+    # Imported where they are used, because the process that gives out the tests needs none of them.
+    from exact import Exact
+
+    from harness.equations.mechanism import Mechanism
+    from harness.equations.system import System
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+settings.load_profile("ci" if IN_CI else "local")
 
-DIGITS = 80
-
-
-class Exact:
-    """A system evaluated by mpmath at ``DIGITS`` digits, without the program and the kernels under test.
-
-    Arguments are, in this order: q, v, tau, time, parameters, as one flat list.
-    """
-
-    def __init__(self, system: System, equations: EquationsOfMotion) -> None:
-        self.system, self.equations = system, equations
-        self.nv = len(equations.coordinates)
-        self.forces = [sp.Symbol(f"applied_{i}") for i in range(self.nv)]
-        self.arguments = [*equations.coordinates, *equations.rates, *self.forces, TIME, *system.parameters]
-        self.parameters = [mpmath.mpf(value) for value, _ in system.parameters.values()]
-        self._last: tuple[tuple[Any, ...], Any] | None = None
-
-    def function(self, expressions: Any, extra: Any = ()) -> Callable[..., Any]:
-        """``expressions`` as a function of the flat list of arguments, and of ``extra`` symbols."""
-        compiled = sp.lambdify([*self.arguments, *extra], list(expressions), modules="mpmath", cse=True)
-
-        def evaluate(arguments: Any, *others: Any) -> Any:
-            with mpmath.workdps(DIGITS):
-                return compiled(*map(mpmath.mpf, arguments), *map(mpmath.mpf, others))
-
-        return evaluate
-
-    @cached_property
-    def _mass_and_force(self) -> Callable[..., Any]:
-        equations = self.equations
-        force = sp.Matrix(self.forces) + equations.passive_forces - equations.velocity_terms - equations.gravity_terms
-        return self.function([*equations.mass_matrix, *force])
-
-    def mass_and_force(self, arguments: Any) -> tuple[mpmath.matrix, mpmath.matrix]:
-        """M and tau + p - c - g; those of the last arguments are kept, because norms and accelerations come in turns."""
-        asked = tuple(arguments)
-        if self._last is None or self._last[0] != asked:
-            self._last = asked, self._mass_and_force(asked)
-        values = self._last[1]
-        with mpmath.workdps(DIGITS):
-            mass = mpmath.matrix([values[i * self.nv : (i + 1) * self.nv] for i in range(self.nv)])
-            return mass, mpmath.matrix(values[self.nv**2 :])
-
-    def mass(self, arguments: Any) -> mpmath.matrix:
-        return self.mass_and_force(arguments)[0]
-
-    def accelerations(self, arguments: Any) -> mpmath.matrix:
-        with mpmath.workdps(DIGITS):
-            return mpmath.lu_solve(*self.mass_and_force(arguments))
-
-    def energy_norm(self, arguments: Any, vector: Any) -> mpmath.mpf:
-        with mpmath.workdps(DIGITS):
-            return mpmath.sqrt((vector.T * self.mass(arguments) * vector)[0])
-
-    def along_the_motion(self, arguments: Any, accelerations: Any, step: mpmath.mpf) -> list[mpmath.mpf]:
-        """The arguments a time ``step`` later, to second order in it."""
-        n = self.nv
-        q, v = arguments[:n], arguments[n : 2 * n]
-        return [
-            *(x + rate * step + a * step**2 / 2 for x, rate, a in zip(q, v, accelerations, strict=True)),
-            *(rate + a * step for rate, a in zip(v, accelerations, strict=True)),
-            *arguments[2 * n : 3 * n],
-            arguments[3 * n] + step,
-            *arguments[3 * n + 1 :],
-        ]
-
-    def energy_balance(self, arguments: Any) -> tuple[mpmath.mpf, mpmath.mpf]:
-        """(residual, size of the energies and rates in it) of dh/dt = sum (Q + tau) v - dL/dt (chapter 7.9).
-
-        Both time derivatives are central differences whose step leaves 50 digits.
-        """
-        n = self.nv
-        with mpmath.workdps(DIGITS):
-            step = mpmath.mpf(10) ** -25
-            accelerations = self.accelerations(arguments)
-            ahead, behind = (self._energies(self.along_the_motion(arguments, accelerations, s))[0] for s in (step, -step))
-            later, earlier = (
-                self._energies([*arguments[: 3 * n], arguments[3 * n] + s, *arguments[3 * n + 1 :]])[1] for s in (step, -step)
-            )
-            _, _, power, size = self._energies(arguments)
-            residual = (ahead - behind) / (2 * step) - power + (later - earlier) / (2 * step)
-            return residual, (1 + size) * (1 + max(map(abs, [*accelerations, *arguments[n : 2 * n]])))
-
-    @cached_property
-    def _energies(self) -> Callable[..., Any]:
-        """h, L, the power of Q + tau, and |T| + |V| + |power|."""
-        kinetic, potential, rates = self.equations.kinetic, self.equations.potential, self.equations.rates
-        h = sum((v * kinetic.diff(v) for v in rates), -kinetic) + potential
-        work = zip(self.equations.generalised_forces, self.forces, rates, strict=True)
-        power = sum((given + applied) * v for given, applied, v in work)
-        return self.function([h, kinetic - potential, power, abs(kinetic) + abs(potential) + abs(power)])
-
-    def euler_lagrange(self, arguments: Any, accelerations: Any) -> list[mpmath.mpf]:
-        """d/dt(dL/dv) - dL/dq - Q, all derivatives central differences that leave 30 digits: no symbolic step at all."""
-        n = self.nv
-        with mpmath.workdps(DIGITS):
-            step = mpmath.mpf(10) ** -20
-            arguments = list(map(mpmath.mpf, arguments))
-
-            def slope(index: int, at: list[mpmath.mpf]) -> mpmath.mpf:
-                ahead, behind = (self._lagrangian([*at[:index], at[index] + s, *at[index + 1 :]])[0] for s in (step, -step))
-                return (ahead - behind) / (2 * step)
-
-            later, earlier = (self.along_the_motion(arguments, accelerations, s) for s in (step, -step))
-            forces = self._lagrangian(arguments)[1:]
-            return [
-                (slope(n + i, later) - slope(n + i, earlier)) / (2 * step) - slope(i, arguments) - force for i, force in enumerate(forces)
-            ]
-
-    @cached_property
-    def _lagrangian(self) -> Callable[..., Any]:
-        plain = dict(zip(self.system.rates, self.equations.rates, strict=True))
-        position = dict(zip(self.system.coordinates, self.equations.coordinates, strict=True))
-        forces = [self.system.generalised_forces.get(q, sp.S.Zero) for q in self.system.coordinates]
-        return self.function([e.xreplace(plain).xreplace(position) for e in (self.system.kinetic - self.system.potential, *forces)])
-
-
-@functools.cache
-def _system(name: str) -> System:
-    return load_system(Library.built_in().system_path(name))[0]
-
-
-@functools.cache
-def _exact(name: str) -> Exact:
-    """One for all the test files of a process, with the functions it has compiled."""
-    system = _system(name)
-    return Exact(system, derive(system))
-
-
-def _mechanism_of(system: System) -> Mechanism:
-    equations = derive(system)
-    return Mechanism(
-        name="test",
-        description="",
-        source="",
-        coordinates=tuple(symbol.name for symbol in equations.coordinates),
-        joints=tuple(system.coordinates.values()),
-        parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
-        gravity=0.0,
-        total_mass=1.0,
-        rotating=system.rotating,
-        position_ranges=tuple(system.ranges.get(q) for q in system.coordinates),
-        rate_ranges=tuple(system.ranges.get(v, DEFAULT_RATES) for v in system.rates),
-        force_ranges=tuple((-10.0, 10.0) for _ in system.coordinates),
-        program=program_of(system, equations),
-        energy_programs=(energy_program_of(system, equations),),
-        equations_text="",
-        equations_mathml="",
-        derivation_seconds=0.0,
-    )
+# The desk runs the costly tests of a file on one in so many systems, each file on others; CI runs them on all.
+ONE_IN = 3
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -192,19 +41,55 @@ def cache_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def mechanism_of() -> Callable[[System], Mechanism]:
     """The mechanism of a system that has no file."""
-    return _mechanism_of
+    import exact
+
+    return exact.mechanism_of
 
 
 @pytest.fixture(scope="session")
 def exact_of() -> Callable[[System], Exact]:
     """The exact evaluation of a system that has no file."""
+    from exact import Exact
+
+    from harness.equations.lagrange import derive
+
     return lambda system: Exact(system, derive(system))
 
 
-@pytest.fixture(scope="session", params=Library.built_in().system_names())
+@pytest.fixture(scope="session", params=BUILT_IN.system_names())
 def built_in_name(request: pytest.FixtureRequest) -> str:
     """Runs a test once for every system of the library."""
     return str(request.param)
+
+
+@pytest.fixture(scope="session", params=MODELLED)
+def modelled_name(request: pytest.FixtureRequest) -> str:
+    """Runs a test once for every system that engines can express; whether others may lack a model, the cross-check tells."""
+    return str(request.param)
+
+
+@pytest.fixture(scope="session", params=PLAIN)
+def plain_name(request: pytest.FixtureRequest) -> str:
+    """Runs a test once for every system whose joints carry its coordinates themselves."""
+    return str(request.param)
+
+
+def _system(name: str) -> System:
+    from exact import system_of
+
+    return system_of(name)
+
+
+def _exact(name: str) -> Exact:
+    from exact import exact_of
+
+    return exact_of(name)
+
+
+def _mechanism(name: str) -> Mechanism:
+    from harness.equations.derivation import load_mechanism
+
+    return load_mechanism(BUILT_IN, name)
 
 
 @pytest.fixture(scope="session")
@@ -217,13 +102,9 @@ def built_in_exact(built_in_name: str) -> Exact:
     return _exact(built_in_name)
 
 
-MODELLED = [name for name in Library.built_in().system_names() if all(Library.built_in().has_model(name, form) for form in MODEL_SUFFIXES)]
-
-
-@pytest.fixture(scope="session", params=MODELLED)
-def modelled_name(request: pytest.FixtureRequest) -> str:
-    """Runs a test once for every system that engines can express; whether others may lack a model, the cross-check tells."""
-    return str(request.param)
+@pytest.fixture(scope="session")
+def built_in_mechanism(built_in_name: str) -> Mechanism:
+    return _mechanism(built_in_name)
 
 
 @pytest.fixture(scope="session")
@@ -233,13 +114,7 @@ def modelled_system(modelled_name: str) -> System:
 
 @pytest.fixture(scope="session")
 def modelled_mechanism(modelled_name: str) -> Mechanism:
-    return load_mechanism(Library.built_in(), modelled_name)
-
-
-@pytest.fixture(scope="session", params=PLAIN)
-def plain_name(request: pytest.FixtureRequest) -> str:
-    """Runs a test once for every system whose joints carry its coordinates themselves."""
-    return str(request.param)
+    return _mechanism(modelled_name)
 
 
 @pytest.fixture(scope="session")
@@ -249,9 +124,24 @@ def plain_exact(plain_name: str) -> Exact:
 
 @pytest.fixture(scope="session")
 def plain_mechanism(plain_name: str) -> Mechanism:
-    return load_mechanism(Library.built_in(), plain_name)
+    return _mechanism(plain_name)
 
 
-@pytest.fixture(scope="session")
-def built_in_mechanism(built_in_name: str) -> Mechanism:
-    return load_mechanism(Library.built_in(), built_in_name)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if IN_CI:
+        return
+    left_out = {item for item in items if item.get_closest_marker("costly") and not item.get_closest_marker("nightly") and not _drawn(item)}
+    if left_out:
+        config.hook.pytest_deselected(items=list(left_out))
+        items[:] = [item for item in items if item not in left_out]
+
+
+def _drawn(item: pytest.Item) -> bool:
+    """The same systems for all tests of a file, which share what is made of them."""
+    return zlib.crc32(f"{item.path.name}[{item.name.partition('[')[2]}".encode()) % ONE_IN == 0
+
+
+def pytest_collection_finish() -> None:
+    """What was imported for the tests is there to stay, and need not be looked through at each collection of garbage."""
+    gc.collect()
+    gc.freeze()

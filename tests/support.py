@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -15,30 +14,16 @@ from typing import Any
 
 import pytest
 import sympy as sp
+from catalogue import BUILT_IN
 from click.testing import CliRunner
 
 from harness.cli import main
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import MODEL_SUFFIXES
 from harness.results.records import Record
 from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
-
-BUILT_IN = Library.built_in()
-# CI takes minutes longer than a run at the desk, which takes fewer states and a seeded sample of what is alike.
-IN_CI = bool(os.environ.get("CI"))
-STATES = 1000 if IN_CI else 200
-
-
-def turns_freely(name: str) -> bool:
-    """Whether a built-in system has a ball or free joint, whose positions and velocities are not those of its text."""
-    path = BUILT_IN.system_path(name)
-    return path.is_file() and "Attitude(" in path.read_text()
-
-
-# Systems whose joints carry their coordinates themselves.
-PLAIN = [name for name in BUILT_IN.system_names() if not turns_freely(name)]
 
 
 def is_zero(expression: sp.Expr) -> bool:
@@ -107,10 +92,11 @@ class Done:
     stderr: str
 
 
-def harness(*arguments: str, cwd: Path | None = None) -> Done:
-    """A ``harness`` command in this process, with ``InThisProcess`` for its workers; ``harness_in_a_process`` runs the real thing."""
+def harness(*arguments: str, cwd: Path | None = None, isolated: bool = False) -> Done:
+    """A ``harness`` command in this process, its tasks too unless ``isolated``; ``harness_in_a_process`` runs the real thing."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.workers.Workers", InThisProcess)
+        if not isolated:
+            patch.setattr("harness.workers.Workers", InThisProcess)
         patch.setattr("sys.argv", ["harness", *arguments])
         if cwd is not None:
             patch.chdir(cwd)

@@ -13,7 +13,8 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from support import BUILT_IN, InThisProcess
+from catalogue import BUILT_IN
+from support import InThisProcess
 
 import harness
 from harness.certify.sampling import sample

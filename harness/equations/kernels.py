@@ -25,7 +25,7 @@ from harness.equations.relative_joints import to_coordinates, to_joints
 from harness.storage import Kept
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
-MOST_INSTRUCTIONS_UNROLLED = 100
+MOST_INSTRUCTIONS_UNROLLED = 64
 # Degrees of freedom. Compiling the solution of M x = b takes their third power, and minutes beyond.
 MOST_UNROLLED = 24
 # Straight-line machine code for more instructions takes minutes to compile; with loops it is slower to run.

@@ -120,7 +120,8 @@ class Taylor:
                 pars=self._parameters,
                 fp_type=self._type,
                 high_accuracy=True,
-                compact_mode=system.is_long,
+                # Unrolled, wider types run no faster and compile up to thirty times as long.
+                compact_mode=system.is_long or self._type is not np.float64,
                 **({"tol": self._type(self._tolerance)} if self._tolerance else {}),
             )
         return self._compiled[chart]

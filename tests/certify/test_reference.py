@@ -12,7 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from support import IN_CI
+from catalogue import IN_CI
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.reference import (
@@ -82,6 +82,7 @@ def assert_encloses(reference: Reference, exact: Any, states: States) -> None:
             assert error <= radius + rounding + exact.energy_norm(arguments, answer) * mpmath.mpf(10) ** -40, states.as_json(index)
 
 
+@pytest.mark.costly
 def test_midpoints_are_within_their_radius_of_mpmath(plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any) -> None:
     states = States.concatenate([random_states(plain_mechanism, RANDOM), special_states(plain_mechanism)])
     reference = plain_reference.evaluate(states)
@@ -99,6 +100,7 @@ def test_seed_systems_are_certified_at_every_special_state(name: str) -> None:
     assert ReferenceKernel(mechanism).evaluate(special_states(mechanism)).certified.all()
 
 
+@pytest.mark.costly
 def test_high_is_high_plus_low_rounded(plain_mechanism: Mechanism, plain_reference: Any) -> None:
     states = States.concatenate([random_states(plain_mechanism, 200), special_states(plain_mechanism)])
     reference = plain_reference.evaluate(states)
@@ -128,6 +130,7 @@ def exact_sensitivity(exact: Any, arguments: list[Any]) -> mpmath.mpf:
         return total + (v.T * mass * v)[0] * mpmath.fsum(turning)
 
 
+@pytest.mark.costly
 def test_data_roundoff_is_what_half_an_ulp_in_every_input_does(plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any) -> None:
     states = random_states(plain_mechanism, 3 if IN_CI and len(plain_mechanism.parameters) < 20 else 1)
     reference = plain_reference.evaluate(states)
@@ -153,6 +156,7 @@ def test_inputs_that_are_zero_still_round_as_the_smallest_normal_numbers_do(mech
     assert reference.sensitivity[0] == pytest.approx(2.0**-1021 * (80.0 + 0.5 + 1.0) / 2.0, rel=1e-12)
 
 
+@pytest.mark.costly
 def test_norm_factor_is_a_root_of_the_mass_matrix(plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any) -> None:
     states = random_states(plain_mechanism, 3)
     reference = plain_reference.evaluate(states)
@@ -297,6 +301,7 @@ def test_no_state_at_all_gives_an_empty_reference(plain_mechanism: Mechanism, pl
     assert reference.high.shape == (0, plain_mechanism.nv)
 
 
+@pytest.mark.costly
 def test_many_states_are_those_of_smaller_batches(plain_mechanism: Mechanism, plain_reference: Any) -> None:
     """More states than are evaluated at once; the order is kept."""
     states = random_states(plain_mechanism, 2100)
@@ -335,6 +340,7 @@ def test_time_is_an_input(mechanism_of: Callable[[System], Mechanism]) -> None:
     assert len(set(reference.high[:, 0].tolist())) == 4
 
 
+@pytest.mark.costly
 def test_instability_is_the_documented_bound(plain_mechanism: Mechanism, plain_reference: Any, plain_exact: Any) -> None:
     """16 nv kappa_s (|qdd|_M + norms of M^-1 tau, M^-1 c, M^-1 g, M^-1 p), kappa_s of M scaled to unit diagonal."""
     exact = plain_exact

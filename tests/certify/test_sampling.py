@@ -101,6 +101,7 @@ def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism
         assert slices.max() <= 17
 
 
+@pytest.mark.costly
 @given(st.data())
 @settings(max_examples=25)
 def test_draws_stay_in_their_ranges(built_in_mechanism: Mechanism, data: st.DataObject) -> None:

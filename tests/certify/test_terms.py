@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from support import BUILT_IN
+from catalogue import BUILT_IN
 
 from harness.arrays import Array
 from harness.certify import terms as term_reference

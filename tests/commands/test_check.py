@@ -15,7 +15,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support import STATES, harness, harness_in_a_process, make_library
+from catalogue import STATES
+from support import harness, harness_in_a_process, make_library
 
 from harness.library import Library
 from harness.results.hard_states import load_found
@@ -160,8 +161,9 @@ def test_bad_usage_is_exit_status_2_with_one_message(tmp_path: Path, arguments: 
         assert fragment.lower() in done.stderr.lower()
 
 
-def test_a_cluster_that_is_not_there_is_exit_status_2(tmp_path: Path) -> None:
-    done = harness_in_a_process("check", "--scheduler", "tcp://127.0.0.1:9", "collar", cwd=tmp_path)
+def test_a_cluster_that_is_not_there_is_exit_status_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.workers.cluster.CONNECT_SECONDS", 1.0)
+    done = harness("check", "--scheduler", "tcp://127.0.0.1:9", "collar", cwd=tmp_path, isolated=True)
     assert done.returncode == 2 and "tcp://127.0.0.1:9" in done.stderr and "Traceback" not in done.stderr
 
 

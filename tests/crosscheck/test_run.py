@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -14,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import BUILT_IN, InThisProcess, completed, cross_checked, make_library
+from catalogue import BUILT_IN
+from support import InThisProcess, completed, cross_checked, make_library
 
 from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.run import CrossCheck
@@ -195,24 +193,6 @@ def test_rounds_wait_for_each_other_and_what_an_outcome_makes_possible_does_not(
     study = Counting()
     assert [part.value for part in run_study(study, Answering())] == [1, 1.5, 0, 2]  # type: ignore[arg-type]
     assert study.result() == [1, 1.5, 0, 2, -1]
-
-
-def cpu_seconds(*command: str, cwd: Path) -> float:
-    """User and system time of a command with its children [s]."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, *command], check=True, stdout=subprocess.DEVNULL, cwd=cwd)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
-def test_a_warm_check_of_one_mechanism_costs_three_times_the_imports_at_most(tmp_path: Path) -> None:
-    """4 CPU seconds where the imports cost 1.3; the ratio holds on slower machines too."""
-    check = ("-m", "harness", "check", "double_pendulum")
-    cpu_seconds(*check, cwd=tmp_path)
-    imports = min(
-        cpu_seconds("-c", "import sympy, heyoka, mujoco, pinocchio, hypothesis, flint, lxml.etree", cwd=tmp_path) for _ in range(2)
-    )
-    assert min(cpu_seconds(*check, cwd=tmp_path) for _ in range(2)) <= 3.1 * imports
 
 
 def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:

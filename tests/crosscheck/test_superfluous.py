@@ -29,6 +29,7 @@ PAIRS = [
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("name", "subject"), PAIRS, ids=[f"{name}-{subject}" for name, subject in PAIRS])
 def test_shipped_models_hold_nothing_superfluous(name: str, subject: Subject) -> None:
     assert superfluous(LIBRARY, name, subject) == []

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from catalogue import BUILT_IN
 from click.testing import CliRunner
-from support import BUILT_IN, InThisProcess
+from support import InThisProcess
 
 from harness import workers
 from harness.arrays import Array

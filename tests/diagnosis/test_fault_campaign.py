@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from catalogue import BUILT_IN
 from click.testing import CliRunner
-from support import BUILT_IN, make_library
+from support import make_library
 
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
@@ -56,6 +57,7 @@ def small(name: str, model_format: str) -> list[Fault]:
     return campaign(name, model_format, SMALL)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("model_format", ["mjcf", "urdf"])
 @pytest.mark.parametrize("name", ["bar_pendulum", "spring_damper"])
 def test_every_fault_is_caught_and_nearly_every_one_named(name: str, model_format: str) -> None:

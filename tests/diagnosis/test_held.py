@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import BUILT_IN
+from catalogue import BUILT_IN
 
 from harness.certify.sampling import sample
 from harness.diagnosis.held import SOUND, Difference, differences

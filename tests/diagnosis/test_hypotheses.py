@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import BUILT_IN, IN_CI
+from catalogue import BUILT_IN, IN_CI
 
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
@@ -166,6 +166,7 @@ def test_every_hypothesis_is_found_by_its_name() -> None:
     assert {*asked.split(), "joint_order", "frame_offset", "bodies_fused", "units", "frame_rotation"} <= set(HYPOTHESES)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("model_format", FORMATS)
 @pytest.mark.parametrize("name", HYPOTHESES)
 def test_a_mistake_is_undone_by_a_mend_of_its_own_hypothesis(name: str, model_format: str) -> None:

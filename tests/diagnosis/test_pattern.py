@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from catalogue import BUILT_IN
 from hypothesis import example, given
 from hypothesis import strategies as st
-from support import BUILT_IN
 
 from harness.diagnosis.pattern import RULES, Inference, infer, infer_from_records
 from harness.engines import subjects

@@ -517,6 +517,7 @@ def test_energies_are_those_of_the_textbook(case: Case, probe: Probe) -> None:
         assert abs(float(rise - exact)) <= BAR * UNIT_ROUNDOFF * sensitivity, states.as_json(index)
 
 
+@pytest.mark.costly
 def test_derivatives_and_frequencies_are_those_of_the_equations(case: Case, probe: Probe) -> None:
     """M0, D0 and K0 of the equations, as dqdd/dq = -M0^-1 K0 and dqdd/dv = -M0^-1 D0, against the engine's own.
 

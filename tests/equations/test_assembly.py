@@ -45,6 +45,7 @@ def in_balls(program: StraightLineProgram, row: list[float]) -> list[flint.arb]:
         return list(BallKernel(program, 0).bind(())(*row))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", LIBRARY.system_names())
 def test_programs_by_either_way_certify_the_same_terms(name: str) -> None:
     mechanism = load_mechanism(LIBRARY, name)
@@ -61,6 +62,7 @@ def test_programs_by_either_way_certify_the_same_terms(name: str) -> None:
                 assert float((one - other).abs_upper()) <= 2.0**-120 * largest
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["arm_7r", "puma_560", "stanford_arm"])
 def test_calculus_needs_at_most_two_thirds_of_the_instructions_of_sympy(name: str) -> None:
     system = load_atlas(LIBRARY.system_path(name))[0][0]

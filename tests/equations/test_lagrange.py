@@ -9,9 +9,9 @@ from typing import Any
 import mpmath
 import pytest
 import sympy as sp
+from catalogue import IN_CI
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from support import IN_CI
 from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
 from harness.equations.lagrange import EquationsOfMotion, derive
@@ -204,6 +204,7 @@ def check_equations(system: System, exact: Any) -> None:
     same_at_every_state()
 
 
+@pytest.mark.costly
 def test_built_in_equations_are_those_of_two_other_ways(built_in_system: System, built_in_exact: Any) -> None:
     check_equations(built_in_system, built_in_exact)
 

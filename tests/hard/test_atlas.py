@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import PLAIN, completed
+from catalogue import PLAIN
+from support import completed
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference, ReferenceKernel

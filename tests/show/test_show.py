@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support import harness, harness_in_a_process
 
 from harness.commands._scaffold import write_example
 from harness.engines import engine_names, load_engine
@@ -31,10 +30,6 @@ VIEWS = {
     "gyroscope_gimbals": CORNER.name,
     "heavy_top": CORNER.name,
 }
-
-
-def harness(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
 
 
 def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
@@ -156,7 +151,7 @@ def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> N
     (library / "engines").mkdir()
     (library / "engines" / "fatal.py").write_text(FATAL_ENGINE.format(module="numpy"))
     (library / "engines" / "absent.py").write_text(FATAL_ENGINE.format(module="no_such_module"))
-    done = harness("show", "example", "--library", ".", cwd=library)
+    done = harness_in_a_process("show", "example", "--library", ".", cwd=library)
     assert done.returncode == 3
     assert re.search(r"^ +fatal/mjcf +crashed by signal 6", done.stdout, re.MULTILINE)
     assert re.search(r"^ +absent/mjcf +not installed$", done.stdout, re.MULTILINE)

@@ -289,6 +289,7 @@ def plain_case(plain_name: str, plain_mechanism: Mechanism) -> Case:
     return Case(plain_mechanism, load_system(Library.built_in().system_path(plain_name))[0])
 
 
+@pytest.mark.costly
 def test_mass_matrix_is_positive_definite(case: Case) -> None:
     """Certainly so in balls, by the pivots of L D L'; and within rounding in the compiled kernel."""
     nv = case.mechanism.nv
@@ -308,6 +309,7 @@ def test_mass_matrix_is_positive_definite(case: Case) -> None:
         assert (compiled[index] == compiled[index].T).all()
 
 
+@pytest.mark.costly
 def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
     """T2 = v' M v / 2, T from the system file."""
     for index in range(COUNT):
@@ -317,6 +319,7 @@ def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
         assert abs(ahead + back - 2 * rest - twice) <= AT_ZERO * (abs(ahead) + abs(back) + abs(rest))
 
 
+@pytest.mark.costly
 def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
     """dh/dt = sum (Q + tau) v - dL/dt along the motion with v' = the certified qdd.
 
@@ -335,6 +338,7 @@ def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
         assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
 
 
+@pytest.mark.costly
 def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: Case) -> None:
     """M' - 2C is skew, and C v is the part of the velocity terms that is quadratic in v.
 

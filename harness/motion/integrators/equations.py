@@ -85,6 +85,8 @@ class Steps:
         return keep(start, step, steps, every, self._stages, go)
 
     def _chart(self, state: Array) -> int:
+        if len(self._systems) == 1:
+            return 0
         return int(self._charts.most_regular(state[None, : self._mechanism.nq])[0])
 
     def _function(self, chart: int, count: int) -> Callable[[Array], None]:

@@ -1,0 +1,23 @@
+"""The systems that tests run over, and how many states they take; it imports nothing that takes long."""
+
+from __future__ import annotations
+
+import os
+
+from harness.library import MODEL_SUFFIXES, Library
+
+BUILT_IN = Library.built_in()
+# CI takes minutes longer than a run at the desk, which takes fewer states and a seeded sample of what is alike.
+IN_CI = bool(os.environ.get("CI"))
+STATES = 1000 if IN_CI else 200
+
+
+def turns_freely(name: str) -> bool:
+    """Whether a built-in system has a ball or free joint, whose positions and velocities are not those of its text."""
+    path = BUILT_IN.system_path(name)
+    return path.is_file() and "Attitude(" in path.read_text()
+
+
+# Systems whose joints carry their coordinates themselves.
+PLAIN = [name for name in BUILT_IN.system_names() if not turns_freely(name)]
+MODELLED = [name for name in BUILT_IN.system_names() if all(BUILT_IN.has_model(name, form) for form in MODEL_SUFFIXES)]
