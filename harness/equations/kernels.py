@@ -175,7 +175,9 @@ def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> d
         if operation == "input":
             value = inputs[operands[0]]
         elif operation == "rational":
-            value = heyoka.expression(_literal(int(operands[0]), int(operands[1])))
+            # With the digits of long double, for which a kernel may be compiled. A literal of float64 would not do even where it is
+            # exact: heyoka turns x / 3 into x times the third of 3.0.
+            value = heyoka.expression(np.longdouble(int(operands[0])) / np.longdouble(int(operands[1])))
         elif operation == "pi":
             value = heyoka.pi
         elif operation == "neg":
@@ -188,14 +190,6 @@ def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> d
             value = getattr(heyoka, operation)(values[operands[0]])
         values.append(value)
     return {name: [values[index] for index in indices] for name, indices in program.outputs.items()}
-
-
-def _literal(numerator: int, denominator: int) -> Any:
-    """The quotient with the digits of long double, for which a kernel may be compiled.
-
-    A literal of float64 would not do even where it is exact: heyoka turns x / 3 into x times the third of 3.0.
-    """
-    return np.longdouble(numerator) / np.longdouble(denominator)
 
 
 def solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> list[Any]:

@@ -109,12 +109,6 @@ class MechanismKernel:
         is_long = len(self._programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
 
-    def _within_a_turn(self, q: Array) -> Array:
-        """Positions with whole turns taken from large angles: in a sum with another angle they would round its digits away."""
-        large = np.zeros(q.shape, dtype=bool)
-        large[:, self._turning] = np.abs(q[:, self._turning]) > LARGE_ANGLE
-        return np.where(large, np.arctan2(np.sin(q), np.cos(q)), q) if large.any() else q
-
     @cached_property
     def _turning(self) -> list[int]:
         return [place for place in self._programs[0].turning if place < self._mechanism.nq]

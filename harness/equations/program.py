@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 if TYPE_CHECKING:
     import sympy as sp
 
@@ -79,20 +77,6 @@ class StraightLineProgram:
                 sums.append(None)
         exposed.update(*(sums[place] or () for places in self.outputs.values() for place in places))
         return [place for place in range(len(self.inputs)) if place not in exposed]
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object that ``from_json`` turns back into an equal program."""
-        plain: dict[str, Any] = msgspec.to_builtins(self)
-        return plain
-
-    @classmethod
-    def from_json(cls, data: Any) -> StraightLineProgram:
-        """Read a program back, trusting nothing in it.
-
-        Raises:
-            ValueError: an unknown operation, an operand out of range, or any other malformed part.
-        """
-        return msgspec.convert(data, cls).checked()
 
     def checked(self) -> StraightLineProgram:
         """The program, whose types are right, after a look at its indices.
@@ -231,7 +215,7 @@ class Assembler:
             return self.rational(expression)
         if expression.is_Float:
             # A float in a system file means exactly the float64 it is.
-            return self.rational(sp.Rational(*float(expression).as_integer_ratio()))
+            return self.rational(sp.Rational(float(expression)))
         if expression is sp.pi:
             return self.add("pi")
         if expression is sp.E:
