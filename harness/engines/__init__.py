@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.library import Library, nearest, run_file
 from harness.models.model_file import ModelFile
@@ -47,7 +47,7 @@ class LoadedModel:
 
 
 @dataclass(frozen=True)
-class Terms:
+class Terms(Rows):
     """The terms of M qdd + velocity + gravity = passive + applied at n states, as an engine computes them.
 
     Attributes:
