@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from harness.equations.system import System
 
 AXES = "xyz"
+_ABOUT = {"x": sp.rot_ccw_axis1, "y": sp.rot_ccw_axis2, "z": sp.rot_ccw_axis3}
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def rotation(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
     """Rotation matrix (3, 3) from the body's frame to the joint's, by rotations about the body's own axes."""
     product = sp.eye(3)
     for axis, angle in zip(sequence, angles, strict=True):
-        product *= _elementary(AXES.index(axis), angle)
+        product *= _ABOUT[axis](angle)
     return product
 
 
@@ -205,14 +206,6 @@ def _angle_rates(sequence: str, angles: tuple[sp.Expr, ...]) -> sp.Matrix:
     """The inverse of ``body_rates``; no tangent stays, as it is singular where only the cosine vanishes."""
     inverse = body_rates(sequence, angles).inv().applyfunc(sp.simplify)
     return inverse.applyfunc(lambda entry: entry.replace(sp.tan, lambda angle: sp.sin(angle) / sp.cos(angle)))
-
-
-def _elementary(axis: int, angle: sp.Expr) -> sp.Matrix:
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    matrix = sp.eye(3)
-    matrix[j, j] = matrix[k, k] = sp.cos(angle)
-    matrix[k, j], matrix[j, k] = sp.sin(angle), -sp.sin(angle)
-    return matrix
 
 
 def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:

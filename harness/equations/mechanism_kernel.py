@@ -46,6 +46,10 @@ class Charts:
             highest = np.maximum(highest, regularity)
         return best
 
+    def at(self, q: Array) -> int:
+        """The chart for one state, q (nq,)."""
+        return int(self.most_regular(q[None])[0])
+
     def split(self, q: Array) -> Iterator[tuple[int, Indices]]:
         """The charts in use, each with the indices of its states; at least one chart."""
         best = self.most_regular(q)

@@ -239,14 +239,13 @@ class Assembler:
 
     def _sum(self, expression: sp.Expr) -> int:
         total: int | None = None
-        positive = [term for term in expression.args if not term.could_extract_minus_sign()]
-        negative = [-term for term in expression.args if term.could_extract_minus_sign()]
-        for term in positive:
-            value = self.emit(term)
-            total = value if total is None else self.add("add", total, value)
-        for term in negative:
-            value = self.emit(term)
-            total = self.add("neg", value) if total is None else self.add("sub", total, value)
+        for term in sorted(expression.args, key=lambda term: bool(term.could_extract_minus_sign())):
+            is_negative = term.could_extract_minus_sign()
+            value = self.emit(-term if is_negative else term)
+            if total is None:
+                total = self.add("neg", value) if is_negative else value
+            else:
+                total = self.add("sub" if is_negative else "add", total, value)
         assert total is not None
         return total
 
@@ -284,7 +283,7 @@ class Assembler:
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
         import sympy as sp
 
-        if (exponent.is_Integer and exponent.is_negative) or (exponent.is_Rational and exponent.is_negative):
+        if exponent.is_Rational and exponent.is_negative:
             return self.add("div", self.rational(sp.S.One), self.emit(base**-exponent))
         if base is sp.E:
             return self.add("exp", self.emit(exponent))
