@@ -11,9 +11,13 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
+from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.errors import InvalidRequest
 from harness.library import nearest
@@ -23,6 +27,8 @@ from harness.motion.trajectories import Start
 # From a start, in steps of so many seconds, so many of them, of which every so-many-th is kept. An adaptive
 # integrator is given its relative tolerance, and the number of equal intervals of the horizon to keep.
 Advance = Callable[[Start, float, int, int], Path]
+# A state beyond it is broken down, and the rest of the motion is not computed.
+LARGEST = 1e12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,3 +73,23 @@ def select_integrators(names: Iterable[str]) -> list[Integrator]:
         if name not in known:
             raise InvalidRequest(f"no integrator is called {name!r}; {nearest(name, known)}")
     return [known[name] for name in chosen] or list(known.values())
+
+
+def keep(start: Start, step: float, steps: int, every: int, evaluations_per_step: int, go: Callable[[int], tuple[Array, Array]]) -> Path:
+    """The path of ``go(n)``, which makes n steps and returns q and v.
+
+    The kept states are the start and every ``every``-th one, and the last whether or not it is one. What follows a
+    breakdown is not a number.
+    """
+    counts = [*range(every, steps, every), steps]
+    q, v = np.full((len(counts) + 1, len(start.q)), np.nan), np.full((len(counts) + 1, len(start.v)), np.nan)
+    q[0], v[0] = start.q, start.v
+    done = 0
+    began = time.perf_counter()
+    for row, count in enumerate(counts, start=1):
+        q[row], v[row] = go(count - done)
+        done = count
+        if not (np.abs(q[row]).max() < LARGEST and np.abs(v[row]).max() < LARGEST):
+            break
+    seconds = time.perf_counter() - began
+    return Path(np.array([0, *counts]) * step, q, v, None, done * evaluations_per_step, seconds)

@@ -21,8 +21,7 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
-from harness.motion.integrators import Advance, Integrator
-from harness.motion.integrators._kept import keep
+from harness.motion.integrators import Advance, Integrator, keep
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import Start
 
