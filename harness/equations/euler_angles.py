@@ -82,7 +82,7 @@ class ChangeOfVariables:
 
     ``of_rates`` also knows what texts write for the angular velocity and, where it is given in the body's frame, for the
     linear one. ``blocks`` are those of A that are no identity, (3, 3), each with the places of its first coordinate and of the
-    first angle of its joint.
+    first angle of its joint. |regularity| falls to 0 where the chart is singular, and is at most 1.
     """
 
     positions: tuple[sp.Symbol, ...]
