@@ -1,9 +1,25 @@
-"""The one array type of the harness: float64, of any shape."""
+"""The one array type of the harness, float64 of any shape, and records of such arrays."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A record of arrays that have the same first axis."""
+
+    def __getitem__(self, selection: Any) -> Self:
+        """The rows that a slice or an index array selects."""
+        return type(self)(*(getattr(self, field.name)[selection] for field in fields(self)))
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """The rows of all parts, in order."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))

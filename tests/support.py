@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import sympy as sp
 from catalogue import BUILT_IN
@@ -20,6 +21,8 @@ from click.testing import CliRunner
 from harness.cli import main
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
+from harness.equations.lagrange import EquationsOfMotion
+from harness.equations.program import StraightLineProgram
 from harness.library import MODEL_SUFFIXES
 from harness.results.records import Record
 from harness.study import Study, run_study
@@ -40,6 +43,34 @@ def is_zero(expression: sp.Expr) -> bool:
         numerator = sp.expand(numerator.xreplace({sp.sin(angle): sine, sp.cos(angle): cosine}))
         numerator = sp.rem(numerator, sine**2 + cosine**2 - 1, sine)
     return bool(sp.expand(numerator) == 0 or sp.simplify(expression) == 0)
+
+
+def energy_function(equations: EquationsOfMotion) -> sp.Expr:
+    """Jacobi's energy function h = sum v dL/dv - L [J]; T + V where T is quadratic in the rates."""
+    lagrangian = equations.kinetic - equations.potential
+    return sum((v * lagrangian.diff(v) for v in equations.rates), sp.S.Zero) - lagrangian
+
+
+def linearised(
+    equations: EquationsOfMotion, equilibrium: Mapping[sp.Symbol, float] | None = None
+) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
+    """(M0, D0, K0) of M0 x'' + D0 x' + K0 x = 0 about a configuration at rest.
+
+    ``equilibrium`` maps coordinate symbols to values; those left out are 0. D0 holds dampers and
+    gyroscopic terms, K0 gravity and springs. That the configuration is one of rest is the caller's
+    claim; a right-hand side that does not vanish there is not an error here.
+    """
+    values = dict.fromkeys((*equations.coordinates, *equations.rates), 0) | dict(equilibrium or {})
+    residual = -equations.right_hand_side
+    damping = residual.jacobian(list(equations.rates))
+    stiffness = residual.jacobian(list(equations.coordinates))
+    mass, damping, stiffness = (matrix.subs(values).applyfunc(sp.simplify) for matrix in (equations.mass_matrix, damping, stiffness))
+    return mass, damping, stiffness
+
+
+def program_from(data: Any) -> StraightLineProgram:
+    """A program out of plain data, read as that of a mechanism in the cache is; ``msgspec.to_builtins`` writes it."""
+    return msgspec.convert(data, StraightLineProgram).checked()
 
 
 def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:

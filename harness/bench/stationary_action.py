@@ -32,7 +32,7 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
-from harness.equations.lagrangian import LagrangianKernel
+from harness.equations.energies import LagrangianKernel
 from harness.equations.mechanism import Mechanism
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor

@@ -6,19 +6,18 @@ with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, energy_norm
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Rows):
     """Judgement of n answers.
 
     Attributes:
@@ -32,15 +31,6 @@ class Comparison:
     backward_error: Array
     relative_error: Array
     verdicts: np.ndarray[Any, np.dtype[np.str_]]
-
-    @staticmethod
-    def concatenate(parts: Sequence[Comparison]) -> Comparison:
-        """The judgements of all parts, in order."""
-        return Comparison(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Comparison)))
-
-    def __getitem__(self, selection: Any) -> Comparison:
-        """The judgements that a slice or an index array selects."""
-        return Comparison(*(getattr(self, field.name)[selection] for field in fields(Comparison)))
 
     def known(self, name: str) -> Array:
         """The values of "backward_error" or "relative_error" that are numbers."""

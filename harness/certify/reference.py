@@ -18,14 +18,14 @@ and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
 from harness.certify.factorisation import (
     cholesky_in_balls,
     condition_number,
@@ -39,10 +39,11 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
+from harness.storage import Kept
 
 UNIT_ROUNDOFF = 2.0**-53
-FIRST_PRECISION = 128
-LAST_PRECISION = 4096
+# Bits that are tried one after the other.
+PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80
 CERTIFIED_RADIUS = 2.0**-60
@@ -57,7 +58,7 @@ _MOST_BOUND = 256
 
 
 @dataclass(frozen=True)
-class Reference:
+class Reference(Rows):
     """Certified accelerations of n states, as arrays whose first axis is the state.
 
     Attributes:
@@ -84,11 +85,7 @@ class Reference:
     def __len__(self) -> int:
         return len(self.high)
 
-    def __getitem__(self, selection: Any) -> Reference:
-        """The references that a slice or an index array selects."""
-        return Reference(*(getattr(self, field.name)[selection] for field in fields(Reference)))
-
-    @cached_property
+    @functools.cached_property
     def size(self) -> Array:
         """(n,) energy norm of the accelerations [sqrt(J)/s]."""
         return energy_norm(self.norm_factor, self.high)
@@ -102,11 +99,6 @@ class Reference:
     def data_roundoff(self) -> Array:
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
         return UNIT_ROUNDOFF * self.sensitivity
-
-    @staticmethod
-    def concatenate(parts: list[Reference]) -> Reference:
-        """The references of consecutive batches as one."""
-        return Reference(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Reference)))
 
 
 class ReferenceKernel:
@@ -155,7 +147,7 @@ class ChartKernel:
         self.mechanism = mechanism
         self.float64 = float64_kernel(program)
         self._balls = BallKernel(program, len(mechanism.parameters))
-        self._bound: dict[tuple[int, tuple[float, ...]], Callable[..., tuple[Any, ...]]] = {}
+        self._bound: Kept[Callable[..., tuple[Any, ...]]] = Kept(_MOST_BOUND)
 
     def evaluate(self, states: States, parameters: Array) -> Reference:
         """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
@@ -164,16 +156,14 @@ class ChartKernel:
         bits = np.zeros(n, dtype=np.int64)
         with np.errstate(all="ignore"):
             pending = np.arange(n)
-            precision = FIRST_PRECISION
-            while True:
+            for precision in PRECISIONS:
                 results = self._certify(states[pending], parameters[pending], precision)
                 high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
                 bits[pending] = precision
                 norm_factor, sensitivity, instability = self._norms(states, parameters, high, scale, factor)
                 radius = energy_norm(np.abs(norm_factor), radii)
                 pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
-                precision *= 2
-                if precision > LAST_PRECISION or not len(pending):
+                if not len(pending):
                     break
             certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
         return Reference(high, low, radius, norm_factor, sensitivity, instability, certified, bits)
@@ -203,16 +193,8 @@ class ChartKernel:
 
         rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
         for row, values_of_parameters in zip(rows, map(tuple, parameters.tolist()), strict=True):
-            yield row, self._bind(flint.ctx.prec, values_of_parameters)(*row)
-
-    def _bind(self, precision: int, parameters: tuple[float, ...]) -> Callable[..., tuple[Any, ...]]:
-        """The ball kernel of one parameter set at the working precision, which is ``precision``."""
-        key = precision, parameters
-        if key not in self._bound:
-            if len(self._bound) >= _MOST_BOUND:
-                self._bound.clear()
-            self._bound[key] = self._balls.bind(parameters)
-        return self._bound[key]
+            bind = functools.partial(self._balls.bind, values_of_parameters)
+            yield row, self._bound.get((flint.ctx.prec, values_of_parameters), bind)(*row)
 
     def _norms(self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Array, Array]:
         """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and factors of M."""

@@ -30,7 +30,7 @@ Numerical Algorithms, 2nd ed., section 3.1 (scalar products); Featherstone, Rigi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,8 +40,7 @@ from harness.certify.factorisation import forward_substitute, norm_over_first_ax
 from harness.certify.forward_mode import jacobians
 from harness.certify.reference import (
     CERTIFIED_RADIUS,
-    FIRST_PRECISION,
-    LAST_PRECISION,
+    PRECISIONS,
     SMALLEST_SCALE,
     SOUGHT_RADIUS,
     ChartKernel,
@@ -117,9 +116,9 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
     found = np.zeros((3, len(pairs) + 3 * nv, n))
     applied_parts: tuple[Array | float, ...] = (states.tau, 0.0, 0.0)
     scale, factor = np.empty((nv, n)), np.empty((nv, nv, n))
-    pending, precision = np.arange(n), FIRST_PRECISION
+    pending = np.arange(n)
     with np.errstate(all="ignore"):
-        while True:
+        for precision in PRECISIONS:
             with flint.ctx.workprec(precision):
                 outputs = [values[: found.shape[1]] for _, values in chart.in_balls(states[pending], parameters[pending])]
                 for index, values in zip(pending.tolist(), outputs, strict=True):
@@ -131,8 +130,7 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
             excess = _excess(radius, norm_factor, sensitivity)
             sought = np.all([each <= SOUGHT_RADIUS for each in excess.values()], axis=0)
             pending = np.flatnonzero(~sought & np.isfinite(inputs).all(axis=0))
-            precision *= 2
-            if precision > LAST_PRECISION or not len(pending):
+            if not len(pending):
                 break
     # Where M is singular a force moves nothing, or without bound.
     certified = {
@@ -201,14 +199,9 @@ def quotient(errors: Array, sensitivity: Array) -> Array:
 
 
 def _in_order(parts: list[TermReference], order: Any) -> TermReference:
-    def joined(arrays: list[Array]) -> Any:
-        return np.concatenate(arrays)[order]
-
-    high, low = (
-        Terms(*(joined([getattr(getattr(part, name), field.name) for part in parts]) for field in fields(Terms)))
-        for name in ("high", "low")
-    )
+    high, low = (Terms.concatenate([getattr(part, name) for part in parts])[order] for name in ("high", "low"))
     sensitivity, certified = (
-        {term: joined([getattr(part, name)[term] for part in parts]) for term in TERMS} for name in ("sensitivity", "certified")
+        {term: np.concatenate([getattr(part, name)[term] for part in parts])[order] for term in TERMS}
+        for name in ("sensitivity", "certified")
     )
-    return TermReference(high, low, joined([part.norm_factor for part in parts]), sensitivity, certified)
+    return TermReference(high, low, np.concatenate([part.norm_factor for part in parts])[order], sensitivity, certified)

@@ -12,8 +12,7 @@ Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,44 +30,6 @@ ROUNDING = 8 * 2.0**-53
 _WITHOUT_DECORATION = "[s.delete(part) for part in [*s.geoms, *s.meshes, *s.materials, *s.textures]]"
 
 
-@dataclass(frozen=True)
-class Edit:
-    """One change of an ``MjSpec``.
-
-    Attributes:
-        kind: "option", "compiler", "joint" or "body", or "" for the whole; name: of the joint or body.
-        values: attributes with their values.
-        added: "site", "joint" or "tendon" where one with these values is added, "" where they are set.
-        wrapped: sites through which an added tendon runs.
-    """
-
-    kind: str
-    name: str
-    values: dict[str, Any]
-    added: str = ""
-    wrapped: tuple[str, ...] = ()
-
-    def apply(self, spec: Any) -> None:
-        """Change ``spec``."""
-        target = getattr(spec, self.kind) if self.kind else spec
-        target = target(self.name) if self.name else target
-        if self.added:
-            part = getattr(target, f"add_{self.added}")(**self.values)
-            for site in self.wrapped:
-                part.wrap_site(site)
-        else:
-            for name, value in self.values.items():
-                setattr(target, name, value)
-
-    def __str__(self) -> str:
-        """The same as Python text, for the spec ``s``."""
-        target = "s" + (f".{self.kind}" if self.kind else "") + (f"({self.name!r})" if self.name else "")
-        if not self.added:
-            return "; ".join(f"{target}.{name} = {_text(value)}" for name, value in self.values.items())
-        added = f"{target}.add_{self.added}({', '.join(f'{name}={_text(value)}' for name, value in self.values.items())})"
-        return f"t = {added}" + "".join(f"; t.wrap_site({site!r})" for site in self.wrapped) if self.wrapped else added
-
-
 def _text(value: Any) -> str:
     import mujoco
 
@@ -79,26 +40,12 @@ def _text(value: Any) -> str:
     return f"mujoco.{value}" if isinstance(value, mujoco.mjtJoint) else repr(value)
 
 
-@dataclass(frozen=True)
-class WrittenBack:
-    """The mass or inertia that the file gives a body which was compiled with more.
+def _set(target: str, values: Mapping[str, Any]) -> str:
+    return "; ".join(f"{target}.{name} = {_text(value)}" for name, value in values.items())
 
-    Attributes:
-        body: its name. attribute: "mass" [kg], or "inertia" [kg m^2], whose ``place`` is that of the principal axis.
-    """
 
-    body: str
-    attribute: str
-    place: int
-    value: float
-
-    def apply(self, model: Any) -> None:
-        """Change the compiled ``model``, whose derived constants are then out of date."""
-        getattr(model.body(self.body), self.attribute)[self.place] = self.value
-
-    def __str__(self) -> str:
-        """The same as Python text, for the model ``m``."""
-        return f"m.body({self.body!r}).{self.attribute}[{self.place}] = {_text(self.value)}"
+def _add(target: str, part: str, values: Mapping[str, Any]) -> str:
+    return f"{target}.add_{part}({', '.join(f'{name}={_text(value)}' for name, value in values.items())})"
 
 
 def read(file: ModelFile, gravity: float) -> tuple[Any, str]:
@@ -115,24 +62,16 @@ def read(file: ModelFile, gravity: float) -> tuple[Any, str]:
         raise Unsupported("MuJoCo's URDF reader: " + "; ".join(f"line {line}: {what}" for line, what in refused))
     try:
         spec = mujoco.MjSpec.from_string(file.text)
-        decoration = [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]
-        for part in decoration:
-            spec.delete(part)
-        changes = tuple(_changes(spec, file, document, gravity))
-        edits = [change for change in changes if isinstance(change, Edit)]
-        for edit in edits:
-            edit.apply(spec)
-        model = spec.compile()
+        edits, written_back = _changes(spec, file, document, gravity)
+        decoration = [_WITHOUT_DECORATION] if [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures] else []
+        constants = ["mujoco.mj_setConst(m, mujoco.MjData(m))"] if written_back else []
+        building = "; ".join([*decoration, *edits, "m = s.compile()", *written_back, *constants])
+        names: dict[str, Any] = {"mujoco": mujoco, "s": spec}
+        # The very text that a reproducer prints: what it shows is what was done.
+        exec(building, names)
     except ValueError as error:
         raise Unsupported(f"MuJoCo's URDF reader refuses it: {' '.join(str(error).split())}") from error
-    written_back = [change for change in changes if isinstance(change, WrittenBack)]
-    for change in written_back:
-        change.apply(model)
-    text = [*([_WITHOUT_DECORATION] if decoration else []), *map(str, edits), "m = s.compile()", *map(str, written_back)]
-    if written_back:
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-        text.append("mujoco.mj_setConst(m, mujoco.MjData(m))")
-    return model, "; ".join(text)
+    return names["m"], building
 
 
 def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
@@ -153,54 +92,57 @@ def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
                 above = carried.get(above.find("parent").get("link"))
 
 
-def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> Iterator[Edit | WrittenBack]:
+def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> tuple[list[str], list[str]]:
+    """Statements that change the spec ``s``, and those that then write masses and inertias back into the model ``m``."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
     off = (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
-    yield Edit("option", "", {"gravity": [0.0, 0.0, -gravity], "disableflags": sum(int(flag) for flag in off)})
+    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": sum(int(flag) for flag in off)})]
     root_of_ball = None
     if file.ball_joint is not None:
         (joint,) = (element for element in document.root.iterchildren("*") if literal_tag(element) == "drake:joint")
         root_of_ball = str(joint.find("child").get("link"))
-        yield Edit("body", root_of_ball, {"name": file.ball_joint, "type": mujoco.mjtJoint.mjJNT_BALL}, added="joint")
-    written_back: list[WrittenBack] = []
+        edits.append(_add(f"s.body({root_of_ball!r})", "joint", {"name": file.ball_joint, "type": mujoco.mjtJoint.mjJNT_BALL}))
+    written_back: dict[str, list[str]] = {}
     for body in spec.bodies:
         if body.explicitinertial and body.name != "world":
-            for change in _accepted_inertia(body, moves=bool(body.joints) or body.name == root_of_ball):
-                written_back += [change] if isinstance(change, WrittenBack) else []
-                yield change
-    if _has_fixed_child(document.root, {change.body for change in written_back}):
+            compiled, own = _accepted_inertia(body, moves=bool(body.joints) or body.name == root_of_ball)
+            edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
+            written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
+    if any(joint.get("type") == "fixed" and joint.find("parent").get("link") in written_back for joint in document.root.iterfind("joint")):
         # Links fused into such a body would be indistinguishable from it.
-        yield Edit("compiler", "", {"fusestatic": False})
+        edits.append(_set("s.compiler", {"fusestatic": False}))
     for armature in file.armatures:
-        yield Edit("joint", armature.joint, {"armature": armature.reflected_inertia})
+        edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))
     for number, element in enumerate(file.force_elements):
         if isinstance(element, JointSpring):
-            yield Edit("joint", element.joint, {"stiffness": [element.stiffness, 0.0, 0.0], "springref": element.reference})
+            spring = {"stiffness": [element.stiffness, 0.0, 0.0], "springref": element.reference}
+            edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
-            yield from _tendon(element, f"spring {number}")
+            edits += _tendon(element, f"spring {number}")
+    return edits, [statement for statements in written_back.values() for statement in statements]
 
 
-def _tendon(spring: PointSpring, name: str) -> Iterator[Edit]:
-    ends = ((f"{name} A", spring.body_a, spring.point_a), (f"{name} B", spring.body_b, spring.point_b))
-    for site, body, point in ends:
-        yield Edit("body", body, {"name": site, "pos": list(point)}, added="site")
+def _tendon(spring: PointSpring, name: str) -> Iterator[str]:
+    sites = (f"{name} A", f"{name} B")
+    for site, (body, point) in zip(sites, spring.ends, strict=True):
+        yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point)})
     values = {
         "name": name,
         "stiffness": [spring.stiffness, 0.0, 0.0],
         "damping": [spring.damping, 0.0, 0.0],
         "springlength": [spring.free_length] * 2,
     }
-    yield Edit("", "", values, added="tendon", wrapped=tuple(site for site, _, _ in ends))
+    yield f"t = {_add('s', 'tendon', values)}"
+    yield from (f"t.wrap_site({site!r})" for site in sites)
 
 
-def _has_fixed_child(root: etree._Element, links: Collection[str]) -> bool:
-    return any(joint.get("type") == "fixed" and joint.find("parent").get("link") in links for joint in root.iterfind("joint"))
+def _accepted_inertia(body: Any, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:
+    """What a body is compiled with whose matrix MuJoCo refuses, and what the file gives a moving one that has too little.
 
-
-def _accepted_inertia(body: Any, moves: bool) -> Iterator[Edit | WrittenBack]:
-    """Principal inertias for a body whose matrix MuJoCo refuses; where a moving one has too little, the least, to be written back."""
+    The former are attributes in the spec, with principal inertias; the latter, numbers of the compiled body to be written back.
+    """
     import mujoco
 
     mass = float(body.mass)
@@ -210,7 +152,7 @@ def _accepted_inertia(body: Any, moves: bool) -> Iterator[Edit | WrittenBack]:
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         rounding = ROUNDING * float(moments.max())
     if moments.min() >= LEAST_OF_SIX and not (moves and mass < LEAST):
-        return
+        return {}, {}
     own = [0.0 if moment <= rounding else moment for moment in moments.tolist()]
     # The rounding of the axes must not make the two larger moments differ by more than the least one.
     compiled = [max(moment, LEAST, rounding) if moves else moment for moment in own]
@@ -219,9 +161,6 @@ def _accepted_inertia(body: Any, moves: bool) -> Iterator[Edit | WrittenBack]:
     mujoco.mju_mulQuat(quaternion, body.iquat, turn)
     orientation = {"iquat": quaternion.tolist()} if rounding else {}
     least_mass = {"mass": LEAST} if moves and mass < LEAST else {}
-    yield Edit("body", body.name, {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **orientation})
-    if least_mass:
-        yield WrittenBack(body.name, "mass", 0, mass)
-    for place, (moment, given) in enumerate(zip(own, compiled, strict=True)):
-        if moment != given:
-            yield WrittenBack(body.name, "inertia", place, moment)
+    written_back = {"mass[0]": mass} if least_mass else {}
+    written_back |= {f"inertia[{axis}]": moment for axis, moment in enumerate(own) if moment != compiled[axis]}
+    return {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **orientation}, written_back

@@ -1,4 +1,4 @@
-"""The springs and dampers a model file declares, as generalised forces from Pinocchio's frames and Jacobians.
+"""Places of joints in Pinocchio's vectors, and a file's springs and dampers as forces from its frames and Jacobians.
 
 Pinocchio's dynamics apply none of them. They are computed from the file and the engine's own
 kinematics, never from the symbolic potential, so that the comparison stays independent.
@@ -10,30 +10,47 @@ documentation, ``LinearSpringDamper``, for springs between points.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines._pinocchio_joints import JointPlace, joint_places
 from harness.models.mjcf_forces import WORLD
 from harness.models.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 
 
+class JointPlace(NamedTuple):
+    """First index and number of a joint's positions and velocities."""
+
+    idx_q: int
+    nq: int
+    idx_v: int
+    nv: int
+
+
+def _joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
+    """The joints of a file by name, in Pinocchio's order: several joints of one body are one composite joint of another name."""
+    places: dict[str, JointPlace] = {}
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        parts = [(name, joint)] if name not in composites else zip(composites[name], joint.extract().joints, strict=True)
+        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv) for part, one in parts}
+    return places
+
+
 class ForceElements:
-    """Force elements of one ``pinocchio.Model``.
+    """Force elements of one ``pinocchio.Model``; ``composites`` names the parts of its composite joints in their order.
 
     Joint springs and dampers are applied to all states at once; springs between points run through
     Pinocchio's kinematics state by state.
     """
 
-    def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace] | None = None) -> None:
+    def __init__(self, model: Any, elements: Sequence[ForceElement], composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self._model = model
         self._data = model.createData()
         self.elements = tuple(elements)
-        joints = joint_places(model) if places is None else places
-        springs = [(joints[element.joint], element) for element in elements if isinstance(element, JointSpring)]
-        dampers = [(joints[element.joint], element) for element in elements if isinstance(element, JointDamper)]
+        self.places = _joint_places(model, composites or {})
+        springs = [(self.places[element.joint], element) for element in elements if isinstance(element, JointSpring)]
+        dampers = [(self.places[element.joint], element) for element in elements if isinstance(element, JointDamper)]
         # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.
         self._joint_springs = [(joint.idx_q, joint.idx_v, spring.stiffness, spring.reference) for joint, spring in springs]
         self._joint_dampers = [(slice(joint.idx_v, joint.idx_v + joint.nv), damper.damping) for joint, damper in dampers]

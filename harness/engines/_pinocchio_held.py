@@ -12,26 +12,19 @@ import numpy as np
 
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
 from harness.engines._pinocchio_forces import ForceElements
-from harness.engines._pinocchio_joints import JointPlace
 from harness.models.model_file import JointDamper, JointSpring
 
 _KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
 
 
-def held(
-    model: Any,
-    places: Mapping[str, JointPlace],
-    force_elements: ForceElements,
-    positions: Mapping[str, float],
-    steps: Mapping[str, Sequence[float]],
-) -> HeldModel:
+def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> HeldModel:
     """``model`` in the configuration of ``Model``, which leaves composite joints at zero; their parts share one ``moved``.
 
-    ``places`` name the joints, the parts of composite ones too; ``force_elements`` are what the harness adds to ABA.
+    ``added`` is what the harness adds to ABA.
     """
     import pinocchio
 
-    elements, data = force_elements.elements, model.createData()
+    elements, places, data = added.elements, added.places, model.createData()
     configuration, velocity = pinocchio.neutral(model), np.zeros(model.nv)
     for name, value in positions.items():
         configuration[places[name].idx_q] = value
@@ -79,7 +72,7 @@ def held(
         bodies[parent] = HeldBody(float(inertia.mass), after.act(inertia.lever), about_centre, body_names.get(number, ""))
     springs_between_points = tuple(
         HeldSpring(ends, spring.stiffness, spring.damping, spring.free_length)
-        for spring, ends in force_elements.ends_of_point_springs(configuration)
+        for spring, ends in added.ends_of_point_springs(configuration)
         if spring.stiffness or spring.damping
     )
     return HeldModel(model.gravity.linear.copy(), joints, bodies, springs_between_points)

@@ -18,6 +18,7 @@ from lxml import etree
 
 from harness.engines import Unsupported
 from harness.engines._standard_error import captured_standard_error
+from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import childclass_of, of_class, resolved
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import Document, describe, parse_document, shorten
@@ -26,7 +27,6 @@ from harness.models.xml import Document, describe, parse_document, shorten
 _ONCE = ("compiler", "default", "worldbody")
 # What it reads of a joint's default classes.
 _FROM_DEFAULTS = ("type", "axis", "armature", "ref")
-_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _UNIT = 4 * 2.0**-53
 
 
@@ -93,7 +93,7 @@ def _of_body(body: etree._Element) -> Iterator[tuple[etree._Element, str]]:
     joints = body.findall("joint")
     kinds = [resolved(joint, "type") for joint in joints]
     is_free = body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds)
-    is_turned = any(name in body.attrib for name in _TURNS)
+    is_turned = any(name in body.attrib for name in ORIENTATIONS)
     if body.getparent().tag == "worldbody" and not joints and not is_free and (is_turned or _nonzero(body, "pos")):
         yield body, "is fixed to the world in a pose, which it passes over; give the pose to what it holds"
     # Its placement p of a free body turned by R is undone as p - R p.

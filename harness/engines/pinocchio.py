@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_mjcf, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_held, _pinocchio_mjcf, require_model
 from harness.engines._pinocchio_forces import ForceElements
-from harness.engines._pinocchio_joints import joint_places
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -38,22 +37,19 @@ class PinocchioModel:
         self.model = model
         self._joints = joints
         self._file = file
-        self.places = joint_places(model, composites)
-        self.force_elements = ForceElements(model, file.force_elements, self.places)
+        self.force_elements = ForceElements(model, file.force_elements, composites)
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
         model = self.model
-        joints = {name: (place.nq, place.nv) for name, place in self.places.items()}
+        joints = {name: (place.nq, place.nv) for name, place in self.force_elements.places.items()}
         gravity = tuple(float(component) for component in model.gravity.linear)
         mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), mass)
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         """See ``harness.engines``; springs and dampers are those the harness adds."""
-        from harness.engines import _pinocchio_held
-
-        return _pinocchio_held.held(self.model, self.places, self.force_elements, positions or {}, steps or {})
+        return _pinocchio_held.held(self.model, self.force_elements, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -65,7 +61,7 @@ class PinocchioModel:
         positions: list[int] = []
         velocities: list[int] = []
         for name in dict.fromkeys(self._joints):
-            joint = self.places[name]
+            joint = self.force_elements.places[name]
             if (joint.nq, joint.nv) == (2, 1):
                 problem = f"joint {name!r} is continuous, which Pinocchio gives two positions, expected one; make it revolute"
                 raise InvalidModel(self._file.path, self._file.joint_lines.get(name, self._file.root_line), problem)

@@ -9,14 +9,14 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equation 1.57.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
 from harness.equations.calculus import ProgramWriter
-from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joint_coordinates, in_joint_coordinates
+from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joints, equations_in_joints
 from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, assemble, upper_triangle, with_operands, without_unused
+from harness.equations.program import StraightLineProgram, assemble, upper_triangle, with_operands, without_unused
 from harness.equations.relative_joints import in_joint_positions
 from harness.equations.system import TIME, System
 
@@ -26,16 +26,10 @@ def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_
 
     Positions and velocities are those of the joints; see ``harness.equations.euler_angles`` for ball and free joints.
     """
-    joint = in_joint_coordinates(equations, list(system.coordinates), system.attitudes, linear_velocity_in_body)
-    outputs = {
-        "mass": [joint.mass_matrix[i, j] for i, j in upper_triangle(len(joint.velocities))],
-        "velocity": list(joint.velocity_terms),
-        "gravity": list(joint.gravity_terms),
-        "passive": list(joint.passive_forces),
-    }
-    if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    return _in_joints(assemble([*_inputs(joint.positions, joint.velocities), *system.parameters], outputs), system)
+    change = change_of_variables(system, equations, linear_velocity_in_body)
+    terms = equations_in_joints(equations, change)
+    mass = [terms["mass"][i, j] for i, j in upper_triangle(len(equations.rates))]
+    return _assembled(system, equations, change, {**terms, "mass": mass})
 
 
 def lagrange_program(system: System, linear_velocity_in_body: bool = False) -> StraightLineProgram | None:
@@ -57,8 +51,8 @@ def lagrange_program(system: System, linear_velocity_in_body: bool = False) -> S
     """
     plain = in_symbols(system)
     n = len(plain.coordinates)
-    change = change_of_variables(plain, list(system.coordinates), system.attitudes, linear_velocity_in_body)
-    inputs = [*_inputs(change.positions, plain.rates), *system.parameters]
+    change = change_of_variables(system, plain, linear_velocity_in_body)
+    inputs = _inputs(system, plain, change)
     angles = [q for q in plain.coordinates if q not in change.positions]
     of_gravity, of_springs = split_potential(plain.potential, system.gravity)
     expressions = [plain.kinetic, of_gravity, of_springs, *plain.generalised_forces]
@@ -127,17 +121,22 @@ def energy_program_of(system: System, energies: EnergiesInSymbols) -> StraightLi
 
     The linear velocity of a free joint is that in the joint's frame.
     """
-    joint = energies_in_joint_coordinates(energies, list(system.coordinates), system.attitudes)
-    outputs = {name: [getattr(joint, name)] for name in ENERGY_OUTPUTS}
-    outputs["forces"] = list(joint.forces)
+    change = change_of_variables(system, energies)
+    return _assembled(system, energies, change, energies_in_joints(energies, change))
+
+
+def _assembled(
+    system: System, energies: EnergiesInSymbols, change: ChangeOfVariables, outputs: Mapping[str, Sequence[sp.Expr]]
+) -> StraightLineProgram:
     if system.attitudes:
-        outputs["regularity"] = [joint.regularity]
-    return _in_joints(assemble([*_inputs(joint.positions, joint.velocities), *system.parameters], outputs), system)
+        outputs = {**outputs, "regularity": [change.regularity]}
+    return _in_joints(assemble(_inputs(system, energies, change), outputs), system)
 
 
-def _inputs(positions: tuple[sp.Symbol, ...], velocities: tuple[sp.Symbol, ...]) -> list[sp.Symbol]:
-    """The inputs of every program but the parameters: q, v, tau and time."""
-    return [*positions, *velocities, *(sp.Symbol(f"tau{i}") for i in range(len(velocities))), TIME]
+def _inputs(system: System, energies: EnergiesInSymbols, change: ChangeOfVariables) -> list[sp.Symbol]:
+    """The inputs of every program: q, v, tau, time and parameters."""
+    taus = (sp.Symbol(f"tau{i}") for i in range(len(energies.rates)))
+    return [*change.positions, *energies.rates, *taus, TIME, *system.parameters]
 
 
 def _in_joints(program: StraightLineProgram, system: System) -> StraightLineProgram:

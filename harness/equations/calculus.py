@@ -14,23 +14,28 @@ from typing import Any
 
 from harness.equations.program import Assembler, StraightLineProgram, earlier_results, with_operands
 
-Slope = Callable[["ProgramWriter", int, int], int]
-
-# Instruction of df/dx, given those of x and f(x).
-_SLOPES: dict[str, Slope] = {
-    "neg": lambda w, x, f: w.number(-1),
-    "sqrt": lambda w, x, f: w.quotient(w.number(Fraction(1, 2)), f),
-    "sin": lambda w, x, f: w.add("cos", x),
-    "cos": lambda w, x, f: w.negative(w.add("sin", x)),
-    "tan": lambda w, x, f: w.sum(w.number(1), w.product(f, f)),
-    "asin": lambda w, x, f: w.quotient(w.number(1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),
-    "acos": lambda w, x, f: w.quotient(w.number(-1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),
-    "atan": lambda w, x, f: w.quotient(w.number(1), w.sum(w.number(1), w.product(x, x))),
-    "sinh": lambda w, x, f: w.add("cosh", x),
-    "cosh": lambda w, x, f: w.add("sinh", x),
-    "tanh": lambda w, x, f: w.difference(w.number(1), w.product(f, f)),
-    "exp": lambda w, x, f: f,
-    "log": lambda w, x, f: w.quotient(w.number(1), x),
+# Instructions of the derivatives of f by its arguments, given those of the arguments and of f; an integer exponent is a literal.
+_PARTIALS: dict[str, Callable[..., tuple[int, ...]]] = {
+    "neg": lambda w, x, f: (w.number(-1),),
+    "sqrt": lambda w, x, f: (w.quotient(w.number(Fraction(1, 2)), f),),
+    "sin": lambda w, x, f: (w.add("cos", x),),
+    "cos": lambda w, x, f: (w.negative(w.add("sin", x)),),
+    "tan": lambda w, x, f: (w.sum(w.number(1), w.product(f, f)),),
+    "asin": lambda w, x, f: (w.quotient(w.number(1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),),
+    "acos": lambda w, x, f: (w.quotient(w.number(-1), w.add("sqrt", w.difference(w.number(1), w.product(x, x)))),),
+    "atan": lambda w, x, f: (w.quotient(w.number(1), w.sum(w.number(1), w.product(x, x))),),
+    "sinh": lambda w, x, f: (w.add("cosh", x),),
+    "cosh": lambda w, x, f: (w.add("sinh", x),),
+    "tanh": lambda w, x, f: (w.difference(w.number(1), w.product(f, f)),),
+    "exp": lambda w, x, f: (f,),
+    "log": lambda w, x, f: (w.quotient(w.number(1), x),),
+    "integer_power": lambda w, x, n, f: (w.product(w.number(n), w.add("integer_power", x, n - 1)),),
+    "add": lambda w, a, b, f: (w.number(1), w.number(1)),
+    "sub": lambda w, a, b, f: (w.number(1), w.number(-1)),
+    "mul": lambda w, a, b, f: (b, a),
+    "div": lambda w, a, b, f: (w.inverse(b), w.negative(w.product(f, w.inverse(b)))),
+    "pow": lambda w, a, b, f: (w.product(b, w.add("pow", a, w.difference(b, w.number(1)))), w.product(f, w.add("log", a))),
+    "atan2": lambda w, a, b, f: (w.quotient(b, w.dot((a, b), (a, b))), w.negative(w.quotient(a, w.dot((a, b), (a, b))))),
 }
 
 
@@ -110,6 +115,10 @@ class ProgramWriter(Assembler):
     def quotient(self, first: int, second: int) -> int:
         return first if self._value(second) == 1 or self._value(first) == 0 else self.add("div", first, second)
 
+    def inverse(self, place: int) -> int:
+        value = self._value(place)
+        return self.number(1 / value) if value else self.quotient(self.number(1), place)
+
     def dot(self, first: Sequence[int], second: Sequence[int]) -> int:
         total = self.number(0)
         for pair in zip(first, second, strict=True):
@@ -155,33 +164,13 @@ class ProgramWriter(Assembler):
 
     def _partials(self, place: int, depends: Sequence[bool]) -> list[tuple[int, int]]:
         """Operands of an instruction that depend on the variables, each with the derivative by it."""
-        operation, *operands = self.instructions[place]
-        if operation in _SLOPES:
-            slopes = [_SLOPES[operation](self, operands[0], place)]
-        elif operation == "integer_power":
-            base, exponent = operands
-            slopes = [self.product(self.number(exponent), self.add("integer_power", base, exponent - 1))]
-        elif operation == "mul" and operands[0] == operands[1]:
-            slopes = [self.product(self.number(2), operands[0])]
-        else:
-            return [pair for pair in self._of_two(operation, place, *operands) if depends[pair[0]]] if operands[1:] else []
-        return [(operands[0], slopes[0])]
-
-    def _of_two(self, operation: str, place: int, a: int, b: int) -> list[tuple[int, int]]:
-        one = self.number(1)
-        if operation in ("add", "sub"):
-            return [(a, one), (b, one if operation == "add" else self.number(-1))]
-        if operation == "mul":
-            return [(a, b), (b, a)]
-        if operation == "div":
-            divisor = self._value(b)
-            inverse = self.number(1 / divisor) if divisor else self.quotient(one, b)
-            return [(a, inverse), (b, self.negative(self.product(place, inverse)))]
-        if operation == "pow":
-            slope = self.product(b, self.add("pow", a, self.difference(b, one)))
-            return [(a, slope), (b, self.product(place, self.add("log", a)))]
-        square = self.sum(self.product(a, a), self.product(b, b))
-        return [(a, self.quotient(b, square)), (b, self.negative(self.quotient(a, square)))]
+        operation, *operands = instruction = self.instructions[place]
+        if operation == "input":
+            return []
+        if operation == "mul" and operands[0] == operands[1]:
+            return [(operands[0], self.product(self.number(2), operands[0]))]
+        pairs = zip(earlier_results(instruction), _PARTIALS[operation](self, *operands, place), strict=True)
+        return [pair for pair in pairs if depends[pair[0]]]
 
     def again(self, operation: str, *operands: Any) -> int:
         """An instruction of the program itself, with the identities of 0 and 1."""

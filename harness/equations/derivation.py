@@ -7,6 +7,7 @@ one that is damaged is derived again and replaced.
 from __future__ import annotations
 
 import ast
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
@@ -14,7 +15,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -42,9 +43,10 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
         InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
     """
     path, entry = library.system_path(name), _entry(library, name)
-    cached = _restored(read_entry(entry), name)
-    if cached is not None:
-        return cached
+    with contextlib.suppress(ValueError, RecursionError):
+        cached = Mechanism.from_json(read_entry(entry) or "")
+        if cached.name == name:
+            return cached
     mechanism = derive_mechanism(path, name)
     write_entry(entry, mechanism.to_json())
     return mechanism
@@ -89,6 +91,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     Raises:
         InvalidSystem: as ``load_mechanism``.
     """
+    import sympy as sp
+
     from harness.equations.assembly import energy_program_of, lagrange_program, program_of
     from harness.equations.lagrange import derive, in_symbols
     from harness.equations.notation import printed
@@ -107,7 +111,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         free = any(attitude.position for attitude in system.attitudes)
         in_body = tuple(lagrange_program(chart, True) or program_of(chart, derive(chart), True) for chart, *_ in derived if free)
         energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
-        total_mass = float(system.total_mass.subs({symbol: _exact(value) for symbol, (value, _) in system.parameters.items()}))
+        total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
     seconds = time.perf_counter() - started
@@ -254,26 +258,9 @@ def _floats(bounds: tuple[float, float] | None) -> tuple[float, float] | None:
     return None if bounds is None else (float(bounds[0]), float(bounds[1]))
 
 
-def _exact(value: float) -> Any:
-    import sympy as sp
-
-    return sp.Rational(*float(value).as_integer_ratio())
-
-
 @functools.cache
 def _toolchain_digest() -> bytes:
     digest = hashlib.sha256(sys.version.encode() + sources_digest("equations"))
     for distribution in _VERSIONED:
         digest.update(f"{distribution}={importlib.metadata.version(distribution)}".encode())
     return digest.digest()
-
-
-def _restored(text: str | None, name: str) -> Mechanism | None:
-    """The mechanism that an entry of the cache holds; None where there is none, or somebody else's."""
-    if text is None:
-        return None
-    try:
-        mechanism = Mechanism.from_json(text)
-    except (ValueError, RecursionError):
-        return None
-    return mechanism if mechanism.name == name else None

@@ -13,20 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import sympy as sp
 
+from harness.equations.program import UNARY
+
 # Functions of one argument whose derivative is ``fdiff``; SymPy itself differentiates whatever is not here.
-_PLAIN_FUNCTIONS = (
-    sp.sin,
-    sp.cos,
-    sp.tan,
-    sp.asin,
-    sp.acos,
-    sp.atan,
-    sp.sinh,
-    sp.cosh,
-    sp.tanh,
-    sp.exp,
-    sp.log,
-)
+_PLAIN_FUNCTIONS = tuple(getattr(sp, name) for name in UNARY - {"neg", "sqrt"})
 
 
 class Derivatives:

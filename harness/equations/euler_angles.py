@@ -28,11 +28,14 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from harness.equations.differentiation import Derivatives
+from harness.equations.program import ENERGY_OUTPUTS
 
 if TYPE_CHECKING:
     from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion
+    from harness.equations.system import System
 
 AXES = "xyz"
+_ABOUT = {"x": sp.rot_ccw_axis1, "y": sp.rot_ccw_axis2, "z": sp.rot_ccw_axis3}
 
 
 @dataclass(frozen=True)
@@ -74,52 +77,12 @@ class Attitude:
 
 
 @dataclass(frozen=True)
-class JointEquations:
-    """Equations of motion in an engine's positions and velocities: mass u' + velocity + gravity = passive + tau.
-
-    Attributes:
-        positions: (nq) symbols; a quaternion takes four. velocities: (nv) symbols.
-        mass_matrix, velocity_terms, gravity_terms, passive_forces: as in ``EquationsOfMotion``.
-        regularity: |regularity| falls to 0 where the chart is singular, and is at most 1.
-    """
-
-    positions: tuple[sp.Symbol, ...]
-    velocities: tuple[sp.Symbol, ...]
-    mass_matrix: sp.Matrix
-    velocity_terms: sp.Matrix
-    gravity_terms: sp.Matrix
-    passive_forces: sp.Matrix
-    regularity: sp.Expr
-
-
-@dataclass(frozen=True)
-class JointEnergies:
-    """Energies [J] and power [W] in a joint's positions and velocities.
-
-    Attributes:
-        positions, velocities: as in ``JointEquations``.
-        energy: Jacobi's energy function. lagrangian: T - V. kinetic: T.
-        forces: (nv, 1) non-conservative generalised forces; power: theirs.
-        regularity: as in ``JointEquations``.
-    """
-
-    positions: tuple[sp.Symbol, ...]
-    velocities: tuple[sp.Symbol, ...]
-    energy: sp.Expr
-    lagrangian: sp.Expr
-    kinetic: sp.Expr
-    power: sp.Expr
-    forces: sp.Matrix
-    regularity: sp.Expr
-
-
-@dataclass(frozen=True)
 class ChangeOfVariables:
     """From coordinates and their rates to joint positions and velocities; ``transform`` is A of q' = A(q) u.
 
     ``of_rates`` also knows what texts write for the angular velocity and, where it is given in the body's frame, for the
     linear one. ``blocks`` are those of A that are no identity, (3, 3), each with the places of its first coordinate and of the
-    first angle of its joint.
+    first angle of its joint. |regularity| falls to 0 where the chart is singular, and is at most 1.
     """
 
     positions: tuple[sp.Symbol, ...]
@@ -129,15 +92,18 @@ class ChangeOfVariables:
     of_angles: Mapping[sp.Expr, sp.Expr]
     regularity: sp.Expr
 
-    def applied(self, matrix: sp.Matrix) -> sp.Matrix:
-        return _substitute(matrix.xreplace(self.of_rates), angles_to=self.of_angles)
+    def in_quaternions(self, matrix: sp.Matrix) -> sp.Matrix:
+        """``matrix`` without the angles. Whole sines and cosines go first; an angle that is left stands outside of them."""
+        functions = {key: value for key, value in self.of_angles.items() if not key.is_Symbol}
+        bare = {key: value for key, value in self.of_angles.items() if key.is_Symbol}
+        return matrix.xreplace(functions).xreplace(bare)
 
 
 def rotation(sequence: str, angles: Sequence[sp.Expr]) -> sp.Matrix:
     """Rotation matrix (3, 3) from the body's frame to the joint's, by rotations about the body's own axes."""
     product = sp.eye(3)
     for axis, angle in zip(sequence, angles, strict=True):
-        product *= _elementary(AXES.index(axis), angle)
+        product *= _ABOUT[axis](angle)
     return product
 
 
@@ -169,48 +135,23 @@ def sines_and_cosines(sequence: str, turned: sp.Matrix) -> tuple[list[tuple[sp.E
     return [first, middle, final], regularity
 
 
-def in_joint_coordinates(
-    equations: EquationsOfMotion, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
-) -> JointEquations:
-    """Rewrite textbook equations for the positions and velocities an engine holds.
-
-    ``coordinates`` are the system's, in the order of the equations' symbols; those of one joint stand
-    together, positions before angles. ``linear_velocity_in_body`` says in which frame a free joint's
-    linear velocity is given. Without attitudes the equations come back as they are.
-    """
-    if not attitudes:
-        return JointEquations(
-            equations.coordinates,
-            equations.rates,
-            equations.mass_matrix,
-            equations.velocity_terms,
-            equations.gravity_terms,
-            equations.passive_forces,
-            sp.S.One,
-        )
-    n = len(coordinates)
-    change = change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body)
-    transform, rates = change.transform, change.transform * sp.Matrix(equations.rates)
-    growth = sum((transform.diff(x) * rate for x, rate in zip(equations.coordinates, rates, strict=True)), sp.zeros(n, n))
-    inertial = equations.velocity_terms.xreplace(change.of_rates) + equations.mass_matrix * growth * sp.Matrix(equations.rates)
-    terms = [
-        transform.T * equations.mass_matrix * transform,
-        transform.T * inertial,
-        transform.T * equations.gravity_terms,
-        transform.T * equations.passive_forces.xreplace(change.of_rates),
-    ]
-    mass, velocity, gravity, passive = (_substitute(term, angles_to=change.of_angles) for term in terms)
-    return JointEquations(change.positions, equations.rates, mass, velocity, gravity, passive, change.regularity)
+def equations_in_joints(equations: EquationsOfMotion, change: ChangeOfVariables) -> dict[str, sp.Matrix]:
+    """The terms mass u' + velocity + gravity = passive + tau in the positions and velocities u of the joints, by name."""
+    transform, velocities = change.transform, sp.Matrix(equations.rates)
+    mass, rates = equations.mass_matrix, transform * velocities
+    growth = sum((transform.diff(x) * rate for x, rate in zip(equations.coordinates, rates, strict=True)), sp.zeros(*mass.shape))
+    inertial = equations.velocity_terms.xreplace(change.of_rates) + mass * growth * velocities
+    terms = {
+        "mass": transform.T * mass * transform,
+        "velocity": transform.T * inertial,
+        "gravity": transform.T * equations.gravity_terms,
+        "passive": transform.T * equations.passive_forces.xreplace(change.of_rates),
+    }
+    return {name: change.in_quaternions(term) for name, term in terms.items()}
 
 
-def energies_in_joint_coordinates(
-    equations: EnergiesInSymbols, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude]
-) -> JointEnergies:
-    """The energies of textbook equations in joint positions and velocities; arguments as in ``in_joint_coordinates``.
-
-    The linear velocity of a free joint is that in the joint's frame.
-    """
-    change = change_of_variables(equations, coordinates, attitudes, linear_velocity_in_body=False)
+def energies_in_joints(equations: EnergiesInSymbols, change: ChangeOfVariables) -> dict[str, sp.Matrix]:
+    """Energies [J], power [W] and forces in joint positions and velocities, by the names of ``harness.equations.energies``."""
     kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
     # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
     at_rest = dict.fromkeys(rates, sp.S.Zero)
@@ -218,22 +159,25 @@ def energies_in_joint_coordinates(
     linear = sp.Add(*(momentum.xreplace(at_rest) * rate for rate, momentum in momenta.items()))
     energy = kinetic - linear - 2 * kinetic.xreplace(at_rest) + potential
     power = sum((force * rate for force, rate in zip(equations.generalised_forces, rates, strict=True)), sp.S.Zero)
-    energy, lagrangian, kinetic, power = change.applied(sp.Matrix([energy, kinetic - potential, kinetic, power]))
-    forces = _substitute(change.transform.T * equations.generalised_forces.xreplace(change.of_rates), angles_to=change.of_angles)
-    return JointEnergies(change.positions, rates, energy, lagrangian, kinetic, power, forces, change.regularity)
+    found = {name: sp.Matrix([value]) for name, value in zip(ENERGY_OUTPUTS, (energy, kinetic - potential, kinetic, power), strict=True)}
+    of_joints = {name: value.xreplace(change.of_rates) for name, value in found.items()}
+    of_joints["forces"] = change.transform.T * equations.generalised_forces.xreplace(change.of_rates)
+    return {name: change.in_quaternions(value) for name, value in of_joints.items()}
 
 
-def change_of_variables(
-    equations: EnergiesInSymbols, coordinates: Sequence[sp.Expr], attitudes: Sequence[Attitude], linear_velocity_in_body: bool
-) -> ChangeOfVariables:
-    """The change to the positions and velocities of the joints; arguments as in ``in_joint_coordinates``."""
+def change_of_variables(system: System, equations: EnergiesInSymbols, linear_velocity_in_body: bool = False) -> ChangeOfVariables:
+    """The change from the symbols of a system's energies to the positions and velocities of its joints.
+
+    ``linear_velocity_in_body`` says in which frame a free joint's linear velocity is given.
+    """
+    coordinates = list(system.coordinates)
     q = equations.coordinates
     transform, positions = sp.eye(len(q)), list(q)
     of_angles: dict[sp.Expr, sp.Expr] = {}
     regularity: sp.Expr = sp.S.One
     of_rates: dict[sp.Expr, sp.Expr] = {}
     blocks: list[tuple[int, int, sp.Matrix]] = []
-    for attitude in sorted(attitudes, key=lambda attitude: coordinates.index(attitude.coordinates[0]), reverse=True):
+    for attitude in sorted(system.attitudes, key=lambda attitude: coordinates.index(attitude.coordinates[0]), reverse=True):
         first = coordinates.index(attitude.angles[0])
         angles = q[first : first + 3]
         quaternion = sp.symbols([f"{attitude.joint}_{part}" for part in "wxyz"], real=True)
@@ -248,10 +192,11 @@ def change_of_variables(
             for row, rate in zip(inverse * sp.Matrix(rates), rates, strict=True):
                 of_rates |= {row: rate, -row: -rate}
         pairs, of_chart = sines_and_cosines(attitude.sequence, _of_quaternion(quaternion))
-        of_angles |= _replacements(angles, pairs)
+        for angle, (sine, cosine) in zip(angles, pairs, strict=True):
+            of_angles |= {sp.sin(angle): sine, sp.cos(angle): cosine, angle: sp.atan2(sine, cosine)}
         regularity *= of_chart
         positions[first : first + 3] = quaternion
-    if attitudes:
+    if system.attitudes:
         of_rates |= dict(zip(equations.rates, transform * sp.Matrix(equations.rates), strict=True))
     return ChangeOfVariables(tuple(positions), tuple(blocks), transform, of_rates, of_angles, regularity)
 
@@ -261,14 +206,6 @@ def _angle_rates(sequence: str, angles: tuple[sp.Expr, ...]) -> sp.Matrix:
     """The inverse of ``body_rates``; no tangent stays, as it is singular where only the cosine vanishes."""
     inverse = body_rates(sequence, angles).inv().applyfunc(sp.simplify)
     return inverse.applyfunc(lambda entry: entry.replace(sp.tan, lambda angle: sp.sin(angle) / sp.cos(angle)))
-
-
-def _elementary(axis: int, angle: sp.Expr) -> sp.Matrix:
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    matrix = sp.eye(3)
-    matrix[j, j] = matrix[k, k] = sp.cos(angle)
-    matrix[k, j], matrix[j, k] = sp.sin(angle), -sp.sin(angle)
-    return matrix
 
 
 def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:
@@ -282,17 +219,3 @@ def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:
         ]
     )
     return matrix / (w**2 + x**2 + y**2 + z**2)
-
-
-def _replacements(angles: Sequence[sp.Symbol], pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> dict[sp.Expr, sp.Expr]:
-    replaced: dict[sp.Expr, sp.Expr] = {}
-    for angle, (sine, cosine) in zip(angles, pairs, strict=True):
-        replaced |= {sp.sin(angle): sine, sp.cos(angle): cosine, angle: sp.atan2(sine, cosine)}
-    return replaced
-
-
-def _substitute(matrix: sp.Matrix, angles_to: Mapping[sp.Expr, sp.Expr]) -> sp.Matrix:
-    # Whole sines and cosines go first; an angle that is left stands outside of them.
-    functions = {key: value for key, value in angles_to.items() if not key.is_Symbol}
-    bare = {key: value for key, value in angles_to.items() if key.is_Symbol}
-    return matrix.xreplace(functions).xreplace(bare)

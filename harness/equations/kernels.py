@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, position_count, right_hand_side, upper_triangle
+from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.equations.relative_joints import to_coordinates, to_joints
 from harness.storage import Kept
 
@@ -175,7 +175,9 @@ def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> d
         if operation == "input":
             value = inputs[operands[0]]
         elif operation == "rational":
-            value = heyoka.expression(_literal(int(operands[0]), int(operands[1])))
+            # With the digits of long double, for which a kernel may be compiled. A literal of float64 would not do even where it is
+            # exact: heyoka turns x / 3 into x times the third of 3.0.
+            value = heyoka.expression(np.longdouble(int(operands[0])) / np.longdouble(int(operands[1])))
         elif operation == "pi":
             value = heyoka.pi
         elif operation == "neg":
@@ -188,14 +190,6 @@ def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> d
             value = getattr(heyoka, operation)(values[operands[0]])
         values.append(value)
     return {name: [values[index] for index in indices] for name, indices in program.outputs.items()}
-
-
-def _literal(numerator: int, denominator: int) -> Any:
-    """The quotient with the digits of long double, for which a kernel may be compiled.
-
-    A literal of float64 would not do even where it is exact: heyoka turns x / 3 into x times the third of 3.0.
-    """
-    return np.longdouble(numerator) / np.longdouble(denominator)
 
 
 def solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> list[Any]:
@@ -276,35 +270,32 @@ def _ball_source(program: StraightLineProgram, parameters: int) -> str:
     inner: list[str] = []
     sines = {operands[0] for operation, *operands in program.instructions if operation == "sin"}
     cosines = {operands[0] for operation, *operands in program.instructions if operation == "cos"}
-    for position, (operation, *operands) in enumerate(program.instructions):
-        if operation == "input":
-            constant.append(operands[0] >= free)
-            text = f"x{position} = arb(z{operands[0]})"
+    for position, instruction in enumerate(program.instructions):
+        operation, *operands = instruction
+        is_input = operation == "input"
+        constant.append(operands[0] >= free if is_input else all(constant[operand] for operand in earlier_results(instruction)))
+        target = outer if constant[-1] else inner
+        if is_input:
+            text = f"arb(z{operands[0]})"
         elif operation == "rational":
-            constant.append(True)
-            text = f"x{position} = arb(fmpq({operands[0]}, {operands[1]}))"
+            text = f"arb(fmpq({operands[0]}, {operands[1]}))"
         elif operation == "pi":
-            constant.append(True)
-            text = f"x{position} = arb.pi()"
+            text = "arb.pi()"
         elif operation == "integer_power":
-            constant.append(constant[operands[0]])
-            text = f"x{position} = x{operands[0]} ** {operands[1]}"
+            text = f"x{operands[0]} ** {operands[1]}"
+        elif operation in ("sin", "cos") and operands[0] in sines & cosines:
+            # One call gives both; the later of the two instructions finds it done.
+            both = f"s{operands[0]}, c{operands[0]} = x{operands[0]}.sin_cos()"
+            if both not in target:
+                target.append(both)
+            text = f"{operation[0]}{operands[0]}"
+        elif operation == "neg":
+            text = f"-x{operands[0]}"
+        elif operation in UNARY:
+            text = f"x{operands[0]}.{operation}()"
         else:
-            constant.append(all(constant[operand] for operand in operands))
-            if operation in ("sin", "cos") and operands[0] in sines & cosines:
-                # One call gives both; the later of the two instructions finds it done.
-                text = f"s{operands[0]}, c{operands[0]} = x{operands[0]}.sin_cos()"
-                target = outer if constant[-1] else inner
-                if text not in target:
-                    target.append(text)
-                text = f"x{position} = {operation[0]}{operands[0]}"
-            elif operation == "neg":
-                text = f"x{position} = -x{operands[0]}"
-            elif operation in UNARY:
-                text = f"x{position} = x{operands[0]}.{operation}()"
-            else:
-                text = f"x{position} = " + _ARB_BINARY[operation].format(*(f"x{operand}" for operand in operands))
-        (outer if constant[-1] else inner).append(text)
+            text = _ARB_BINARY[operation].format(*(f"x{operand}" for operand in operands))
+        target.append(f"x{position} = {text}")
     results = ", ".join(f"x{index}" for indices in program.outputs.values() for index in indices)
     return "\n".join(
         [

@@ -13,7 +13,7 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import sympy as sp
@@ -61,12 +61,6 @@ class EquationsOfMotion(EnergiesInSymbols):
         """p - c - g, (nv, 1): what M qdd equals when no force is applied."""
         return sp.Matrix(right_hand_side({"passive": self.passive_forces, "velocity": self.velocity_terms, "gravity": self.gravity_terms}))
 
-    @property
-    def energy_function(self) -> sp.Expr:
-        """Jacobi's energy function h = sum v dL/dv - L [J]; T + V where T is quadratic in the rates."""
-        lagrangian = self.kinetic - self.potential
-        return sum((v * lagrangian.diff(v) for v in self.rates), sp.S.Zero) - lagrangian
-
     def christoffel_matrix(self) -> sp.Matrix:
         """C(q, v), (nv, nv), from Christoffel symbols of the first kind: M' - 2C is skew.
 
@@ -82,31 +76,8 @@ class EquationsOfMotion(EnergiesInSymbols):
 
     def simplified(self) -> EquationsOfMotion:
         """The same equations with every entry simplified: shorter, and with fewer roundings in float64."""
-
-        def simple(matrix: sp.Matrix) -> sp.Matrix:
-            return matrix.applyfunc(sp.simplify)
-
-        return replace(
-            self,
-            mass_matrix=simple(self.mass_matrix),
-            velocity_terms=simple(self.velocity_terms),
-            gravity_terms=simple(self.gravity_terms),
-            passive_forces=simple(self.passive_forces),
-        )
-
-    def linearised(self, equilibrium: Mapping[sp.Symbol, float] | None = None) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
-        """(M0, D0, K0) of M0 x'' + D0 x' + K0 x = 0 about a configuration at rest.
-
-        ``equilibrium`` maps coordinate symbols to values; those left out are 0. D0 holds dampers and
-        gyroscopic terms, K0 gravity and springs. That the configuration is one of rest is the caller's
-        claim; a right-hand side that does not vanish there is not an error here.
-        """
-        values = dict.fromkeys((*self.coordinates, *self.rates), 0) | dict(equilibrium or {})
-        residual = -self.right_hand_side
-        damping = residual.jacobian(list(self.rates))
-        stiffness = residual.jacobian(list(self.coordinates))
-        mass, damping, stiffness = (matrix.subs(values).applyfunc(sp.simplify) for matrix in (self.mass_matrix, damping, stiffness))
-        return mass, damping, stiffness
+        names = ("mass_matrix", "velocity_terms", "gravity_terms", "passive_forces")
+        return replace(self, **{name: getattr(self, name).applyfunc(sp.simplify) for name in names})
 
 
 def in_symbols(system: System) -> EnergiesInSymbols:

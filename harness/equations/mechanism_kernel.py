@@ -46,6 +46,10 @@ class Charts:
             highest = np.maximum(highest, regularity)
         return best
 
+    def at(self, q: Array) -> int:
+        """The chart for one state, q (nq,)."""
+        return int(self.most_regular(q[None])[0]) if len(self.programs) > 1 else 0
+
     def split(self, q: Array) -> Iterator[tuple[int, Indices]]:
         """The charts in use, each with the indices of its states; at least one chart."""
         best = self.most_regular(q)
@@ -108,12 +112,6 @@ class MechanismKernel:
     def _parameters(self) -> tuple[float, ...] | None:
         is_long = len(self._programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
-
-    def _within_a_turn(self, q: Array) -> Array:
-        """Positions with whole turns taken from large angles: in a sum with another angle they would round its digits away."""
-        large = np.zeros(q.shape, dtype=bool)
-        large[:, self._turning] = np.abs(q[:, self._turning]) > LARGE_ANGLE
-        return np.where(large, np.arctan2(np.sin(q), np.cos(q)), q) if large.any() else q
 
     @cached_property
     def _turning(self) -> list[int]:

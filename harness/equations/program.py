@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 if TYPE_CHECKING:
     import sympy as sp
 
@@ -79,20 +77,6 @@ class StraightLineProgram:
                 sums.append(None)
         exposed.update(*(sums[place] or () for places in self.outputs.values() for place in places))
         return [place for place in range(len(self.inputs)) if place not in exposed]
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object that ``from_json`` turns back into an equal program."""
-        plain: dict[str, Any] = msgspec.to_builtins(self)
-        return plain
-
-    @classmethod
-    def from_json(cls, data: Any) -> StraightLineProgram:
-        """Read a program back, trusting nothing in it.
-
-        Raises:
-            ValueError: an unknown operation, an operand out of range, or any other malformed part.
-        """
-        return msgspec.convert(data, cls).checked()
 
     def checked(self) -> StraightLineProgram:
         """The program, whose types are right, after a look at its indices.
@@ -231,7 +215,7 @@ class Assembler:
             return self.rational(expression)
         if expression.is_Float:
             # A float in a system file means exactly the float64 it is.
-            return self.rational(sp.Rational(*float(expression).as_integer_ratio()))
+            return self.rational(sp.Rational(float(expression)))
         if expression is sp.pi:
             return self.add("pi")
         if expression is sp.E:
@@ -255,14 +239,13 @@ class Assembler:
 
     def _sum(self, expression: sp.Expr) -> int:
         total: int | None = None
-        positive = [term for term in expression.args if not term.could_extract_minus_sign()]
-        negative = [-term for term in expression.args if term.could_extract_minus_sign()]
-        for term in positive:
-            value = self.emit(term)
-            total = value if total is None else self.add("add", total, value)
-        for term in negative:
-            value = self.emit(term)
-            total = self.add("neg", value) if total is None else self.add("sub", total, value)
+        for term in sorted(expression.args, key=lambda term: bool(term.could_extract_minus_sign())):
+            is_negative = term.could_extract_minus_sign()
+            value = self.emit(-term if is_negative else term)
+            if total is None:
+                total = self.add("neg", value) if is_negative else value
+            else:
+                total = self.add("sub" if is_negative else "add", total, value)
         assert total is not None
         return total
 
@@ -300,7 +283,7 @@ class Assembler:
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
         import sympy as sp
 
-        if (exponent.is_Integer and exponent.is_negative) or (exponent.is_Rational and exponent.is_negative):
+        if exponent.is_Rational and exponent.is_negative:
             return self.add("div", self.rational(sp.S.One), self.emit(base**-exponent))
         if base is sp.E:
             return self.add("exp", self.emit(exponent))

@@ -18,11 +18,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
+from harness.arrays import Array
 from harness.equations.program import StraightLineProgram, with_operands, without_unused
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
 Parents = Sequence[int | None]
 _OF_FORCE = ("velocity", "gravity", "passive", "forces")
 
@@ -53,7 +51,7 @@ def in_joint_positions(program: StraightLineProgram, measured_from: Parents) -> 
             instructions.append(with_operands(instruction, results))
             results.append(len(instructions) - 1)
     outputs = {name: [results[index] for index in indices] for name, indices in program.outputs.items()}
-    for name in set(outputs) & set(_OF_FORCE):
+    for name in filter(outputs.get, _OF_FORCE):
         for place, parent in _from_the_tips(measured_from):
             outputs[name][parent] = add(outputs[name][parent], outputs[name][place])
     if "mass" in outputs:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
 
 DEFAULT_RATES = (-10.0, 10.0)
 # Applied forces reach what would give a coordinate alone this acceleration [1/s^2, or m/s^2].
@@ -16,7 +15,7 @@ DEFAULT_ACCELERATION = 100.0
 
 
 @dataclass(frozen=True)
-class States:
+class States(Rows):
     """n states of a mechanism: q of shape (n, nq), v and tau (n, nv), and time (n,) [s]."""
 
     q: Array
@@ -32,15 +31,6 @@ class States:
 
     def __len__(self) -> int:
         return len(self.q)
-
-    def __getitem__(self, selection: Any) -> States:
-        """The states a slice or an index array selects."""
-        return States(self.q[selection], self.v[selection], self.tau[selection], self.time[selection])
-
-    @staticmethod
-    def concatenate(parts: Sequence[States]) -> States:
-        """The states of all parts, in order."""
-        return States(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "tau", "time")))
 
     def as_json(self, index: int) -> dict[str, list[float]]:
         """One state as ``{"q", "v", "tau"}`` lists, which print exactly."""

@@ -14,7 +14,6 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness.equations.euler_angles import Attitude
 
 TIME: sp.Symbol = dynamicsymbols._t
-FULL_TURN = (-math.pi, math.pi)
 _EMPTY: Mapping[Any, Any] = MappingProxyType({})
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference
+from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
 from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism
@@ -184,7 +184,7 @@ def why_undecided(reference: Reference) -> Iterator[str]:
     condition = reference.condition
     for index in np.flatnonzero(~reference.certified):
         if not np.isfinite(reference.high[index]).all():
-            yield f"M is singular, or not certainly regular at {LAST_PRECISION} bits"
+            yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
         elif not np.isfinite(condition[index]):
             yield "M is not certainly positive definite, so that data roundoff has no energy norm"
         elif not np.isfinite(reference.sensitivity[index]):

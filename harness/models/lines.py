@@ -127,8 +127,7 @@ class _Text:
             return any(self.number(part, "value") for part in parts if part.tag.endswith(("_stiffness", "_damping")))
         if element.path[-2:] != ("tendon", "spatial"):
             return False
-        stages = {"stiffness": "spring", "damping": "damper"}
-        return any(self.number(element, name) and is_on(self.nodes[0], stage) for name, stage in stages.items())
+        return any(self.number(element, name) and is_on(self.nodes[0], _STAGES[name]) for name in (STIFFNESS, DAMPING))
 
 
 @lru_cache(maxsize=8)

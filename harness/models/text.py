@@ -162,14 +162,13 @@ def _numbers(text: str, start: int, value: str, path: tuple[str, ...], name: str
     rule = (rules_at(model_format, path) or {}).get(name)
     if not isinstance(rule, Numbers):
         return ()
-    words = list(_WORD.finditer(value))
     line = text.count("\n", 0, start) + 1
     try:
         return tuple(
             Number(
                 start + word.start(), start + word.end(), float(word[0]), line + value.count("\n", 0, word.start()), path[-1], name, index
             )
-            for index, word in enumerate(words)
+            for index, word in enumerate(_WORD.finditer(value))
         )
     except ValueError:
         # Written with character references, which no model needs.

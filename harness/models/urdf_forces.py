@@ -65,20 +65,14 @@ class PointSpring:
 
 @dataclass(frozen=True)
 class Armature:
-    """A rotor that turns ``gear_ratio`` times as fast as its joint, of ``rotor_inertia`` [kg m^2, or kg] about its own axis.
+    """Inertia [kg m^2, or kg] that a geared rotor adds to its joint: gear_ratio^2 rotor_inertia.
 
     The gear ratio is a number for a revolute joint and in 1/m for a prismatic one.
     """
 
     joint: str
-    rotor_inertia: float
-    gear_ratio: float
+    reflected_inertia: float
     line: int
-
-    @property
-    def reflected_inertia(self) -> float:
-        """The inertia added to the joint [kg m^2, or kg]: gear_ratio^2 rotor_inertia."""
-        return self.gear_ratio**2 * self.rotor_inertia
 
 
 ForceElement = JointSpring | JointDamper | PointSpring
@@ -127,7 +121,7 @@ def armatures(document: Document, joints: Elements) -> Iterator[Armature]:
             document.refuse(
                 actuator, f"{describe(actuator)} has no <{_ROTOR_INERTIA}>; add it, or remove the transmission, which does nothing"
             )
-        yield Armature(name, values[_ROTOR_INERTIA], values.get(_GEAR_RATIO, 1.0), document.lines[transmission])
+        yield Armature(name, values.get(_GEAR_RATIO, 1.0) ** 2 * values[_ROTOR_INERTIA], document.lines[transmission])
 
 
 def _once(document: Document, element: etree._Element) -> list[etree._Element]:

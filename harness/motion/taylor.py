@@ -73,7 +73,7 @@ class Taylor:
         out: Array = np.full((len(times), nq + nv + 1), np.nan, dtype=self._type)
         out[0] = [*q, *v, 0.0]
         state, now, done = out[0], self._type(times[0]), 1
-        chart = self._most_regular(state)
+        chart = self._charts.at(state[:nq])
         evaluations, seconds = 0, 0.0
         while done < len(times):
             integrator = self._integrator(chart)
@@ -89,7 +89,7 @@ class Taylor:
             now, state = integrator.time, integrator.state.copy()
             if "cb_stop" not in str(outcome):
                 break
-            chart = self._most_regular(state)
+            chart = self._charts.at(state[:nq])
         return Path(times, out[:, :nq], out[:, nq : nq + nv], out[:, -1], evaluations, seconds)
 
     def _leaves(self, chart: int) -> Any:
@@ -98,13 +98,10 @@ class Taylor:
             return None
 
         def goes_on(integrator: Any) -> bool:
-            positions = integrator.state[None, : self.mechanism.nq]
-            return bool(self._charts.regularity(positions)[chart, 0] >= LEAST_REGULARITY) or self._most_regular(integrator.state) == chart
+            q = integrator.state[: self.mechanism.nq]
+            return bool(self._charts.regularity(q[None])[chart, 0] >= LEAST_REGULARITY) or self._charts.at(q) == chart
 
         return goes_on
-
-    def _most_regular(self, state: Array) -> int:
-        return int(self._charts.most_regular(state[None, : self.mechanism.nq])[0])
 
     def _integrator(self, chart: int) -> Any:
         import heyoka

@@ -157,14 +157,9 @@ def _continued(solver: Taylor, so_far: Path, times: Array) -> Path:
     """A path with the motion at ``times`` after it, the first of which is its last."""
     after = solver.solve(so_far.q[-1], so_far.v[-1], times)
     assert so_far.work is not None and after.work is not None
-    return Path(
-        np.concatenate([so_far.times, after.times[1:]]),
-        np.concatenate([so_far.q, after.q[1:]]),
-        np.concatenate([so_far.v, after.v[1:]]),
-        np.concatenate([so_far.work, so_far.work[-1] + after.work[1:]]),
-        so_far.evaluations + after.evaluations,
-        so_far.seconds + after.seconds,
-    )
+    times, q, v = (np.concatenate([getattr(so_far, name), getattr(after, name)[1:]]) for name in ("times", "q", "v"))
+    work = np.concatenate([so_far.work, so_far.work[-1] + after.work[1:]])
+    return Path(times, q, v, work, so_far.evaluations + after.evaluations, so_far.seconds + after.seconds)
 
 
 def _floating_point_types() -> list[Any]:

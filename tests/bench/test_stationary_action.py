@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.bench.stationary_action import SIZES, residual, stationarity, stationarity_of, vary
 from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
-from harness.equations.lagrangian import LagrangianKernel
+from harness.equations.energies import LagrangianKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.system import TIME, System
 from harness.library import Library

@@ -17,8 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.reference import (
     CERTIFIED_RADIUS,
-    FIRST_PRECISION,
-    LAST_PRECISION,
+    PRECISIONS,
     SMALLEST_SCALE,
     UNIT_ROUNDOFF,
     Reference,
@@ -247,7 +246,7 @@ def test_a_singular_mass_matrix_is_marked_and_its_neighbours_are_certified(mecha
     reference = kernel.evaluate(States.at([[1.0, 0.2], [0.0, 0.2], [math.pi, 0.2]], [[1.0, 2.0]] * 3, [[0.1, 0.2]] * 3))
     # math.pi is not pi: sin of it is 1.2e-16, and the mass matrix is regular there.
     assert reference.certified.tolist() == [True, False, True]
-    assert reference.bits[1] == LAST_PRECISION
+    assert reference.bits[1] == PRECISIONS[-1]
     assert len(reference) == 3
 
 
@@ -277,7 +276,7 @@ def test_precision_grows_with_cancellation(mechanism_of: Callable[[System], Mech
     states = States.at([[0.3], [-1e-3]], [[0.0]] * 2, [[0.0]] * 2)
     reference = ReferenceKernel(mechanism_of(system)).evaluate(states)
     assert reference.certified.all()
-    assert (reference.bits > FIRST_PRECISION).all()
+    assert (reference.bits > PRECISIONS[0]).all()
     assert np.array_equal(reference.high[:, 0], states.q[:, 0])
     assert (reference.radius <= CERTIFIED_RADIUS * reference.sensitivity).all()
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import flint
 import mpmath
+import msgspec
 import numpy as np
 import pytest
 import sympy as sp
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from support import program_from
 
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
@@ -119,7 +121,7 @@ def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...]
 @given(st.tuples(*[expressions] * 4))
 def test_json_gives_the_same_program_back(outputs: tuple[sp.Expr, ...]) -> None:
     program = as_program(*outputs)
-    assert StraightLineProgram.from_json(json.loads(json.dumps(program.to_json()))) == program
+    assert program_from(json.loads(json.dumps(msgspec.to_builtins(program)))) == program
 
 
 @settings(max_examples=50)
@@ -169,8 +171,8 @@ VALID: dict[str, Any] = {
 
 
 def test_the_program_that_the_errors_vary_is_valid() -> None:
-    program = StraightLineProgram.from_json(VALID)
-    assert json.loads(json.dumps(program.to_json())) == VALID
+    program = program_from(VALID)
+    assert json.loads(json.dumps(msgspec.to_builtins(program))) == VALID
     angle, power = balls(program, [0.75, 2.0], 128, parameters=0)
     with mpmath.workdps(60):
         expected_power = (mpmath.mpf(-21) / 20) ** -2
@@ -195,7 +197,7 @@ def test_the_program_that_the_errors_vary_is_valid() -> None:
 def test_a_malformed_instruction_is_refused(instruction: Any) -> None:
     instructions = [*VALID["instructions"], instruction]
     with pytest.raises(ValueError):
-        StraightLineProgram.from_json(VALID | {"instructions": instructions})
+        program_from(VALID | {"instructions": instructions})
 
 
 @pytest.mark.parametrize(
@@ -211,7 +213,7 @@ def test_a_malformed_instruction_is_refused(instruction: Any) -> None:
 )  # fmt: skip
 def test_a_malformed_program_is_refused(data: Any) -> None:
     with pytest.raises(ValueError):
-        StraightLineProgram.from_json(data)
+        program_from(data)
 
 
 junk = st.recursive(
@@ -249,10 +251,10 @@ def replaced(data: Any, path: tuple[Any, ...], value: Any) -> Any:
 @settings(max_examples=400)
 def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: Any) -> None:
     try:
-        program = StraightLineProgram.from_json(replaced(VALID, place, value))
+        program = program_from(replaced(VALID, place, value))
     except ValueError:
         return
-    assert StraightLineProgram.from_json(program.to_json()) == program
+    assert program_from(msgspec.to_builtins(program)) == program
     # Whatever is accepted is compiled to source and run.
     if any(program.outputs.values()):
         assert len(balls(program, [0.5] * len(program.inputs), 64, parameters=0)) == sum(map(len, program.outputs.values()))

@@ -137,9 +137,8 @@ def test_reflected_inertia_is_read(read: Reader) -> None:
         return URDF.replace("</robot>", TRANSMISSION + parts + "</actuator></transmission></robot>")
 
     geared = read(with_rotor(ROTOR + '<drake:gear_ratio value="62"/>'), "urdf")
-    assert geared.armatures == (Armature("pin", 2e-4, 62.0, 42),)
-    assert geared.armatures[0].reflected_inertia == 62**2 * 2e-4
-    assert read(with_rotor(ROTOR), "urdf").armatures[0].gear_ratio == 1
+    assert geared.armatures == (Armature("pin", 62**2 * 2e-4, 42),)
+    assert read(with_rotor(ROTOR), "urdf").armatures == (Armature("pin", 2e-4, 42),)
     assert read(URDF, "urdf").armatures == ()
     unlimited = with_rotor(ROTOR).replace('effort="1e9"', 'effort="0"')
     error = refusal(read, unlimited, "urdf")

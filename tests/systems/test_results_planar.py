@@ -11,7 +11,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import sympy as sp
-from support import is_zero
+from support import is_zero, linearised
 
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.kernels import Float64Kernel
@@ -46,7 +46,7 @@ def assert_equal(found: Any, expected: Any) -> None:
 
 def assert_squared_frequencies(equations: EquationsOfMotion, expected: Any, equilibrium: Any = None, limit: Any = None) -> None:
     """The roots w of det(K - w M), about ``equilibrium`` and under the substitution ``limit``, are ``expected``."""
-    mass, _, stiffness = equations.linearised(equilibrium)
+    mass, _, stiffness = linearised(equations, equilibrium)
     w = sp.Symbol("w")
     found = (stiffness - w * mass).det().subs(limit or {})
     leading = mass.det().subs(limit or {})
@@ -109,7 +109,7 @@ def test_coupled_oscillators() -> None:
 
     equal = {s.m2: s.m1, s.k3: s.k1}
     assert_squared_frequencies(equations, [s.k1 / s.m1, (s.k1 + 2 * s.k2) / s.m1], limit=equal)
-    mass, _, stiffness = equations.linearised()
+    mass, _, stiffness = linearised(equations)
     for mode, squared in ((sp.Matrix([1, 1]), s.k1 / s.m1), (sp.Matrix([1, -1]), (s.k1 + 2 * s.k2) / s.m1)):
         assert_equal((stiffness - squared * mass).subs(equal) * mode, [0, 0])
 
@@ -130,7 +130,7 @@ def test_quarter_car() -> None:
     heights_mass = np.diag([values[s.m_s], values[s.m_u]])
     heights_stiffness = np.array([[values[s.k_s], -values[s.k_s]], [-values[s.k_s], values[s.k_s] + values[s.k_t]]])
     expected = np.sort(np.linalg.eigvals(np.linalg.solve(heights_mass, heights_stiffness)))
-    mass, damping, stiffness = (np.array(matrix.subs(values), dtype=float) for matrix in equations.linearised())
+    mass, damping, stiffness = (np.array(matrix.subs(values), dtype=float) for matrix in linearised(equations))
     squared = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)))
     np.testing.assert_allclose(squared, expected, rtol=1e-13)
     assert damping.tolist() == [[0, 0], [0, values[s.b_s]]]

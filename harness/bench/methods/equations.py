@@ -38,7 +38,7 @@ def _lambdified(scene: Scene, modules: str) -> tuple[Callable[..., Any], str]:
     """A function of q, v, time and parameters that returns the entries of M by rows, then those of p - c - g; and a note."""
     import sympy as sp
 
-    from harness.equations.euler_angles import in_joint_coordinates
+    from harness.equations.euler_angles import change_of_variables, equations_in_joints
     from harness.equations.lagrange import derive
     from harness.equations.system import TIME
 
@@ -47,11 +47,12 @@ def _lambdified(scene: Scene, modules: str) -> tuple[Callable[..., Any], str]:
     if instructions > MOST_INSTRUCTIONS_PRINTED:
         raise Unsupported(f"the equations take {instructions} operations; lambdify is tried up to {MOST_INSTRUCTIONS_PRINTED}")
     system, _ = load_system(scene.library.system_path(mechanism.name))
-    joint = in_joint_coordinates(derive(system), list(system.coordinates), system.attitudes, linear_velocity_in_body=False)
-    terms = {"passive": joint.passive_forces, "velocity": joint.velocity_terms, "gravity": joint.gravity_terms}
+    equations = derive(system)
+    change = change_of_variables(system, equations)
+    terms = equations_in_joints(equations, change)
     # Nested lists would hide the subexpressions from ``cse``.
-    arguments = [*joint.positions, *joint.velocities, TIME, *system.parameters]
-    expressions = [*joint.mass_matrix, *right_hand_side(terms)]
+    arguments = [*change.positions, *equations.rates, TIME, *system.parameters]
+    expressions = [*terms["mass"], *right_hand_side(terms)]
     function: Callable[..., Any] = sp.lambdify(arguments, expressions, modules=modules, cse=partial(sp.cse, order="none"))
     return function, ONE_CHART if mechanism.attitudes else ""
 

@@ -21,8 +21,7 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
-from harness.motion.integrators import Advance, Integrator
-from harness.motion.integrators._kept import keep
+from harness.motion.integrators import Advance, Integrator, keep
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import Start
 
@@ -79,15 +78,10 @@ class Steps:
             many, one = divmod(count, max(self._at_once, 1))
             for size, times in ((max(self._at_once, 1), many), (1, one)):
                 for _ in range(times):
-                    self._function(self._chart(state), size)(state)
+                    self._function(self._charts.at(state[:nq]), size)(state)
             return state[:nq], state[nq : nq + nv]
 
         return keep(start, step, steps, every, self._stages, go)
-
-    def _chart(self, state: Array) -> int:
-        if len(self._systems) == 1:
-            return 0
-        return int(self._charts.most_regular(state[None, : self._mechanism.nq])[0])
 
     def _function(self, chart: int, count: int) -> Callable[[Array], None]:
         """Changes a state in place by ``count`` steps."""
@@ -160,8 +154,7 @@ def _dormand_prince(scene: Scene) -> Advance:
         functions.append(system.compiled([*system.position_rates(q, v), *system.accelerations(q, v, now)], [*q, *v, now]))
 
     def rates_at(at: float, state: Array) -> Array:
-        chart = int(charts.most_regular(state[None, :nq])[0])
-        return np.asarray(functions[chart](np.append(state, at)))
+        return np.asarray(functions[charts.at(state[:nq])](np.append(state, at)))
 
     def advance(start: Start, tolerance: float, intervals: int, every: int) -> Path:
         import scipy.integrate
@@ -193,12 +186,10 @@ def _taylor(scene: Scene) -> Advance:
     return advance
 
 
-def _prepare_euler_cromer(scene: Scene) -> Advance:
-    return Steps(scene, _euler_cromer, 1).advance
-
-
 # Symplectic, with an energy that stays bounded, only where M is constant: else theory is silent on its energy.
-EULER_CROMER = Integrator(name="equations Euler-Cromer", format="equations", order=1, prepare=_prepare_euler_cromer)
+EULER_CROMER = Integrator(
+    name="equations Euler-Cromer", format="equations", order=1, prepare=lambda scene: Steps(scene, _euler_cromer, 1).advance
+)
 RUNGE_KUTTA = Integrator(
     name="equations RK4", format="equations", order=4, prepare=lambda scene: Steps(scene, _runge_kutta, 4).advance, long_run="secular"
 )

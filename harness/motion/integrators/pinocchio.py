@@ -19,8 +19,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.motion.first_order import linear_velocities_turned
-from harness.motion.integrators import Advance, Integrator
-from harness.motion.integrators._kept import keep
+from harness.motion.integrators import Advance, Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 

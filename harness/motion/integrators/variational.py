@@ -24,8 +24,7 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.motion.first_order import FirstOrderSystem
-from harness.motion.integrators import Integrator
-from harness.motion.integrators._kept import keep
+from harness.motion.integrators import Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
