@@ -1,4 +1,8 @@
-"""Dampers, springs and rotors of joints go missing, count twice, are left in, or stand in one model only."""
+"""Dampers, springs and rotors of joints go missing, count twice, are left in, or stand in one model only.
+
+The smooth equations hold no Coulomb friction, so the validator refuses a model with some by line and attribute. It never
+reaches a diagnosis: the mistake is planted, to see that it is refused, and has no mend.
+"""
 
 from __future__ import annotations
 
@@ -102,4 +106,11 @@ SPRING = _coefficient_hypothesis(
     "Pinocchio's MJCF reader passes over stiffness and springref; a plain URDF has no springs",
     _springs,
     "spring",
+)
+FRICTION = hypothesis(
+    "friction",
+    "Coulomb friction left in",
+    "MuJoCo, XML reference, joint/frictionloss; http://wiki.ros.org/urdf/XML/joint, dynamics",
+    changes=lambda parts: (),
+    plants=lambda parts: [FixedChange("left in", [(joint.friction, ["0.1"])]) for joint in parts.joints if joint.friction is not None],
 )

@@ -30,8 +30,9 @@ def parallel_axis(mass: float, centre: Array) -> Array:
     return mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -> Writes:
-    """The writes for another inertia matrix, the one that stands there plus or minus ``added``."""
+def with_added(inertial: Inertial, model_format: str, added: Array, factor: float = 1.0) -> Writes:
+    """The writes for another inertia matrix, the one that stands there plus ``factor`` times ``added``."""
+    added = factor * added
     largest = Fraction(float(np.abs(added).max()))
     words = {}
     for name in ENTRIES:
@@ -39,7 +40,7 @@ def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -
         change = Fraction(float(added[row, column]))
         if not change:
             continue
-        total = Fraction(inertial.words[name]) + sign * change
+        total = Fraction(inertial.words[name]) + change
         least = _LEAST[model_format] if row == column else "0"
         # A product of inertia beside moments far above it is their rounding.
         negligible = ROUNDING * (max(abs(change), Fraction(least)) if row == column else largest)
@@ -86,7 +87,7 @@ def _about_another_point(parts: Anatomy) -> Iterator[FixedChange]:
             arm = matrix_of(inertial.rotation, parts).T @ (inertial.centre.values - anchor)
             added = parallel_axis(float(inertial.mass.values[0]), arm)
             for sign, statement in ((-1, "parallel axis counted twice"), (1, "parallel axis taken off twice")):
-                yield FixedChange(f"{statement} in {body.name}", with_added(inertial, added, sign, parts.model.format))
+                yield FixedChange(f"{statement} in {body.name}", with_added(inertial, parts.model.format, added, sign))
 
 
 ENTRIES_SWAPPED = hypothesis(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,6 +66,11 @@ def _written(slot: Slot, rotation: Array, model_format: str) -> Write:
     return slot, [repr(roll), repr(pitch), repr(yaw)]
 
 
+def _turned(slot: Slot, axis: int, parts: Anatomy, angle: float) -> list[Write]:
+    """The slot turned further by an angle [rad] about one of its own axes."""
+    return [_written(slot, matrix_of(slot, parts) @ _about(np.eye(3)[axis], angle), parts.model.format)]
+
+
 def _rotation_hypothesis(
     name: str, title: str, source: str, slots: Callable[[Anatomy], Iterable[tuple[str, Slot]]], further_plants: Changes = lambda parts: ()
 ) -> Hypothesis:
@@ -84,19 +90,14 @@ def _rotation_hypothesis(
 
     def free(parts: Anatomy) -> Iterator[FreeChange]:
         for (what, slot), axis in itertools.product(slots(parts), range(3)):
-
-            def turned(angle: float, slot: Slot = slot, axis: int = axis) -> list[Write]:
-                return [_written(slot, matrix_of(slot, parts) @ _about(np.eye(3)[axis], angle), parts.model.format)]
-
-            yield FreeChange(f"{what} turned about its {COMPONENTS[axis]}", turned, 1.0)
+            yield FreeChange(f"{what} turned about its {COMPONENTS[axis]}", partial(_turned, slot, axis, parts), 1.0)
 
     def plants(parts: Anatomy) -> Iterator[FixedChange]:
         """``changes``, and frames turned that are not."""
         yield from changes(parts)
         for (what, slot), axis in itertools.product(slots(parts), range(3)):
             if slot.absent or is_zero(slot.words):
-                turned = _written(slot, _about(np.eye(3)[axis], TURN), parts.model.format)
-                yield FixedChange(f"{what} turned about its {COMPONENTS[axis]}", [turned])
+                yield FixedChange(f"{what} turned about its {COMPONENTS[axis]}", _turned(slot, axis, parts, TURN))
         yield from further_plants(parts)
 
     return hypothesis(name, title, source, changes, free, plants)
