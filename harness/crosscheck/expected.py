@@ -16,6 +16,7 @@ from typing import Annotated, TypeVar
 
 import msgspec
 
+from harness.engines import Subject, subjects
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.verdict import SEVERITY, Verdict
@@ -95,7 +96,7 @@ def read_entries(
     return entries
 
 
-def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tuple[str, str], Expectation]:
+def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]:
     """Expectations by (system, subject); a pair without an entry is expected to agree.
 
     Raises:
@@ -104,20 +105,18 @@ def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tu
     """
     if not library.expected_verdicts.is_file():
         return {}
-    known = {"system": library.system_names(), "subject": subjects, "verdict": SEVERITY}
+    known = {"system": library.system_names(), "subject": list(map(str, subjects(library))), "verdict": SEVERITY}
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
     entries = read_entries(library.expected_verdicts, PairEntry, known, ("system", "subject"), compared).values()
     return {(entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, entry.limit) for entry in entries}
 
 
-def why_no_model(
-    library: Library, system: str, subject: str, model_format: str, expectations: Mapping[tuple[str, str], Expectation]
-) -> str:
+def why_no_model(library: Library, system: str, subject: Subject, expectations: Mapping[tuple[str, str], Expectation]) -> str:
     """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
 
-    "" where the model exists, where ``model_format`` needs none, and where no entry excuses that it is missing.
+    "" where the model exists, where the subject needs none, and where no entry excuses that it is missing.
     """
-    expectation = expectations.get((system, subject), Expectation())
-    if expectation.verdict != Verdict.UNSUPPORTED or model_format not in MODEL_SUFFIXES or library.has_model(system, model_format):
+    expectation = expectations.get((system, str(subject)), Expectation())
+    if expectation.verdict != Verdict.UNSUPPORTED or subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
         return ""
     return expectation.reason

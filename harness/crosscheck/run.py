@@ -24,7 +24,7 @@ from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.stored_states import stored_states
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects, subjects
+from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
@@ -92,8 +92,7 @@ class CrossCheck(Rounds):
         self.settings = settings
         self.names = settings.library.select(settings.names)
         self.subjects = select_subjects(settings.library, settings.subjects)
-        every_subject = [str(subject) for subject in subjects(settings.library)]
-        self.expectations = load_expectations(settings.library, every_subject)
+        self.expectations = load_expectations(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
         if settings.state is not None and len(self.names) != 1:
@@ -184,7 +183,7 @@ class CrossCheck(Rounds):
         """The reason of the entry that excuses a missing model; a stand-in is a model."""
         if subject.format in self.settings.stand_ins:
             return ""
-        return why_no_model(self.settings.library, name, str(subject), subject.format, self.expectations)
+        return why_no_model(self.settings.library, name, subject, self.expectations)
 
     # Comparing: a batch of states is certified once, and every subject is asked there.
 

@@ -23,7 +23,7 @@ from harness.crosscheck.expected import Expectation, load_expectations, why_no_m
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.shrinking import shrink
 from harness.crosscheck.stages import ask_one_by_one
-from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
+from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
@@ -92,7 +92,7 @@ class Search(Rounds):
         super().__init__()
         self.settings = settings
         (self.name,) = settings.library.select([settings.name])
-        self._expectations = load_expectations(settings.library, [str(subject) for subject in subjects(settings.library)])
+        self._expectations = load_expectations(settings.library)
         self._subjects = self._select()
         self._result = SearchResult(place=path_of(settings.library, self.name))
         self._hunts = hunts(settings.budget)
@@ -139,7 +139,7 @@ class Search(Rounds):
         """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
         library, chosen = self.settings.library, []
         for subject in select_subjects(library, self.settings.subjects, native_only=True):
-            reason = why_no_model(library, self.name, str(subject), subject.format, self._expectations)
+            reason = why_no_model(library, self.name, subject, self._expectations)
             engine = load_engine(library, subject.engine)
             if not reason and installed_version(engine) is None:
                 reason = f"{engine.requires[1]} is not installed"

@@ -22,7 +22,7 @@ from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
 from harness.diagnosis.faults.bench import FaultBench
 from harness.diagnosis.faults.campaign import CampaignSettings, kinds_of_faults, number_faults, run_campaign
-from harness.diagnosis.faults.selection import select_models
+from harness.diagnosis.faults.study import select_models
 from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind
 from harness.diagnosis.model_side import Diagnosis, diagnose
 from harness.diagnosis.pattern import Inference

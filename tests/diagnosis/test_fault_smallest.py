@@ -28,12 +28,11 @@ from harness.crosscheck import tasks
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
-from harness.diagnosis.faults import baseline
-from harness.diagnosis.faults import smallest as smallest_faults
+from harness.diagnosis.faults import baseline, campaign
 from harness.diagnosis.faults.baseline import FURTHEST, RESOLUTION, Baseline, require_sound, smallest_caught
-from harness.diagnosis.faults.campaign import number_faults
-from harness.diagnosis.faults.selection import select_pairs
-from harness.diagnosis.faults.smallest import SmallestChange, smallest_changes
+from harness.diagnosis.faults.campaign import number_faults, smallest_changes
+from harness.diagnosis.faults.study import select_pairs
+from harness.diagnosis.faults.summary import SmallestChange
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.perturbation import watch
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
@@ -66,7 +65,7 @@ def smallest(name: str, subject: Subject, most: int | None) -> list[SmallestChan
         return numbers[:most]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(smallest_faults, "number_faults", drawn)
+        patch.setattr(campaign, "number_faults", drawn)
         found = smallest_changes(LIBRARY, name, subject, SAMPLED, 0, lambda text: None)
     return found if most is None or len(found) >= 2 else smallest(name, subject, 2 * most if most < 50 else None)
 

@@ -16,11 +16,10 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import Expectation
+from harness.crosscheck.expected import Expectation, load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import reference_kernel
 from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
-from harness.diagnosis.faults.selection import expectations
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
@@ -89,7 +88,7 @@ class FaultBench:
         self.model = read_model(library.model_path(name, model_format), model_format)
         self._states = sample(self.mechanism, states, seed)
         self._diagnostic_states = diagnostic_states(self.mechanism, seed)
-        self._expected = expectations(library)
+        self._expected = load_expectations(library)
         self._references: dict[tuple[ReferenceKernel, bool], Reference] = {}
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
         self.readers: list[Reader] = []

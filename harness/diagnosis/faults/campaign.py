@@ -18,11 +18,11 @@ from typing import Any
 from harness.crosscheck.superfluous import CHANGE
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 from harness.diagnosis.faults.bench import RED, REFUSED, Answer, FaultBench
-from harness.diagnosis.faults.summary import Fault
+from harness.diagnosis.faults.summary import Fault, SmallestChange
 from harness.diagnosis.hypotheses import Candidate, Planted, find_hypotheses
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.perturbation import NUMBER, numeric_candidates, watch
-from harness.engines import Unsupported
+from harness.engines import Subject, Unsupported
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model
@@ -206,3 +206,21 @@ def _spread(count: int, most: int | None) -> set[int]:
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:
     """Every fault of one model, as a task for ``harness.workers``."""
     return list(Campaign(library, name, model_format, settings).faults(note))
+
+
+def smallest_changes(
+    library: Library, name: str, subject: Subject, states: int, seed: int, note: Callable[[str], None]
+) -> list[SmallestChange]:
+    """Every number other than 0 of one model, in the order of the file, as a task for ``harness.workers``; raises as ``FaultBench``."""
+    bench = FaultBench(library, name, subject.format, states, seed, [str(subject)])
+    found = []
+    for planted in number_faults(bench.model):
+        place = planted.places[0]
+        value = float(place.found)
+        answer, _ = bench.ask_sized(planted, CHANGE)
+        if not value or answer.refused_by in REFUSED or not answer.is_live:
+            continue
+        smallest, theory, _ = bench.smallest(planted)
+        about = {"system": name, "subject": str(subject), "file": bench.model.path.name}
+        found.append(SmallestChange(**about, place=place, statement=planted.statement, value=value, smallest=smallest, theory=theory))
+    return found
