@@ -78,7 +78,7 @@ class _ModelSearch(Search[Array]):
 
     def slope(self, candidate: Candidate, value: float) -> Array | None:
         slope = derivative(self.evaluated, candidate.text, value, DIFFERENCE * max(candidate.scale, abs(value)))
-        return None if slope is None else self.whitening.change(slope)
+        return None if slope is None else self.whitening.change(slope)[self.seen]
 
 
 def _tried_change(model: ModelFile, tried: Tried) -> TriedChange:

@@ -102,7 +102,9 @@ class _TextbookSearch(Search[Reference]):
     def slope(self, candidate: Candidate, value: float) -> Array | None:
         text = candidate.text(value)
         reference = self.evaluated(text)
-        return None if reference is None else self._slopes(reference, json.loads(text))[self._names.index(candidate.place.attribute)]
+        if reference is None:
+            return None
+        return np.asarray(self._slopes(reference, json.loads(text))[self._names.index(candidate.place.attribute), self.seen])
 
     def columns(self) -> Array:
         """Slopes at the textbook's own values, (parameters, n, nv)."""
