@@ -9,7 +9,6 @@ ECOOP 2020 (fewer parts first, then smaller ones).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
@@ -30,11 +29,16 @@ def shrink(judge: Callable[[States], Comparison], mechanism: Mechanism, state: S
     before = judge(state)
     verdict, least = before.verdicts[0], kept * before.backward_error[0]
     row, error = rows_of(state)[0], float(before.backward_error[0])
+    lowest, highest = np.array([bounds or (-np.inf, np.inf) for bounds in row_ranges(mechanism)]).T
     for _ in range(_ROUNDS):
         began = row
-        for candidates in _simplifications(mechanism, row):
+        for columns, simpler in _simplifications(mechanism):
             # Those behind a change see the row as it is now.
-            rows = np.array([values for values in candidates(row) if count_digits(values) < count_digits(row)])
+            values = simpler(row[columns])
+            rows = np.tile(row, (len(values), 1))
+            rows[:, columns] = values
+            shorter = [count_digits(changed) < count_digits(row) for changed in rows]
+            rows = rows[((lowest <= rows) & (rows <= highest)).all(axis=1) & shorter]
             if not len(rows):
                 continue
             judged = judge(states_of(mechanism, rows))
@@ -46,34 +50,18 @@ def shrink(judge: Callable[[States], Comparison], mechanism: Mechanism, state: S
     return states_of(mechanism, row[None]), error
 
 
-def _simplifications(mechanism: Mechanism, row: Array) -> Iterator[Callable[[Array], list[Array]]]:
-    """Functions from a state as one row to simpler ones, the simplest first."""
+def _simplifications(mechanism: Mechanism) -> Iterator[tuple[list[int], Callable[[Array], list[Array]]]]:
+    """Columns of a state as one row, and a function from their values to simpler ones; the simplest first."""
     nq, nv = mechanism.nq, mechanism.nv
     quaternions = [list(range(columns.start, columns.stop)) for columns in quaternion_columns(mechanism)]
-    fixed = {column for quaternion in quaternions for column in quaternion}
-    bounds = np.array([bounds or (-np.inf, np.inf) for bounds in row_ranges(mechanism)])
-    columns = [column for column in range(len(row)) if column not in fixed]
-    groups = [range(nq + nv, nq + 2 * nv), range(nq, nq + nv), [column for column in columns if column < nq]]
-
-    def replaced(places: Any, make: Callable[[Array], list[Array]]) -> Callable[[Array], list[Array]]:
-        def candidates(current: Array) -> list[Array]:
-            changed = []
-            for values in make(current[places]):
-                other = current.copy()
-                other[places] = values
-                if np.all((bounds[:, 0] <= other) & (other <= bounds[:, 1])):
-                    changed.append(other)
-            return changed
-
-        return candidates
-
-    for group in groups:
-        yield replaced(list(group), lambda values: [np.zeros_like(values)])
-    yield replaced(columns, lambda values: [_rounded(values, digits) for digits in range(1, MOST_DIGITS)])
+    columns = [column for column in range(nq + 2 * nv) if not any(column in quaternion for quaternion in quaternions)]
+    for group in (range(nq + nv, nq + 2 * nv), range(nq, nq + nv), [column for column in columns if column < nq]):
+        yield list(group), lambda values: [np.zeros_like(values)]
+    yield columns, lambda values: [_rounded(values, digits) for digits in range(1, MOST_DIGITS)]
     for quaternion in quaternions:
-        yield replaced(quaternion, lambda values: list(np.eye(4)))
+        yield quaternion, lambda values: list(np.eye(4))
     for column in columns:
-        yield replaced([column], lambda values: [np.zeros(1), *(_rounded(values, digits) for digits in range(1, MOST_DIGITS))])
+        yield [column], lambda values: [np.zeros(1), *(_rounded(values, digits) for digits in range(1, MOST_DIGITS))]
 
 
 def _rounded(values: Array, digits: int) -> Array:
