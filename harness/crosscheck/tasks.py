@@ -14,7 +14,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.engines import Model, Subject, linear_velocity_in_body, load_engine, load_model
+from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine, load_model
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -36,6 +36,18 @@ class Assignment:
     subject: Subject
     mechanism: Mechanism
     model: ModelFile | None
+
+    @classmethod
+    def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
+        """The subject on system ``name`` with the model at ``path``, by default the library's own.
+
+        Raises:
+            InvalidInput: the system or its model cannot be used.
+        """
+        model = None
+        if subject.format != EQUATIONS:
+            model = read_model(path or library.model_path(name, subject.format), subject.format)
+        return cls(library, subject, load_mechanism(library, name), model)
 
 
 def derive(library: Library, name: str, note: Note) -> Mechanism:
@@ -67,13 +79,12 @@ def frame_of(assignment: Assignment) -> bool:
 
 def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart]:
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
-    mechanism = assignment.mechanism
 
     def is_sound() -> bool:
-        verdicts = judge_of(assignment)(sample(mechanism, STATES, SEED)).verdicts
+        verdicts = judge_of(assignment)(sample(assignment.mechanism, STATES, SEED)).verdicts
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
-    return superfluous(assignment.library, mechanism.name, assignment.subject, assignment.model, mechanism, is_sound)
+    return superfluous(assignment, is_sound)
 
 
 def load_audited(assignment: Assignment) -> Model:

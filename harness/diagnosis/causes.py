@@ -14,10 +14,9 @@ from harness.diagnosis.model_side import EVALUATIONS
 from harness.diagnosis.pattern import infer_from_records, subject_named
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, diagnose_subject
 from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_model, subjects
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library
-from harness.models.model_file import ModelFile, read_model
+from harness.models.model_file import ModelFile
 from harness.results.causes import Cause
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
@@ -67,11 +66,11 @@ class Diagnoses(Rounds):
         share = min(evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
         for key, record in chosen.items():
             subject = subject_named(record.subject)
-            path = None if subject.format == EQUATIONS else _path(settings, record.system, subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
             worst = [] if record.worst_state is None else [record.worst_state]
             suspects_textbook = inferences[record.system].party == "equations"
-            arguments = (settings.library, record.system, subject, path, Scope(settings.seed, share, tolerance, worst))
+            scope = Scope(settings.seed, share, tolerance, worst)
+            arguments = (settings.library, record.system, subject, settings.stand_ins.get(subject.format), scope)
             self._next.append(Task((self._diagnosed, str(subject), alike[key], suspects_textbook), examine, arguments, record.system))
         self.steps = sum(map(len, alike.values()))
 
@@ -102,31 +101,27 @@ def find_causes(settings: Settings, records: Sequence[Record], workers: Workers,
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
     """The quantities that subjects which read a model of system ``name`` do not hold alike after loading, before any dynamics."""
     reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS]
-    work = [Task(str(subject), _hold, (settings.library, name, subject, _path(settings, name, subject))) for subject in reading]
+    work = [Task(str(subject), _hold, (settings.library, name, subject, settings.stand_ins.get(subject.format))) for subject in reading]
     # Load errors are already in the record.
     found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
     held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
-    return differences(name, held, {model.format: model for model, _ in found.values()})
+    return differences(name, held, {model.format: model for model, _ in found.values() if model is not None})
 
 
-def _hold(library: Library, name: str, subject: Subject, path: Path, note: Callable[[str], None]) -> tuple[ModelFile, HeldModel | None]:
+def _hold(
+    library: Library, name: str, subject: Subject, stand_in: Path | None, note: Callable[[str], None]
+) -> tuple[ModelFile | None, HeldModel | None]:
     """The file of a subject and its engine's quantities after loading, as a task for ``harness.workers``; raises as both do."""
-    model, mechanism = read_model(path, subject.format), load_mechanism(library, name)
-    return model, held_by(load_model(library, subject, mechanism, model))
+    own = Assignment.of(library, name, subject, stand_in)
+    return own.model, held_by(load_model(library, subject, own.mechanism, own.model))
 
 
 def examine(
-    library: Library, name: str, subject: Subject, path: Path | None, scope: Scope, note: Callable[[str], None]
+    library: Library, name: str, subject: Subject, stand_in: Path | None, scope: Scope, note: Callable[[str], None]
 ) -> SubjectDiagnosis:
-    """``diagnose_subject`` of a system and the model at ``path``, None for equations, as a task for ``harness.workers``.
+    """``diagnose_subject`` of a system and the model that stands in for its own, if any, as a task for ``harness.workers``.
 
     Raises:
         InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
     """
-    model = None if path is None else read_model(path, subject.format)
-    assignment = Assignment(library, subject, load_mechanism(library, name), model)
-    return diagnose_subject(assignment, scope, note)
-
-
-def _path(settings: Settings, name: str, subject: Subject) -> Path:
-    return settings.stand_ins.get(subject.format) or settings.library.model_path(name, subject.format)
+    return diagnose_subject(Assignment.of(library, name, subject, stand_in), scope, note)
