@@ -48,11 +48,8 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
     parts = evidence.parts
     nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.str_))
     comparison = Comparison.concatenate([nothing, *(part for _, part in parts)])
-    backward, relative, counts = (
-        comparison.known("backward_error"),
-        comparison.known("relative_error"),
-        Counter(comparison.verdicts.tolist()),
-    )
+    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
+    counts = Counter(comparison.verdicts.tolist())
     failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
     verdict = failed.value if evidence.failure or not parts else gravest(counts)
     worst_state, remarks = evidence.failed_at, [evidence.failure or ("" if parts else "nothing was compared")]

@@ -69,16 +69,13 @@ def fit(
         longest = LONGEST * max(abs(value), scale)
         step = float(np.clip(-np.vdot(slope, here) / np.vdot(slope, slope), -longest, longest))
         taken = _lessened(residual, value, step, size, is_spent)
-        if taken is None:
-            if fresh:
-                break
-            slope, fresh = derivative(value), True
-            continue
-        reached, there, smaller = taken
-        if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
-            slope, fresh = (there - here) / (reached - value), False
-        stalled = smaller > LEAST_GAIN * size and abs(step) < longest
-        value, here, size = reached, there, smaller
+        stalled = taken is None
+        if taken is not None:
+            reached, there, smaller = taken
+            if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
+                slope, fresh = (there - here) / (reached - value), False
+            stalled = smaller > LEAST_GAIN * size and abs(step) < longest
+            value, here, size = taken
         if stalled:
             if fresh:
                 break

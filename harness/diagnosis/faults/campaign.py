@@ -85,10 +85,11 @@ class Campaign:
         self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
 
-    def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
+    def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
-        for kind, planted in self._planted().items():
-            found = []
+        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
+        for kind in self.settings.kinds or plants:
+            planted, found = list(plants[kind](self.model)), []
             for one in planted:
                 note(f"{self.model.path}: {kind}: {one.statement} {one.places[0]}")
                 found.append(self._caught(one))
@@ -99,10 +100,6 @@ class Campaign:
             for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
                 yield self._diagnosed(fault, one, place) if place in chosen else fault
-
-    def _planted(self) -> dict[str, list[Planted]]:
-        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
-        return {kind: list(plants[kind](self.model)) for kind in self.settings.kinds or plants}
 
     def _caught(self, planted: Planted) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
