@@ -1,4 +1,7 @@
-"""The axis of a joint points the other way, or along another coordinate."""
+"""The axis of a joint points the other way, or along another coordinate; two joints bear each other's names.
+
+Of exchanged names, positions and forces reach the wrong joint.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from harness.diagnosis.hypotheses._changes import COMPONENTS, FixedChange, excha
 from harness.models.anatomy.parts import Anatomy
 
 
-def _changes(parts: Anatomy) -> Iterator[FixedChange]:
+def _turned(parts: Anatomy) -> Iterator[FixedChange]:
     for joint in parts.joints:
         if joint.axis is None:
             continue
@@ -19,9 +22,22 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
             yield FixedChange(statement, [(joint.axis, exchanged(joint.axis.words, first, second))])
 
 
-HYPOTHESIS = hypothesis(
+def _renamed(parts: Anatomy) -> Iterator[FixedChange]:
+    for one, other in itertools.combinations(parts.joints, 2):
+        if one.kind == other.kind or {one.kind, other.kind} <= {"hinge", "slide"}:
+            statement = f"joints {one.name.words[0]} and {other.name.words[0]} exchanged"
+            yield FixedChange(statement, [(one.name, other.name.words), (other.name, one.name.words)])
+
+
+AXIS = hypothesis(
     "axis",
     "joint axis reversed or along another coordinate",
     "Featherstone, Rigid Body Dynamics Algorithms, section 4.4: the sign of a joint's axis is a convention of the model",
-    _changes,
+    _turned,
+)
+JOINT_ORDER = hypothesis(
+    "joint_order",
+    "joint order permuted",
+    "Pinocchio orders joints by name, MuJoCo by document; a vector handed from one to the other is permuted",
+    _renamed,
 )
