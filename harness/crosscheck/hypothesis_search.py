@@ -24,10 +24,9 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
-from harness.crosscheck.shrinking import count_digits, shrink
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited, reference_kernel
-from harness.crosscheck.variation import Variation, rows_of, states_of
+from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import SEVERITY, Verdict

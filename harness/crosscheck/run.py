@@ -20,9 +20,8 @@ from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
 from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
 from harness.crosscheck.judgement import Evidence, judge
-from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.settings import DEFAULT_STATES, Settings, stored_states
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
-from harness.crosscheck.stored_states import stored_states
 from harness.crosscheck.tasks import Assignment
 from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects
 from harness.equations.mechanism import Mechanism

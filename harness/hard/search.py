@@ -21,8 +21,8 @@ import numpy as np
 from harness.crosscheck import tasks
 from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
-from harness.crosscheck.shrinking import shrink
 from harness.crosscheck.stages import ask_one_by_one
+from harness.crosscheck.variation import shrink
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest

@@ -24,6 +24,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.base_parameters import are_parallel, base_parameters
+from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.diagnosis.fit import fit, shortest_decimal
 from harness.diagnosis.model_side import diagnose
 from harness.diagnosis.perturbation import (
@@ -36,7 +37,6 @@ from harness.diagnosis.perturbation import (
     watch,
 )
 from harness.diagnosis.result import Conclusion, Diagnosis
-from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
