@@ -104,8 +104,8 @@ class _Examination:
     def _answer(self, model: ModelFile, audited: bool = False) -> Array:
         states: States = self._states
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
-        if audited and (held := loaded.loaded()) is not None:
-            audit(held, model, self._mechanism)
+        if audited:
+            audit(loaded.loaded(), model, self._mechanism)
         return loaded.forward_dynamics(states.q, states.v, states.tau)
 
     def parts(self) -> Iterator[Row]:

@@ -101,9 +101,7 @@ def load_audited(assignment: Assignment) -> Model:
 def _load_and_audit(assignment: Assignment) -> Model:
     mechanism, model = assignment.mechanism, assignment.model
     loaded = load_model(assignment.library, assignment.subject, mechanism, model)
-    held = loaded.loaded()
-    if held is not None and model is not None:
-        audit(held, model, mechanism)
+    audit(loaded.loaded(), model, mechanism)
     return loaded
 
 

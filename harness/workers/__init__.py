@@ -32,9 +32,6 @@ class Scheduler:
     certificate: str | None = None
     key: str | None = None
 
-    def __str__(self) -> str:
-        return self.address
-
 
 @dataclass
 class Workers:

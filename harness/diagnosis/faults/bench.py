@@ -167,12 +167,10 @@ class FaultBench:
             except (InvalidModel, ValueError) as error:
                 line = re.search(r"\bline (\d+)", str(error))
                 return Answer("reader", str(error), int(line[1]) if line else None)
-            held = loaded.loaded()
-            if held is not None and refusal is None:
-                try:
-                    audit(held, model, self.mechanism)
-                except InvalidModel as error:
-                    refusal = error
+            try:
+                audit(loaded.loaded(), model, self.mechanism)
+            except InvalidModel as error:
+                refusal = refusal or error
             movement = max(movement, one.baseline.movement(answers))
             verdicts[str(one.subject)] = one.baseline.verdict(answers)
         said = ("", "", None) if refusal is None else ("audit", str(refusal), refusal.line)

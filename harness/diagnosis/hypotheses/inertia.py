@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, Write, Writes, hypothesis, is_zero, plus, times
-from harness.diagnosis.hypotheses.rotations import matrix_of
+from harness.diagnosis.hypotheses.frames import matrix_of
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial
 
 MOMENTS, PRODUCTS = ENTRIES[:3], ENTRIES[3:]
