@@ -100,8 +100,7 @@ def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]
     """Expectations by (system, subject); a pair without an entry is expected to agree.
 
     Raises:
-        InvalidInput: the file is malformed, or an entry names a system or subject that does not exist
-            any more.
+        InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
     """
     if not library.expected_verdicts.is_file():
         return {}

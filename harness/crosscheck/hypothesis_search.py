@@ -95,12 +95,9 @@ def objective(comparison: Comparison) -> Array:
 
 
 class _Panel:
-    """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves.
+    """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves, and has it in ``failures``.
 
-    Attributes:
-        mechanism: theirs.
-        failures: the exceptions of those who left.
-        simplest: the simplest failing state of a subject, once ``simplify`` has found it.
+    ``simplest`` holds the simplest failing state of a subject, once ``simplify`` has found it.
     """
 
     def __init__(self, assignments: Sequence[Assignment], note: Note) -> None:

@@ -21,12 +21,9 @@ class Evidence:
     """The answers of one subject on one system.
 
     Attributes:
-        bulk: batches of sampled states with their comparisons, in the order of the sample.
-        found: what hypothesis found.
-        seconds: cost per state of each batch [s].
-        failure: why some of the answers are missing; "" where none is.
-        unsupported: whether the failure is that the engine cannot express the mechanism.
-        failed_at: the state at which an engine crashed.
+        bulk: batches of sampled states with their comparisons, in the order of the sample. found: what hypothesis found.
+        seconds: cost per state of each batch [s]. failed_at: the state at which an engine crashed.
+        failure, unsupported: as of ``Answers``, where some of them are missing.
     """
 
     bulk: dict[int, tuple[States, Comparison]] = field(default_factory=dict)

@@ -24,12 +24,9 @@ class Settings:
     """A choice of comparisons.
 
     Attributes:
-        library: where systems and models are.
-        names: systems; all for none.
-        subjects: subjects as text; all for none.
+        library: where systems and models are. names: systems; subjects: as text; all for none.
         states: states per system; half of them, at most ``MOST_SEARCHED``, is searched for by
-            hypothesis, the rest sampled. The hard states stored with a system come on top.
-        seed: of both.
+            hypothesis, the rest sampled. The hard states stored with a system come on top. seed: of both.
         stand_ins: model format to a file that stands in for the one system's own.
         state: the one state to compare at instead of sampling, for replays.
         examples: folder of hypothesis' example database; None for none.

@@ -49,10 +49,8 @@ def fit(
     """The value near ``start`` at which ``residual`` is least in the square; None where it has no finite value at ``start``.
 
     Args:
-        residual: residuals (n, nv) at a value; None where the value is refused.
-        derivative: of the residuals by the value, as ``residual``.
-        column: the derivative at ``start``; None to have it computed.
-        scale: natural size of the value, above 0.
+        residual: residuals (n, nv) at a value; None where the value is refused. derivative: of them by the value, likewise.
+        column: the derivative at ``start``; None to have it computed. scale: natural size of the value, above 0.
         is_spent: true where no evaluation is left; the best so far is given.
     """
     value, here = start, residual(start)

@@ -96,9 +96,9 @@ class Search(ABC, Generic[Evaluated]):
     def residual_of(self, evaluated: Evaluated) -> Array:
         """Whitened residual in the measure of the unchanged reference, (n, nv)."""
 
-    @abstractmethod
     def left_of(self, evaluated: Evaluated) -> float:
         """Largest backward error over the certified states; inf where it is not finite."""
+        return self.largest(self.residual_of(evaluated))
 
     @abstractmethod
     def slope(self, candidate: Candidate, value: float) -> Array | None:

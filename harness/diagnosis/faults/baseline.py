@@ -42,12 +42,7 @@ FURTHEST = 2.0**20
 
 @dataclass(frozen=True)
 class Baseline:
-    """One subject's answers to the unchanged model at n certified states.
-
-    Attributes:
-        reference: certified accelerations.
-        watch: the subject's answers to the unchanged model and to changed texts of it.
-    """
+    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations."""
 
     reference: Reference
     watch: Watch

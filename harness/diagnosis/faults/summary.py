@@ -105,9 +105,7 @@ class SmallestChange:
     """A number of a model file that accelerations depend on, and the smallest relative change of it that is caught.
 
     Attributes:
-        system, subject, file: names.
-        place: of the number; statement: what changes with it where physics forbids it to change alone, "" for nothing.
-        value: of the number.
+        place, value: of the number; statement: what changes with it where physics forbids it to change alone, "" for nothing.
         smallest: relative change; inf where none up to ``FURTHEST`` times theory is caught.
         theory: the same from data roundoff and the number's derivative.
     """
