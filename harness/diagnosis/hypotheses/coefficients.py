@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from harness.diagnosis.hypotheses import Hypothesis
-from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, hypothesis, is_zero, times
+from harness.diagnosis.hypotheses import FixedChange, FreeChange, Hypothesis, is_zero, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
 # What a mistake leaves in, of the natural size, to one digit.
@@ -58,7 +57,7 @@ def _coefficient_hypothesis(
             elif one.slot.absent:
                 yield FixedChange("left in", [(one.slot, [repr(float(f"{_LEFT_IN * one.size:.1g}"))])])
 
-    return hypothesis(name, title, source, changes, free, plants)
+    return Hypothesis(name, title, source, changes, free, plants)
 
 
 def _rotors(parts: Anatomy) -> Iterator[Coefficient]:
@@ -107,7 +106,7 @@ SPRING = _coefficient_hypothesis(
     _springs,
     "spring",
 )
-FRICTION = hypothesis(
+FRICTION = Hypothesis(
     "friction",
     "Coulomb friction left in",
     "MuJoCo, XML reference, joint/frictionloss; http://wiki.ros.org/urdf/XML/joint, dynamics",

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from harness.arrays import Array
-from harness.diagnosis.hypotheses import Hypothesis
-from harness.diagnosis.hypotheses._changes import COMPONENTS, Changes, FixedChange, FreeChange, Write, along, hypothesis, is_zero, plus
+from harness.diagnosis.hypotheses import COMPONENTS, Changes, FixedChange, FreeChange, Hypothesis, Write, along, is_zero, plus
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Slot
 
 # What a mistake turns a frame by [rad].
@@ -102,7 +101,7 @@ def _rotation_hypothesis(
                 yield FixedChange(f"{what} turned about its {COMPONENTS[axis]}", _turned(slot, axis, parts, TURN))
         yield from further_plants(parts)
 
-    return hypothesis(name, title, source, changes, free, plants)
+    return Hypothesis(name, title, source, changes, free, plants)
 
 
 def _principal_axes_dropped(parts: Anatomy) -> Iterator[FixedChange]:
@@ -160,7 +159,7 @@ def _displaced(parts: Anatomy) -> Iterator[FixedChange]:
                 yield FixedChange("left out", [(slot, None if is_zero(words) and slot.place.element != "inertial" else words)])
 
 
-FRAME_OFFSET = hypothesis(
+FRAME_OFFSET = Hypothesis(
     "frame_offset",
     "offset of a frame misplaced: in another body, in the inertial, or missing",
     "Khalil, Dombre, Modeling, Identification and Control of Robots, chapter 3; http://wiki.ros.org/urdf/XML/joint, origin",

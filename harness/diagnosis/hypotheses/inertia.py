@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from harness.arrays import Array
-from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, Write, Writes, hypothesis, is_zero, plus, times
+from harness.diagnosis.hypotheses import FixedChange, FreeChange, Hypothesis, Write, Writes, is_zero, plus, times
 from harness.diagnosis.hypotheses.frames import matrix_of
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial
 
@@ -169,25 +169,25 @@ def _fused(parts: Anatomy) -> Iterator[FixedChange]:
             yield FixedChange(f"parts of {inertial.body} fused without their parallel axes", fused)
 
 
-ENTRIES_SWAPPED = hypothesis(
+ENTRIES_SWAPPED = Hypothesis(
     "inertia_entries",
     "entries of an inertia swapped, or the inertias of two bodies exchanged",
     "MuJoCo, XML reference, inertial/fullinertia (xx yy zz xy xz yz), against URDF's ixx ixy ixz iyy iyz izz",
     _reordered,
 )
-PRODUCTS_FLIPPED = hypothesis(
+PRODUCTS_FLIPPED = Hypothesis(
     "products",
     "signs of off-diagonal inertia entries flipped",
     "Featherstone, Rigid Body Dynamics Algorithms, section 2.13: products of inertia are the negatives of the matrix entries",
     _flipped,
 )
-PARALLEL_AXIS = hypothesis(
+PARALLEL_AXIS = Hypothesis(
     "parallel_axis",
     "inertia about the joint instead of the centre of mass, or the parallel axis taken off twice",
     "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; http://wiki.ros.org/urdf/XML/link, inertial",
     _about_another_point,
 )
-BODIES_FUSED = hypothesis(
+BODIES_FUSED = Hypothesis(
     "bodies_fused",
     "bodies fused wrongly: mass counted twice, in part in the parent, or without its parallel axes",
     "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; MuJoCo, XML reference, compiler/fusestatic",

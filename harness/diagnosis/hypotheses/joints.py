@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import COMPONENTS, FixedChange, exchanged, hypothesis, times
+from harness.diagnosis.hypotheses import COMPONENTS, FixedChange, Hypothesis, exchanged, times
 from harness.models.anatomy.parts import Anatomy
 
 
@@ -29,13 +29,13 @@ def _renamed(parts: Anatomy) -> Iterator[FixedChange]:
             yield FixedChange(statement, [(one.name, other.name.words), (other.name, one.name.words)])
 
 
-AXIS = hypothesis(
+AXIS = Hypothesis(
     "axis",
     "joint axis reversed or along another coordinate",
     "Featherstone, Rigid Body Dynamics Algorithms, section 4.4: the sign of a joint's axis is a convention of the model",
     _turned,
 )
-JOINT_ORDER = hypothesis(
+JOINT_ORDER = Hypothesis(
     "joint_order",
     "joint order permuted",
     "Pinocchio orders joints by name, MuJoCo by document; a vector handed from one to the other is permuted",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, Write, Writes, hypothesis, times
+from harness.diagnosis.hypotheses import FixedChange, Hypothesis, Write, Writes, times
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial, Slot
 
 # Of a mass or length, and of an inertia: g m^2, kg mm^2 and g mm^2, and back.
@@ -66,13 +66,13 @@ def _in_degrees(parts: Anatomy) -> Iterator[FixedChange]:
                 yield FixedChange(statement, [(slot, words)])
 
 
-MASSES_AND_LENGTHS = hypothesis(
+MASSES_AND_LENGTHS = Hypothesis(
     "units",
     "mass or length in other units",
     "computer-aided design programs export grams and millimetres; both formats hold kilograms and metres",
     _in_other_units,
 )
-ANGLES = hypothesis(
+ANGLES = Hypothesis(
     "degrees",
     "degrees for radians, or radians for degrees",
     "MuJoCo, XML reference, compiler/angle (degrees by default); URDF always holds radians",
