@@ -5,7 +5,6 @@ Source: Reiter, A theory of diagnosis from first principles, Artificial Intellig
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -61,12 +60,11 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Reader:
+class Reader(Baseline):
     """A subject that reads the file, and what its answers to changed texts are judged by."""
 
     subject: Subject
     engine: Engine
-    baseline: Baseline
 
 
 class FaultBench:
@@ -109,10 +107,10 @@ class FaultBench:
         engine = load_engine(self._library, subject.engine)
         source: Any = {EQUATIONS: self.mechanism, self.model.format: self.model}.get(subject.format)
         if source is None:
-            with contextlib.suppress(InvalidModel):
+            try:
                 # A family's writer may make it where there is no file.
                 source = read_model(self._library.model_path(self._name, subject.format), subject.format)
-            if source is None:
+            except InvalidModel:
                 return ""
         path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
         watched = None
@@ -128,7 +126,7 @@ class FaultBench:
         expected = self._expected.get((self._name, str(subject)), Expectation())
         require_sound(path, self._name, subject, reference, answers, expected)
         if watched:
-            self.readers.append(Reader(subject, engine, Baseline(reference, watched)))
+            self.readers.append(Reader(reference, watched, subject, engine))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
@@ -171,8 +169,8 @@ class FaultBench:
                 audit(loaded.loaded(), model, self.mechanism)
             except InvalidModel as error:
                 refusal = refusal or error
-            movement = max(movement, one.baseline.movement(answers))
-            verdicts[str(one.subject)] = one.baseline.verdict(answers)
+            movement = max(movement, one.movement(answers))
+            verdicts[str(one.subject)] = one.verdict(answers)
         said = ("", "", None) if refusal is None else ("audit", str(refusal), refusal.line)
         return Answer(*said, verdicts, movement)
 
@@ -186,15 +184,14 @@ class FaultBench:
 
     def smallest(self, planted: Planted) -> tuple[float, float, int]:
         """Smallest size that some reader catches, the same by theory, and the order in which the accelerations depend on the size."""
-        baselines = [one.baseline for one in self.readers]
         # Theory holds for one reader: the first that has most states.
-        widest = max(baselines, key=lambda baseline: int(baseline.sound.sum()))
+        widest = max(self.readers, key=lambda one: int(one.sound.sum()))
         theory, order = widest.theory(derivative(widest.watch.accelerations, planted.text, 0.0, DIFFERENCE)), 1
         if theory > DIFFERENCE:
             # The difference is rounding alone: the accelerations depend on the square of the size.
             answers, order = widest.answer(planted.text, CHANGE), 2
             theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
-        caught = smallest_caught(theory, lambda size: any(baseline.catches(planted.text, size) for baseline in baselines))
+        caught = smallest_caught(theory, lambda size: any(one.catches(planted.text, size) for one in self.readers))
         return caught, theory, order
 
     def blamed(self, answer: Answer) -> str:
