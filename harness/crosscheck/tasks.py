@@ -6,7 +6,7 @@ stays in the process for the next task.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,29 +94,24 @@ def load_audited(assignment: Assignment) -> Model:
         InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
         harness.engines.Unsupported: the engine cannot express it.
     """
-    key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
-    return _MODELS.get(key, lambda: _load_and_audit(assignment))
+    library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
+
+    def load() -> Model:
+        loaded = load_model(library, subject, mechanism, model)
+        audit(loaded.loaded(), model, mechanism)
+        return loaded
+
+    return _MODELS.get((library, subject, mechanism.key, model and model.text), load)
 
 
-def _load_and_audit(assignment: Assignment) -> Model:
-    mechanism, model = assignment.mechanism, assignment.model
-    loaded = load_model(assignment.library, assignment.subject, mechanism, model)
-    audit(loaded.loaded(), model, mechanism)
-    return loaded
-
-
-def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> bool:
-    """True if this process has compiled the kernel."""
-    return _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
+def is_reference_known(mechanism: Mechanism, in_body: bool) -> bool:
+    """True if this process has compiled the kernel; ``in_body`` as of ``frame_of``."""
+    return (mechanism.key, in_body) in _KERNELS
 
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
-    key = _kernel_key(mechanism, linear_velocity_in_body)
-    return _KERNELS.get(key, lambda: ReferenceKernel(mechanism, key[1]))
-
-
-def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
-    return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
+    in_body = linear_velocity_in_body and bool(mechanism.charts_in_body)
+    return _KERNELS.get((mechanism.key, in_body), lambda: ReferenceKernel(mechanism, in_body))
 
 
 _MODELS: Kept[Model] = Kept(64)

@@ -13,7 +13,7 @@ from typing import Any
 
 from harness.certify.sampling import sample
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment, reference_kernel
+from harness.crosscheck.tasks import Assignment, reference_kernel_of
 from harness.diagnosis.held import Difference, differences, held_by
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.pattern import infer_from_records, subject_named
@@ -21,7 +21,7 @@ from harness.diagnosis.perturbation import diagnostic_states, watch
 from harness.diagnosis.result import Conclusion, Diagnosis
 from harness.diagnosis.terms import TermComparison, compare_terms
 from harness.diagnosis.textbook_side import diagnose_textbook, textbook_evaluations
-from harness.engines import EQUATIONS, HeldModel, Subject, is_native, linear_velocity_in_body, load_engine, load_model, subjects
+from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, load_model, subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import Library, member_of
@@ -198,7 +198,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     mechanism, model, library = assignment.mechanism, assignment.model, assignment.library
     note("loading")
     engine = load_engine(library, assignment.subject.engine)
-    kernel = reference_kernel(mechanism, linear_velocity_in_body(engine))
+    kernel = reference_kernel_of(assignment)
     worst = [States.at(state["q"], state["v"], state["tau"]) for state in scope.worst_states]
     states = States.concatenate([diagnostic_states(mechanism, scope.seed), *worst])
     try:
