@@ -143,7 +143,7 @@ def test_a_number_that_should_be_zero_is_found(name: str, model_format: str, siz
 
 def test_gravity_and_an_offset_that_no_acceleration_tells_apart_are_one_class() -> None:
     diagnosis = case("simple_pendulum", "mjcf").diagnosis(('gravity="0 0 -9.81"', 'gravity="1e-7 0 -9.81"'))
-    assert {("option", "gravity"), ("inertial", "pos")} <= {key[1:] for key in diagnosis.class_keys}
+    assert {("option", "gravity"), ("inertial", "pos")} <= {one.place.key[1:] for one in diagnosis.explaining}
     assert any("tells them apart" in line for line in diagnosis.lines)
 
 
@@ -499,7 +499,7 @@ def test_nearly_every_number_of_the_catalogue_is_named(modelled_name: str) -> No
                 if diagnosis.conclusion == Conclusion.SOUND:
                     continue
                 planted += 1
-                if candidate.place.key not in diagnosis.class_keys:
+                if candidate.place.key not in {one.place.key for one in diagnosis.explaining}:
                     missed.append(f"{model_format} {candidate.place} by {size}: {diagnosis.first_line}")
     assert planted > 10
     assert len(missed) <= 0.05 * planted, missed

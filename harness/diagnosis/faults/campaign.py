@@ -171,7 +171,7 @@ class Campaign:
             cleared=fault.blamed if explained else "",
             diagnosed=size,
             named=named,
-            in_class=bool(where & diagnosis.class_keys),
+            in_class=any(one.place.key in where for one in diagnosis.explaining),
             answer=diagnosis.first_line,
             seconds=seconds,
         )
