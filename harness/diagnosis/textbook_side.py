@@ -148,8 +148,5 @@ def _line(file: Path, name: str) -> int:
         lines = file.read_text(encoding="utf-8").splitlines()
     except OSError:
         return 1
-    for pattern in (rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="):
-        for number, line in enumerate(lines, 1):
-            if re.match(pattern, line):
-                return number
-    return 1
+    patterns = rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="
+    return next((number for pattern in patterns for number, line in enumerate(lines, 1) if re.match(pattern, line)), 1)
