@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -39,23 +38,15 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return math.inf if self.backward_error is None else self.backward_error
 
 
-class PairEntry(Entry, frozen=True, kw_only=True):
-    """A table about a system."""
+class Expectation(Entry, frozen=True, kw_only=True):
+    """A table about a system; its verdict holds up to ``limit``, so that a fault still shows beside it."""
 
     system: Text
 
 
+# Of a pair without an entry.
+AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
 _Entry = TypeVar("_Entry", bound=Entry)
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """One entry of the file; a verdict holds up to ``backward_error``, so that a fault still shows beside it."""
-
-    verdict: str = "agrees"
-    reason: str = ""
-    link: str = ""
-    backward_error: float = math.inf
 
 
 def read_entries(
@@ -106,8 +97,8 @@ def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]
         return {}
     known = {"system": library.system_names(), "subject": list(map(str, subjects(library))), "verdict": SEVERITY}
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    entries = read_entries(library.expected_verdicts, PairEntry, known, ("system", "subject"), compared).values()
-    return {(entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, entry.limit) for entry in entries}
+    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject"), compared)
+    return {(entry.system, entry.subject): entry for entry in entries.values()}
 
 
 def why_no_model(library: Library, system: str, subject: Subject, expectations: Mapping[tuple[str, str], Expectation]) -> str:
@@ -115,7 +106,7 @@ def why_no_model(library: Library, system: str, subject: Subject, expectations: 
 
     "" where the model exists, where the subject needs none, and where no entry excuses that it is missing.
     """
-    expectation = expectations.get((system, str(subject)), Expectation())
+    expectation = expectations.get((system, str(subject)), AGREES)
     if expectation.verdict != Verdict.UNSUPPORTED or subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
         return ""
     return expectation.reason

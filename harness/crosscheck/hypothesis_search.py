@@ -45,8 +45,7 @@ class Found:
     """The outcome of a search for one subject.
 
     Attributes:
-        states: every state it was asked at, in order.
-        comparison: the judgement of each.
+        states: every state it was asked at, in order. comparison: the judgement of each.
         simplest_failure: index of the shrunk state that does not agree, None where all agree.
     """
 

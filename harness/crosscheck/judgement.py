@@ -69,7 +69,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         distribution=dict(Counter(map(half_decade, backward.tolist()))),
         verdict_counts=dict(counts),
-        expected_backward_error=expectation.backward_error,
+        expected_backward_error=expectation.limit,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
     )

@@ -18,7 +18,7 @@ from typing import Any
 from harness.certify.sampling import sample
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.judgement import Evidence, judge
 from harness.crosscheck.settings import DEFAULT_STATES, Settings, stored_states
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
@@ -304,12 +304,12 @@ class CrossCheck(Rounds):
 
     def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((name, str(pair.subject)), Expectation())
+        expectation = self.expectations.get((name, str(pair.subject)), AGREES)
         record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
-            record = judge(name, str(pair.subject), pair, Expectation())
+            record = judge(name, str(pair.subject), pair, AGREES)
         command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
         if record.worst_state is not None:
             command += ["--state", json.dumps(record.worst_state)]

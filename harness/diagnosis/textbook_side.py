@@ -52,8 +52,7 @@ def diagnose_textbook(
     Args:
         kernel: certified accelerations of the system, in the subject's frames.
         states: n of them; every third is held out of fits. See ``harness.diagnosis.perturbation.diagnostic_states``.
-        accelerations: the subject's answers, (n, nv) [SI per s^2].
-        file: of the system, to be named.
+        accelerations: the subject's answers, (n, nv) [SI per s^2]. file: of the system, to be named.
         evaluations: of the certified reference, after which the best so far is reported; ``textbook_evaluations`` by default.
         tolerance: as for ``harness.diagnosis.model_side.diagnose``.
     """

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, Expectation, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
@@ -212,7 +212,7 @@ class Search(Rounds):
         """Rank what was found, and store it."""
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: pair[0].severity, reverse=True):
-            expectation = self._expectations.get((self.name, one.subject), Expectation())
+            expectation = self._expectations.get((self.name, one.subject), AGREES)
             replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
             as_expected = _is_expected(one, expectation)
             self._result.cases.append(
@@ -277,7 +277,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
     """True if a state is no worse than what is expected of the pair over many states."""
-    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
+    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.limit
 
 
 def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:

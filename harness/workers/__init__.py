@@ -39,8 +39,7 @@ class Workers:
 
     Attributes:
         count: largest number of local processes; None for one per CPU. They start as tasks need them.
-        scheduler: an existing cluster to use instead.
-        time_limit: seconds a task may take.
+        scheduler: an existing cluster to use instead. time_limit: seconds a task may take.
     """
 
     count: int | None = None

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 from support import IN_CI, cross_checked, make_library
 
 from harness.certify.compare import compare
@@ -25,7 +26,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.cli import main
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation
+from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.diagnosis.faults import baseline, campaign
@@ -181,13 +182,13 @@ def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
     healthy = watch(load_engine(LIBRARY, "mujoco"), mechanism, model, states).healthy
     reference = ReferenceKernel(mechanism).evaluate(states)
     assert gravest(compare(reference, healthy).verdicts.tolist()) == "unstable"
-    require_sound(model.path, "chain_6", subject, reference, healthy, Expectation("unstable", backward_error=2000.0))
-    for expected in (Expectation(), Expectation("unstable", backward_error=65.0), Expectation("disagrees")):
+    require_sound(model.path, "chain_6", subject, reference, healthy, replace(AGREES, verdict="unstable", backward_error=2000.0))
+    for expected in (AGREES, replace(AGREES, verdict="unstable", backward_error=65.0), replace(AGREES, verdict="disagrees")):
         with pytest.raises(InvalidInput, match="make 'harness check chain_6' green first"):
             require_sound(model.path, "chain_6", subject, reference, healthy, expected)
     only_lost = np.flatnonzero(compare(reference, healthy).verdicts == "unstable")
     with pytest.raises(InvalidInput, match="agrees at none of"):
-        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], Expectation("unstable"))
+        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], replace(AGREES, verdict="unstable"))
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support import cross_checked, harness
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject, subjects
 from harness.equations.derivation import load_mechanism
@@ -161,7 +162,7 @@ def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, frag
 def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert BUILT_IN.has_model("chain_3", "mjcf") and not BUILT_IN.model_path("chain_3", "mjcf").exists()
     assert not BUILT_IN.has_model("cycloid_bead", "mjcf")
-    unsupported = {("chain_3", "mujoco/mjcf"): Expectation("unsupported", "none", "none")}
+    unsupported = {("chain_3", "mujoco/mjcf"): replace(AGREES, verdict="unsupported", reason="none", link="none")}
     assert why_no_model(BUILT_IN, "chain_3", Subject("mujoco", "mjcf"), unsupported) == ""
     assert why_no_model(BUILT_IN, "cycloid_bead", Subject("lagrange", "equations"), {}) == ""
 

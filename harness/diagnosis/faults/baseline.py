@@ -89,7 +89,7 @@ def require_sound(path: Path, system: str, subject: Subject, reference: Referenc
     comparison = compare(reference, healthy)
     verdict = gravest(comparison.verdicts.tolist())
     error = float(np.nanmax(comparison.backward_error, initial=0.0))
-    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.backward_error
+    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.limit
     if verdict != Verdict.AGREES.value and not lost_digits:
         problem = f"the verdict on {subject} is {verdict!r} before any fault is planted (backward error up to {error:.3g})"
         raise InvalidInput(path, None, f"{problem}, so that it can show none; make 'harness check {system}' green first")

@@ -15,7 +15,7 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import Expectation, load_expectations
+from harness.crosscheck.expected import AGREES, load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import reference_kernel
 from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
@@ -123,7 +123,7 @@ class FaultBench:
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
         reference = self._reference(engine)
-        expected = self._expected.get((self._name, str(subject)), Expectation())
+        expected = self._expected.get((self._name, str(subject)), AGREES)
         require_sound(path, self._name, subject, reference, answers, expected)
         if watched:
             self.readers.append(Reader(reference, watched, subject, engine))

@@ -38,8 +38,7 @@ class CampaignSettings:
     """The faults to plant and the limits of their diagnosis.
 
     Attributes:
-        kinds: names of hypotheses, and "number"; all for none.
-        sizes: of changed numbers, relative.
+        kinds: names of hypotheses, and "number"; all for none. sizes: of changed numbers, relative.
         states: sampled states of a check; seed: of them.
         diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
         evaluations: of changed models that a diagnosis may take.

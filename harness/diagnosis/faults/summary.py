@@ -81,8 +81,7 @@ class KindOfFault:
         kind: its name. planted: mistakes made; live: those that change the dynamics; caught: of these.
         judged: live ones that were diagnosed or refused by name; named, in_class: of these.
         blamed: live ones for which somebody sound is blamed.
-        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without
-            sizes.
+        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without sizes.
         seconds: median of the diagnoses [s]; longest: the longest [s].
     """
 

@@ -56,8 +56,7 @@ class Planted:
         kind: name of the hypothesis; statement: what was done.
         places: every place that the mistake changed or forgot to change, in lines of the planted text; who names one of them
             names the mistake.
-        text: of the whole file with the mistake at a size, relative to the number changed; a mistake without sizes ignores it.
-        sized: whether it has sizes.
+        text: of the whole file with the mistake at a size, relative to the number changed; ignored unless the mistake is ``sized``.
     """
 
     kind: str
