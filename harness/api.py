@@ -52,8 +52,7 @@ class LoadedSystem:
     """A textbook mechanism, ready to be read and evaluated; ``harness.load`` makes it.
 
     Attributes:
-        mechanism: its plain data: coordinates, joints, parameters, ranges.
-        library: where it is from.
+        mechanism: its plain data: coordinates, joints, parameters, ranges. library: where it is from.
     """
 
     def __init__(self, library: Library, mechanism: Mechanism) -> None:

@@ -31,9 +31,6 @@ class Kept(Generic[T]):
     def __contains__(self, key: Hashable) -> bool:
         return key in self._found
 
-    def clear(self) -> None:
-        self._found.clear()
-
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """The result of ``make`` for ``key``; the one that was used longest ago goes when there are too many."""
         if key not in self._found:

@@ -252,10 +252,11 @@ def test_a_stale_name_is_found() -> None:
 FILL = """
 import sys
 from harness.crosscheck.superfluous import superfluous
+from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
 from harness.library import Library
 
-superfluous(Library.at(sys.argv[1]), "bar_pendulum", Subject("mujoco", "mjcf"))
+superfluous(Assignment.of(Library.at(sys.argv[1]), "bar_pendulum", Subject("mujoco", "mjcf")))
 """
 
 

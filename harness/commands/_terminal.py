@@ -19,8 +19,7 @@ from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
     from harness.crosscheck.settings import Settings
-    from harness.diagnosis.faults.smallest import SmallestChange
-    from harness.diagnosis.faults.summary import KindOfFault
+    from harness.diagnosis.faults.summary import KindOfFault, SmallestChange
     from harness.diagnosis.held import Difference
     from harness.report.benchmarks import BenchmarkSummary
     from harness.report.hard_cases import HardSummary

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
 
 import msgspec
 
+from harness.engines import Subject, subjects
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.verdict import SEVERITY, Verdict
@@ -38,23 +38,15 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return math.inf if self.backward_error is None else self.backward_error
 
 
-class PairEntry(Entry, frozen=True, kw_only=True):
-    """A table about a system."""
+class Expectation(Entry, frozen=True, kw_only=True):
+    """A table about a system; its verdict holds up to ``limit``, so that a fault still shows beside it."""
 
     system: Text
 
 
+# Of a pair without an entry.
+AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
 _Entry = TypeVar("_Entry", bound=Entry)
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """One entry of the file; a verdict holds up to ``backward_error``, so that a fault still shows beside it."""
-
-    verdict: str = "agrees"
-    reason: str = ""
-    link: str = ""
-    backward_error: float = math.inf
 
 
 def read_entries(
@@ -95,29 +87,26 @@ def read_entries(
     return entries
 
 
-def load_expectations(library: Library, subjects: Collection[str]) -> Mapping[tuple[str, str], Expectation]:
+def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]:
     """Expectations by (system, subject); a pair without an entry is expected to agree.
 
     Raises:
-        InvalidInput: the file is malformed, or an entry names a system or subject that does not exist
-            any more.
+        InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
     """
     if not library.expected_verdicts.is_file():
         return {}
-    known = {"system": library.system_names(), "subject": subjects, "verdict": SEVERITY}
+    known = {"system": library.system_names(), "subject": list(map(str, subjects(library))), "verdict": SEVERITY}
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    entries = read_entries(library.expected_verdicts, PairEntry, known, ("system", "subject"), compared).values()
-    return {(entry.system, entry.subject): Expectation(entry.verdict, entry.reason, entry.link, entry.limit) for entry in entries}
+    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject"), compared)
+    return {(entry.system, entry.subject): entry for entry in entries.values()}
 
 
-def why_no_model(
-    library: Library, system: str, subject: str, model_format: str, expectations: Mapping[tuple[str, str], Expectation]
-) -> str:
+def why_no_model(library: Library, system: str, subject: Subject, expectations: Mapping[tuple[str, str], Expectation]) -> str:
     """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
 
-    "" where the model exists, where ``model_format`` needs none, and where no entry excuses that it is missing.
+    "" where the model exists, where the subject needs none, and where no entry excuses that it is missing.
     """
-    expectation = expectations.get((system, subject), Expectation())
-    if expectation.verdict != Verdict.UNSUPPORTED or model_format not in MODEL_SUFFIXES or library.has_model(system, model_format):
+    expectation = expectations.get((system, str(subject)), AGREES)
+    if expectation.verdict != Verdict.UNSUPPORTED or subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
         return ""
     return expectation.reason

@@ -24,10 +24,9 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
-from harness.crosscheck.shrinking import count_digits, shrink
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited, reference_kernel
-from harness.crosscheck.variation import Variation, rows_of, states_of
+from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import SEVERITY, Verdict
@@ -46,8 +45,7 @@ class Found:
     """The outcome of a search for one subject.
 
     Attributes:
-        states: every state it was asked at, in order.
-        comparison: the judgement of each.
+        states: every state it was asked at, in order. comparison: the judgement of each.
         simplest_failure: index of the shrunk state that does not agree, None where all agree.
     """
 
@@ -96,12 +94,9 @@ def objective(comparison: Comparison) -> Array:
 
 
 class _Panel:
-    """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves.
+    """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves, and has it in ``failures``.
 
-    Attributes:
-        mechanism: theirs.
-        failures: the exceptions of those who left.
-        simplest: the simplest failing state of a subject, once ``simplify`` has found it.
+    ``simplest`` holds the simplest failing state of a subject, once ``simplify`` has found it.
     """
 
     def __init__(self, assignments: Sequence[Assignment], note: Note) -> None:

@@ -21,12 +21,9 @@ class Evidence:
     """The answers of one subject on one system.
 
     Attributes:
-        bulk: batches of sampled states with their comparisons, in the order of the sample.
-        found: what hypothesis found.
-        seconds: cost per state of each batch [s].
-        failure: why some of the answers are missing; "" where none is.
-        unsupported: whether the failure is that the engine cannot express the mechanism.
-        failed_at: the state at which an engine crashed.
+        bulk: batches of sampled states with their comparisons, in the order of the sample. found: what hypothesis found.
+        seconds: cost per state of each batch [s]. failed_at: the state at which an engine crashed.
+        failure, unsupported: as of ``Answers``, where some of them are missing.
     """
 
     bulk: dict[int, tuple[States, Comparison]] = field(default_factory=dict)
@@ -48,11 +45,8 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
     parts = evidence.parts
     nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.str_))
     comparison = Comparison.concatenate([nothing, *(part for _, part in parts)])
-    backward, relative, counts = (
-        comparison.known("backward_error"),
-        comparison.known("relative_error"),
-        Counter(comparison.verdicts.tolist()),
-    )
+    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
+    counts = Counter(comparison.verdicts.tolist())
     failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
     verdict = failed.value if evidence.failure or not parts else gravest(counts)
     worst_state, remarks = evidence.failed_at, [evidence.failure or ("" if parts else "nothing was compared")]
@@ -75,7 +69,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         distribution=dict(Counter(map(half_decade, backward.tolist()))),
         verdict_counts=dict(counts),
-        expected_backward_error=expectation.backward_error,
+        expected_backward_error=expectation.limit,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
     )

@@ -18,13 +18,12 @@ from typing import Any
 from harness.certify.sampling import sample
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.judgement import Evidence, judge
-from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.settings import DEFAULT_STATES, Settings, stored_states
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
-from harness.crosscheck.stored_states import stored_states
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects, subjects
+from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
@@ -62,11 +61,10 @@ def answering(pairs: Iterable[_Pair]) -> list[_Pair]:
 
 @dataclass
 class _System:
-    """A system while it is compared; ``loading`` counts the files that are still to be read."""
+    """A system while it is compared."""
 
     name: str
     pairs: dict[str, _Pair]
-    loading: int
     mechanism: Mechanism | None = None
     models: dict[str, ModelFile | str] = field(default_factory=dict)
     batches: list[States] = field(default_factory=list)
@@ -92,8 +90,7 @@ class CrossCheck(Rounds):
         self.settings = settings
         self.names = settings.library.select(settings.names)
         self.subjects = select_subjects(settings.library, settings.subjects)
-        every_subject = [str(subject) for subject in subjects(settings.library)]
-        self.expectations = load_expectations(settings.library, every_subject)
+        self.expectations = load_expectations(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
         if settings.state is not None and len(self.names) != 1:
@@ -103,7 +100,9 @@ class CrossCheck(Rounds):
                 self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
         self.crashes: set[tuple[str, str | None]] = set()
         self._found = CrossCheckResult()
-        self._systems = {name: self._loading(name) for name in self.names}
+        self._systems = {name: _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}) for name in self.names}
+        for system in self._systems.values():
+            self._load(system)
 
     @property
     def steps(self) -> int:
@@ -114,33 +113,28 @@ class CrossCheck(Rounds):
 
     # Loading: the equations, and each model file.
 
-    def _loading(self, name: str) -> _System:
-        library = self.settings.library
-        work = [Task((self._loaded, name, None, library.system_path(name)), tasks.derive, (library, name), name)]
+    def _load(self, system: _System) -> None:
+        library, name, pairs = self.settings.library, system.name, list(system.pairs.values())
+        self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
         for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format != EQUATIONS):
             if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in self.subjects):
                 path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
-                work.append(Task((self._loaded, name, model_format, path), tasks.read, (path, model_format), name))
-        self._next += work
-        return _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}, loading=len(work))
+                self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
 
-    def _loaded(self, outcome: Outcome, name: str, model_format: str | None, path: Path) -> Iterator[Part]:
-        system, failure = self._systems[name], self.failure(outcome)
-        system.loading -= 1
+    def _loaded(self, outcome: Outcome, system: _System, pairs: Pairs, about: tuple[str | None, Path]) -> None:
+        (model_format, path), failure = about, self.failure(outcome)
         if outcome.crash is not None:
-            self.crashes.add((name, model_format))
+            self.crashes.add((system.name, model_format))
             self.report(InvalidInput(path, None, failure))
         if model_format is not None:
             system.models[model_format] = failure or outcome.value
         elif failure:
-            for pair in system.pairs.values():
+            for pair in pairs:
                 pair.fail(failure)
         else:
             system.mechanism = outcome.value
-        if not system.loading:
-            if system.mechanism is not None:
-                self._begin(system, system.mechanism)
-            yield from self._completed(system)
+        if system.mechanism is not None and not any(pair.pending for pair in pairs):
+            self._begin(system, system.mechanism)
 
     def _begin(self, system: _System, mechanism: Mechanism) -> None:
         """Choose the states, and ask for the first batch of them."""
@@ -184,15 +178,14 @@ class CrossCheck(Rounds):
         """The reason of the entry that excuses a missing model; a stand-in is a model."""
         if subject.format in self.settings.stand_ins:
             return ""
-        return why_no_model(self.settings.library, name, str(subject), subject.format, self.expectations)
+        return why_no_model(self.settings.library, name, subject, self.expectations)
 
     # Comparing: a batch of states is certified once, and every subject is asked there.
 
     def _compare(self, system: _System, index: int, pairs: Pairs) -> None:
-        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], index=index)
+        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], about=index)
 
-    def _compared(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
-        system = self._systems[name]
+    def _compared(self, outcome: Outcome, system: _System, pairs: Pairs, index: int) -> None:
         if self._is_answered(outcome, system, pairs, "the reference", system.batches[index]):
             seconds, compilation_seconds, answers = outcome.value
             system.seconds.append(seconds)
@@ -203,7 +196,6 @@ class CrossCheck(Rounds):
                 self._go_on(system)
         else:
             self._compare(system, index, answering(pairs))
-        yield from self._completed(system)
 
     def _take(self, pair: _Pair, index: int, states: States, answers: Answers) -> None:
         if answers.problem is not None:
@@ -233,53 +225,49 @@ class CrossCheck(Rounds):
         assignments = [pair.assignment for pair in pairs]
         self._ask(self._searched, system, pairs, hypothesis_search.search, assignments, self.settings.searched, self.settings.seed, folder)
 
-    def _searched(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
-        system = self._systems[name]
+    def _searched(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
         if self._is_answered(outcome, system, pairs, "the search"):
             for pair in pairs:
                 found = outcome.value[str(pair.subject)]
                 if isinstance(found, Answers):
-                    self._take(pair, index, system.batches[index], found)
+                    self._take(pair, 0, system.batches[0], found)
                 else:
                     pair.found = found
         else:
             self._search(system, answering(pairs))
-        yield from self._completed(system)
 
-    def _examined(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
-        system, [pair] = self._systems[name], pairs
-        pair.pending -= 1
+    def _examined(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
+        [pair] = pairs
         if outcome.crash is not None:
-            self.crashes.add((name, str(pair.subject)))
+            self.crashes.add((system.name, str(pair.subject)))
         if failure := self.failure(outcome):
             # Errors of the model itself are already in the pair's own answers.
             pair.fail(f"looking for superfluous parts failed: {failure}")
         else:
             # Engines that read the same file find the same parts.
             self._found.superfluous += [part for part in outcome.value if part not in self._found.superfluous]
-        yield from self._completed(system)
 
-    # Where a process dies: the subject that was being asked is set aside.
+    # One task that answers for several pairs.
 
     def _ask(
-        self,
-        taker: Callable[..., Iterator[Part]],
-        system: _System,
-        pairs: Pairs,
-        function: Callable[..., Any],
-        *arguments: Any,
-        index: int = 0,
+        self, taker: Callable[..., None], system: _System, pairs: Pairs, function: Callable[..., Any], *arguments: Any, about: Any = None
     ) -> None:
-        """Ask for the next round one task that answers for ``pairs``."""
+        """Ask for the next round one task that answers for ``pairs``; ``taker(outcome, system, pairs, about)`` takes its outcome."""
         if pairs:
             for pair in pairs:
                 pair.pending += 1
-            self._next.append(Task((taker, system.name, pairs, index), function, arguments, system.name))
+            self._next.append(Task((self._answered, system.name, taker, pairs, about), function, arguments, system.name))
+
+    def _answered(self, outcome: Outcome, name: str, taker: Callable[..., None], pairs: Pairs, about: Any) -> Iterator[Part]:
+        for pair in pairs:
+            pair.pending -= 1
+        taker(outcome, self._systems[name], pairs, about)
+        yield from self._completed(self._systems[name])
+
+    # Where a process dies: the subject that was being asked is set aside.
 
     def _is_answered(self, outcome: Outcome, system: _System, pairs: Pairs, what: str, states: States | None = None) -> bool:
         """True if a task gave a value; where its process died, the culprit and the state it died at are noted."""
-        for pair in pairs:
-            pair.pending -= 1
         failure = self.failure(outcome)
         if not failure:
             return True
@@ -297,19 +285,14 @@ class CrossCheck(Rounds):
             self._ask(self._replayed, system, [culprit], ask_one_by_one, culprit.assignment, states)
         return False
 
-    def _replayed(self, outcome: Outcome, name: str, pairs: Pairs, index: int) -> Iterator[Part]:
-        system, [pair] = self._systems[name], pairs
-        pair.pending -= 1
+    def _replayed(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
         if outcome.crash is not None and outcome.crash.note:
-            pair.failed_at = json.loads(outcome.crash.note)
-        yield from self._completed(system)
+            pairs[0].failed_at = json.loads(outcome.crash.note)
 
     # Records.
 
     def _completed(self, system: _System) -> Iterator[Part]:
         """Records of the pairs that have all they wait for, and forget them; with the last one goes the system."""
-        if system.loading:
-            return
         for pair in [pair for pair in system.pairs.values() if not pair.pending]:
             del system.pairs[str(pair.subject)]
             record = self._record(system.name, pair)
@@ -321,12 +304,12 @@ class CrossCheck(Rounds):
 
     def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((name, str(pair.subject)), Expectation())
+        expectation = self.expectations.get((name, str(pair.subject)), AGREES)
         record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
-            record = judge(name, str(pair.subject), pair, Expectation())
+            record = judge(name, str(pair.subject), pair, AGREES)
         command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
         if record.worst_state is not None:
             command += ["--state", json.dumps(record.worst_state)]

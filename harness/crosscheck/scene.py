@@ -17,8 +17,7 @@ class Scene:
     """A mechanism of a library.
 
     Attributes:
-        library: where it is from, and where engines are found.
-        mechanism: its equations.
+        library: where it is from, and where engines are found. mechanism: its equations.
         models: model format, "mjcf" or "urdf", to the validated model file; a format without a file is missing.
     """
 

@@ -1,14 +1,18 @@
-"""The choice of a cross-check, and the commands that repeat it."""
+"""The choice of a cross-check, the states stored for it, and the commands that repeat it."""
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.errors import InvalidInput
 from harness.library import Library
+from harness.results.hard_states import load_found, path_of
 
 DEFAULT_STATES = 1000
 # States of a run that hypothesis chooses; the rest is sampled in bulk.
@@ -20,12 +24,9 @@ class Settings:
     """A choice of comparisons.
 
     Attributes:
-        library: where systems and models are.
-        names: systems; all for none.
-        subjects: subjects as text; all for none.
+        library: where systems and models are. names: systems; subjects: as text; all for none.
         states: states per system; half of them, at most ``MOST_SEARCHED``, is searched for by
-            hypothesis, the rest sampled. The hard states stored with a system come on top.
-        seed: of both.
+            hypothesis, the rest sampled. The hard states stored with a system come on top. seed: of both.
         stand_ins: model format to a file that stands in for the one system's own.
         state: the one state to compare at instead of sampling, for replays.
         examples: folder of hypothesis' example database; None for none.
@@ -51,3 +52,20 @@ class Settings:
     @property
     def searched(self) -> int:
         return 0 if self.state is not None else min(self.states // 2, MOST_SEARCHED)
+
+
+def stored_states(library: Library, mechanism: Mechanism) -> States | None:
+    """The stored states of a mechanism without repetitions, in the file's order; None where there are none.
+
+    Raises:
+        InvalidInput: as ``load_found``, or a state does not have the mechanism's sizes.
+    """
+    distinct: dict[str, dict[str, list[float]]] = {}
+    for number, found in enumerate(load_found(library, mechanism.name), start=1):
+        sizes = [len(part) for part in found.state.values()]
+        if sizes != [mechanism.nq, mechanism.nv, mechanism.nv]:
+            problem = f"entry {number} has {sizes[0]}, {sizes[1]} and {sizes[2]} numbers for q, v and tau"
+            expected = f"expected {mechanism.nq}, {mechanism.nv} and {mechanism.nv} as {mechanism.name} has; remove the entry"
+            raise InvalidInput(path_of(library, mechanism.name), None, f"{problem}; {expected}")
+        distinct[json.dumps(found.state)] = found.state
+    return States.concatenate([States.at(**state) for state in distinct.values()]) if distinct else None

@@ -14,6 +14,7 @@ import hashlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -21,15 +22,17 @@ from harness.arrays import Array
 from harness.certify.sampling import sample
 from harness.engines import Engine, Subject, installed_version, load_engine
 from harness.engines._audit import audit
-from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.library import Library
 from harness.models.formats import STAGES
-from harness.models.model_file import ModelFile, read_model
+from harness.models.model_file import ModelFile
 from harness.models.text import Attribute, Element, Number, Watch, find_elements, scaled, with_values, without
 from harness.results.superfluous import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+
+if TYPE_CHECKING:
+    from harness.crosscheck.tasks import Assignment
 
 # Changing a number by this much moves some acceleration by 3e-7 at least in every shipped model, or by exactly nothing.
 CHANGE = 1e-3
@@ -50,24 +53,17 @@ _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 Row = tuple[int, str, str, str, str]
 
 
-def superfluous(
-    library: Library,
-    name: str,
-    subject: Subject,
-    model: ModelFile | None = None,
-    mechanism: Mechanism | None = None,
-    is_sound: Callable[[], bool] = lambda: True,
-) -> list[SuperfluousPart]:
-    """Parts of the model of system ``name`` that ``subject`` does not feel, in the order of its lines.
+def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: True) -> list[SuperfluousPart]:
+    """Parts of the model that the subject does not feel, in the order of its lines.
 
-    ``model`` stands in for the library's own. The result is kept on disk. Where nothing is kept, ``is_sound``
-    is asked first whether the subject is right about the model as it is: if not, that comes first.
+    The result is kept on disk. Where nothing is kept, ``is_sound`` is asked first whether the subject is right about the
+    model as it is: if not, that comes first.
 
     Raises:
-        InvalidInput: the system or its model cannot be used; ValueError: the engine refuses it.
+        ValueError: the engine refuses the model.
     """
-    mechanism = load_mechanism(library, name) if mechanism is None else mechanism
-    model = read_model(library.model_path(name, subject.format), subject.format) if model is None else model
+    library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
+    assert model is not None
     entry = _entry(library, subject, model, mechanism)
     parts: list[Row] | None = None
     with contextlib.suppress(msgspec.DecodeError):
@@ -78,7 +74,7 @@ def superfluous(
         examination = _Examination(load_engine(library, subject.engine), model, mechanism)
         parts = sorted(examination.parts())
         write_entry(entry, msgspec.json.encode(parts).decode())
-    return [SuperfluousPart(name, str(subject), str(model.path), *part) for part in parts]
+    return [SuperfluousPart(mechanism.name, str(subject), str(model.path), *part) for part in parts]
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
@@ -108,8 +104,8 @@ class _Examination:
     def _answer(self, model: ModelFile, audited: bool = False) -> Array:
         states: States = self._states
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
-        if audited and (held := loaded.loaded()) is not None:
-            audit(held, model, self._mechanism)
+        if audited:
+            audit(loaded.loaded(), model, self._mechanism)
         return loaded.forward_dynamics(states.q, states.v, states.tau)
 
     def parts(self) -> Iterator[Row]:

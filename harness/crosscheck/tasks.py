@@ -6,7 +6,7 @@ stays in the process for the next task.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.engines import Model, Subject, linear_velocity_in_body, load_engine, load_model
+from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine, load_model
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -36,6 +36,18 @@ class Assignment:
     subject: Subject
     mechanism: Mechanism
     model: ModelFile | None
+
+    @classmethod
+    def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
+        """The subject on system ``name`` with the model at ``path``, by default the library's own.
+
+        Raises:
+            InvalidInput: the system or its model cannot be used.
+        """
+        model = None
+        if subject.format != EQUATIONS:
+            model = read_model(path or library.model_path(name, subject.format), subject.format)
+        return cls(library, subject, load_mechanism(library, name), model)
 
 
 def derive(library: Library, name: str, note: Note) -> Mechanism:
@@ -67,13 +79,12 @@ def frame_of(assignment: Assignment) -> bool:
 
 def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart]:
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
-    mechanism = assignment.mechanism
 
     def is_sound() -> bool:
-        verdicts = judge_of(assignment)(sample(mechanism, STATES, SEED)).verdicts
+        verdicts = judge_of(assignment)(sample(assignment.mechanism, STATES, SEED)).verdicts
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
-    return superfluous(assignment.library, mechanism.name, assignment.subject, assignment.model, mechanism, is_sound)
+    return superfluous(assignment, is_sound)
 
 
 def load_audited(assignment: Assignment) -> Model:
@@ -83,31 +94,24 @@ def load_audited(assignment: Assignment) -> Model:
         InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
         harness.engines.Unsupported: the engine cannot express it.
     """
-    key = assignment.library, assignment.subject, assignment.mechanism.key, assignment.model and assignment.model.text
-    return _MODELS.get(key, lambda: _load_and_audit(assignment))
+    library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
+
+    def load() -> Model:
+        loaded = load_model(library, subject, mechanism, model)
+        audit(loaded.loaded(), model, mechanism)
+        return loaded
+
+    return _MODELS.get((library, subject, mechanism.key, model and model.text), load)
 
 
-def _load_and_audit(assignment: Assignment) -> Model:
-    mechanism, model = assignment.mechanism, assignment.model
-    loaded = load_model(assignment.library, assignment.subject, mechanism, model)
-    held = loaded.loaded()
-    if held is not None and model is not None:
-        audit(held, model, mechanism)
-    return loaded
-
-
-def is_reference_known(mechanism: Mechanism, linear_velocity_in_body: bool) -> bool:
-    """True if this process has compiled the kernel."""
-    return _kernel_key(mechanism, linear_velocity_in_body) in _KERNELS
+def is_reference_known(mechanism: Mechanism, in_body: bool) -> bool:
+    """True if this process has compiled the kernel; ``in_body`` as of ``frame_of``."""
+    return (mechanism.key, in_body) in _KERNELS
 
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
-    key = _kernel_key(mechanism, linear_velocity_in_body)
-    return _KERNELS.get(key, lambda: ReferenceKernel(mechanism, key[1]))
-
-
-def _kernel_key(mechanism: Mechanism, linear_velocity_in_body: bool) -> tuple[Hashable, bool]:
-    return mechanism.key, linear_velocity_in_body and bool(mechanism.charts_in_body)
+    in_body = linear_velocity_in_body and bool(mechanism.charts_in_body)
+    return _KERNELS.get((mechanism.key, in_body), lambda: ReferenceKernel(mechanism, in_body))
 
 
 _MODELS: Kept[Model] = Kept(64)

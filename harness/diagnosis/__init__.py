@@ -2,6 +2,6 @@
 
 May use ``crosscheck`` and what is below it.
 
-Start with ``causes`` (one cause per record) and ``subject`` (one subject's diagnosis). ``hypotheses`` holds the mistakes that
+Start with ``causes``: one cause per record, from the diagnosis of one subject. ``hypotheses`` holds the mistakes that
 are tried, one declaration each; ``faults`` plants the same mistakes and counts what is caught and named.
 """

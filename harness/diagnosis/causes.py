@@ -1,23 +1,31 @@
-"""The causes of records that are not as expected: the party at fault, the terms that are wrong, the change that explains it."""
+"""The causes of records that are not as expected: the party at fault, the terms that are wrong, the change that explains it.
+
+One subject's diagnosis is of its terms, its model file, and the textbook's side. A model that the load audit refuses is diagnosed
+all the same: the engine answers, and its answers show what is wrong.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from harness.certify.sampling import sample
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment
+from harness.crosscheck.tasks import Assignment, reference_kernel_of
 from harness.diagnosis.held import Difference, differences, held_by
-from harness.diagnosis.model_side import EVALUATIONS
+from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.pattern import infer_from_records, subject_named
-from harness.diagnosis.subject import Scope, SubjectDiagnosis, diagnose_subject
-from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_model, subjects
-from harness.equations.derivation import load_mechanism
-from harness.errors import InvalidInput
-from harness.library import Library
-from harness.models.model_file import ModelFile, read_model
+from harness.diagnosis.perturbation import diagnostic_states, watch
+from harness.diagnosis.result import Conclusion, Diagnosis
+from harness.diagnosis.terms import TermComparison, compare_terms
+from harness.diagnosis.textbook_side import diagnose_textbook, textbook_evaluations
+from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, load_model, subjects
+from harness.equations.states import States
+from harness.errors import InvalidInput, InvalidModel
+from harness.library import Library, member_of
+from harness.models.model_file import ModelFile
 from harness.results.causes import Cause
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
@@ -26,6 +34,8 @@ from harness.workers import Outcome, Task, Workers
 
 # Evaluations of all diagnoses of one call together, when very much is wrong, and the least of any.
 EVALUATIONS_IN_ALL, LEAST_EVALUATIONS = 30_000, 300
+# Positions at which terms are compared, of a mechanism of up to so many velocities; their cost grows with the cube of those.
+TERM_STATES, TERM_VELOCITIES, LEAST_TERM_STATES = 64, 12, 4
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
@@ -51,8 +61,8 @@ class Diagnoses(Rounds):
         super().__init__()
         self._causes: list[Cause] = []
         inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
-        chosen: dict[tuple[str, str], Record] = {}
-        alike: dict[tuple[str, str], list[Cause]] = {}
+        # The record that is diagnosed, and the causes of all that are wrong for the same reason.
+        chosen: dict[tuple[str, str], tuple[Record, list[Cause]]] = {}
         wrong = [(record, subject_named(record.subject)) for record in records if record.verdict in _WRONG and not record.as_expected]
         for record, subject in sorted(wrong, key=lambda pair: not is_native(settings.library, pair[1])):
             inference = inferences[record.system]
@@ -62,18 +72,17 @@ class Diagnoses(Rounds):
                 continue
             is_of_the_model = inference.party == f"model {subject.format}"
             key = record.system, subject.format if is_of_the_model else record.subject
-            chosen.setdefault(key, record)
-            alike.setdefault(key, []).append(cause)
+            chosen.setdefault(key, (record, []))[1].append(cause)
         share = min(evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
-        for key, record in chosen.items():
+        for record, alike in chosen.values():
             subject = subject_named(record.subject)
-            path = None if subject.format == EQUATIONS else _path(settings, record.system, subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
             worst = [] if record.worst_state is None else [record.worst_state]
             suspects_textbook = inferences[record.system].party == "equations"
-            arguments = (settings.library, record.system, subject, path, Scope(settings.seed, share, tolerance, worst))
-            self._next.append(Task((self._diagnosed, str(subject), alike[key], suspects_textbook), examine, arguments, record.system))
-        self.steps = sum(map(len, alike.values()))
+            scope = Scope(settings.seed, share, tolerance, worst)
+            arguments = (settings.library, record.system, subject, settings.stand_ins.get(subject.format), scope)
+            self._next.append(Task((self._diagnosed, str(subject), alike, suspects_textbook), examine, arguments, record.system))
+        self.steps = sum(len(alike) for _, alike in chosen.values())
 
     def result(self) -> list[Cause]:
         return sorted(self._causes, key=lambda cause: (cause.system, cause.subject))
@@ -102,31 +111,121 @@ def find_causes(settings: Settings, records: Sequence[Record], workers: Workers,
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
     """The quantities that subjects which read a model of system ``name`` do not hold alike after loading, before any dynamics."""
     reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS]
-    work = [Task(str(subject), _hold, (settings.library, name, subject, _path(settings, name, subject))) for subject in reading]
+    work = [Task(str(subject), _hold, (settings.library, name, subject, settings.stand_ins.get(subject.format))) for subject in reading]
     # Load errors are already in the record.
     found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
     held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
-    return differences(name, held, {model.format: model for model, _ in found.values()})
+    return differences(name, held, {model.format: model for model, _ in found.values() if model is not None})
 
 
-def _hold(library: Library, name: str, subject: Subject, path: Path, note: Callable[[str], None]) -> tuple[ModelFile, HeldModel | None]:
+def _hold(
+    library: Library, name: str, subject: Subject, stand_in: Path | None, note: Callable[[str], None]
+) -> tuple[ModelFile | None, HeldModel | None]:
     """The file of a subject and its engine's quantities after loading, as a task for ``harness.workers``; raises as both do."""
-    model, mechanism = read_model(path, subject.format), load_mechanism(library, name)
-    return model, held_by(load_model(library, subject, mechanism, model))
+    own = Assignment.of(library, name, subject, stand_in)
+    return own.model, held_by(load_model(library, subject, own.mechanism, own.model))
 
 
 def examine(
-    library: Library, name: str, subject: Subject, path: Path | None, scope: Scope, note: Callable[[str], None]
+    library: Library, name: str, subject: Subject, stand_in: Path | None, scope: Scope, note: Callable[[str], None]
 ) -> SubjectDiagnosis:
-    """``diagnose_subject`` of a system and the model at ``path``, None for equations, as a task for ``harness.workers``.
+    """``diagnose_subject`` of a system and the model that stands in for its own, if any, as a task for ``harness.workers``.
 
     Raises:
         InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
     """
-    model = None if path is None else read_model(path, subject.format)
-    assignment = Assignment(library, subject, load_mechanism(library, name), model)
-    return diagnose_subject(assignment, scope, note)
+    return diagnose_subject(Assignment.of(library, name, subject, stand_in), scope, note)
 
 
-def _path(settings: Settings, name: str, subject: Subject) -> Path:
-    return settings.stand_ins.get(subject.format) or settings.library.model_path(name, subject.format)
+@dataclass(frozen=True)
+class SubjectDiagnosis:
+    """The terms of one subject, and both sides of its diagnosis.
+
+    Attributes:
+        subject: as "mujoco/mjcf". terms: its terms against the certified ones.
+        model: the diagnosis of its file; None for one that reads none. textbook: that of the system's parameters.
+    """
+
+    subject: str
+    terms: TermComparison
+    model: Diagnosis | None
+    textbook: Diagnosis
+
+    def first_line(self, suspects_textbook: bool = False) -> str:
+        """The model's place where one explains, else the textbook's parameter, else what the model's side came to.
+
+        ``suspects_textbook``: the textbook's parameter goes first where one explains.
+        """
+        explained = self.model is not None and self.model.conclusion == Conclusion.EXPLAINED
+        textbook_explains = self.textbook.conclusion == Conclusion.EXPLAINED
+        if self.model is None or (textbook_explains and (suspects_textbook or not explained)):
+            return self.textbook.first_line
+        return self.model.first_line
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "subject": self.subject,
+            "terms": self.terms.as_json(),
+            "model": None if self.model is None else self.model.as_json(),
+            "textbook": self.textbook.as_json(),
+        }
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The states of a diagnosis and its limits.
+
+    Attributes:
+        seed: of the sampled states. evaluations: of changed models that it may take; of the textbook in proportion.
+        tolerance: the largest backward error that explains [data roundoffs].
+        worst_states: {"q", "v", "tau"} of states at which the subject is known to be wrong, to be among those of the diagnosis.
+    """
+
+    seed: int
+    evaluations: int = EVALUATIONS
+    tolerance: float = AGREEMENT
+    worst_states: Sequence[Mapping[str, Sequence[float]]] = ()
+
+
+def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str], None]) -> SubjectDiagnosis:
+    """Diagnose a subject; each stage is announced by ``note``.
+
+    Raises:
+        InvalidModel: the engine refuses the model.
+        harness.engines.Unsupported: the engine cannot express the mechanism.
+    """
+    mechanism, model, library = assignment.mechanism, assignment.model, assignment.library
+    note("loading")
+    engine = load_engine(library, assignment.subject.engine)
+    kernel = reference_kernel_of(assignment)
+    worst = [States.at(state["q"], state["v"], state["tau"]) for state in scope.worst_states]
+    states = States.concatenate([diagnostic_states(mechanism, scope.seed), *worst])
+    try:
+        loaded = engine.load(mechanism if model is None else model, mechanism.joints, mechanism.gravity)
+        watched = None if model is None else watch(engine, mechanism, model, states)
+    except (ValueError, KeyError) as error:
+        if model is None:
+            raise
+        raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
+    accelerations = loaded.forward_dynamics(states.q, states.v, states.tau) if watched is None else watched.healthy
+    note("comparing terms")
+    count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
+    positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
+    terms = compare_terms(mechanism, loaded, kernel, positions, str(assignment.subject))
+    note("diagnosing the model")
+    of_model = None
+    if watched is not None:
+        of_model = diagnose(watched, kernel.evaluate(states), evaluations=scope.evaluations, tolerance=scope.tolerance)
+    note("diagnosing the textbook's side")
+    path = library.system_path(mechanism.name)
+    member = member_of(path)
+    of_textbook = diagnose_textbook(
+        kernel,
+        states,
+        accelerations,
+        path if member is None else member[0],
+        tolerance=scope.tolerance,
+        evaluations=int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS),
+    )
+    return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,8 +32,6 @@ SHORTEST_SECANT = 1e-7
 LEAST_GAIN = 0.9
 # A shorter decimal explains as well as the fitted value up to this residual, or this many times the fit's own.
 AS_WELL, TIMES_AS_WELL = 8.0, 4.0
-# The best that are fitted in any case, and the number that are fitted where something explains already.
-LEAST_FITTED, FITTED_FOR_CLASS = 8, 16
 # A candidate whose column leaves more than this [data roundoffs, root mean square] is not fitted because of it.
 NOT_WORTH_FITTING = 1e3 * AGREEMENT
 # A step of a tenth of the scale may turn a column into any other.
@@ -52,10 +49,8 @@ def fit(
     """The value near ``start`` at which ``residual`` is least in the square; None where it has no finite value at ``start``.
 
     Args:
-        residual: residuals (n, nv) at a value; None where the value is refused.
-        derivative: of the residuals by the value, as ``residual``.
-        column: the derivative at ``start``; None to have it computed.
-        scale: natural size of the value, above 0.
+        residual: residuals (n, nv) at a value; None where the value is refused. derivative: of them by the value, likewise.
+        column: the derivative at ``start``; None to have it computed. scale: natural size of the value, above 0.
         is_spent: true where no evaluation is left; the best so far is given.
     """
     value, here = start, residual(start)
@@ -72,16 +67,13 @@ def fit(
         longest = LONGEST * max(abs(value), scale)
         step = float(np.clip(-np.vdot(slope, here) / np.vdot(slope, slope), -longest, longest))
         taken = _lessened(residual, value, step, size, is_spent)
-        if taken is None:
-            if fresh:
-                break
-            slope, fresh = derivative(value), True
-            continue
-        reached, there, smaller = taken
-        if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
-            slope, fresh = (there - here) / (reached - value), False
-        stalled = smaller > LEAST_GAIN * size and abs(step) < longest
-        value, here, size = reached, there, smaller
+        stalled = taken is None
+        if taken is not None:
+            reached, there, smaller = taken
+            if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
+                slope, fresh = (there - here) / (reached - value), False
+            stalled = smaller > LEAST_GAIN * size and abs(step) < longest
+            value, here, size = taken
         if stalled:
             if fresh:
                 break
@@ -128,23 +120,12 @@ def settled(value: float, slope: Array | None, left: float, tolerance: float, le
     return short, left if short == value else left_at(short)
 
 
-@dataclass(frozen=True)
-class Screened:
-    """The linear estimate of a fit, from a column.
+def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[tuple[int, bool]]:
+    """Places of all columns, (n, nv) each, in the order of what the best change of each leaves of a residual (n, nv) if all were linear.
 
-    Attributes:
-        place: in the sequence screened.
-        unexplained: the share of the residual's norm that the best change leaves if all were linear.
-        worth: true where that, or the bend of so long a step, allows it to explain.
+    True beside a place where that, or the bend of so long a step, allows the column to explain. None where the residual is zero
+    or not finite.
     """
-
-    place: int
-    unexplained: float
-    worth: bool
-
-
-def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[Screened]:
-    """The estimates of all columns, (n, nv) each, for a residual (n, nv), the best first; none where the residual is zero or not finite."""
     size = float(np.linalg.norm(here))
     if not 0 < size < math.inf:
         return []
@@ -154,15 +135,5 @@ def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> li
         share, step = (along**2 / square / size**2, abs(along) / square) if square else (0.0, 0.0)
         unexplained = math.sqrt(max(0.0, 1 - share))
         worth = unexplained <= BEND * step / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
-        screened.append(Screened(place, unexplained, worth))
-    return sorted(screened, key=lambda one: one.unexplained)
-
-
-def fit_in_order(
-    screened: Sequence[Screened], fit: Callable[[int], None], in_class: Callable[[int], bool], explained: Callable[[], bool]
-) -> None:
-    """Fit the first few, then those that are worth it; once something explains, no more than a few beside its class."""
-    for rank, one in enumerate(screened):
-        enough = rank >= FITTED_FOR_CLASS and explained() and not in_class(one.place)
-        if rank < LEAST_FITTED or (one.worth and not enough):
-            fit(one.place)
+        screened.append((unexplained, place, worth))
+    return [(place, worth) for _, place, worth in sorted(screened)]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -51,10 +51,6 @@ class Difference:
     lines: Mapping[str, tuple[int, ...]]
     files: Mapping[str, str]
     follows: str = ""
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain data; ``ulps`` may be inf."""
-        return asdict(self)
 
     def __str__(self) -> str:
         owner = f"of {'number ' if self.quantity in OF_SPRINGS else ''}{self.joint} " if self.joint else ""

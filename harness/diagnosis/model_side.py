@@ -73,12 +73,9 @@ class _ModelSearch(Search[Array]):
     def residual_of(self, evaluated: Array) -> Array:
         return self.whitening.residual(evaluated)
 
-    def left_of(self, evaluated: Array) -> float:
-        return self.largest(self.residual_of(evaluated))
-
     def slope(self, candidate: Candidate, value: float) -> Array | None:
         slope = derivative(self.evaluated, candidate.text, value, DIFFERENCE * max(candidate.scale, abs(value)))
-        return None if slope is None else self.whitening.change(slope)
+        return None if slope is None else self.whitening.change(slope)[self.seen]
 
 
 def _tried_change(model: ModelFile, tried: Tried) -> TriedChange:

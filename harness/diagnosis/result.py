@@ -103,11 +103,6 @@ class Diagnosis:
         return next((other for other in others if not other.explains), None)
 
     @property
-    def class_keys(self) -> frozenset[tuple[int, str, str]]:
-        """``Place.key`` of every place that explains."""
-        return frozenset(explanation.place.key for explanation in self.explaining)
-
-    @property
     def first_line(self) -> str:
         """One sentence: the place and the value, or why there is none."""
         file, first = shown_path(self.file), self.first

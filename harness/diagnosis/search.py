@@ -15,6 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -24,12 +25,14 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.diagnosis.base_parameters import are_parallel
-from harness.diagnosis.fit import fit, fit_in_order, screen, settled
+from harness.diagnosis.fit import fit, screen, settled
 from harness.diagnosis.hypotheses import Candidate
 from harness.diagnosis.perturbation import NUMBER, Column, Whitening, held_out
 from harness.diagnosis.result import PARAMETER, Conclusion, Diagnosis, TriedChange, digits_of
 from harness.verdict import Verdict
 
+# The best that are fitted in any case, and the number that are fitted where something explains already.
+LEAST_FITTED, FITTED_FOR_CLASS = 8, 16
 # Where a fit may also start, as factors of the value found: missing, sign, factors of two, other units.
 OTHER_STARTS = (0.0, -1.0, 2.0, 0.5, math.pi / 180, 180 / math.pi, 1e3, 1e-3)
 FITTED_FROM_OTHER_STARTS = 12
@@ -93,13 +96,13 @@ class Search(ABC, Generic[Evaluated]):
     def residual_of(self, evaluated: Evaluated) -> Array:
         """Whitened residual in the measure of the unchanged reference, (n, nv)."""
 
-    @abstractmethod
     def left_of(self, evaluated: Evaluated) -> float:
         """Largest backward error over the certified states; inf where it is not finite."""
+        return self.largest(self.residual_of(evaluated))
 
     @abstractmethod
     def slope(self, candidate: Candidate, value: float) -> Array | None:
-        """Whitened derivative (n, nv) of the residual by the value of a candidate, for all states; None where it has none."""
+        """Whitened derivative of the residual by the value of a candidate, at the states that fits see; None where it has none."""
 
     @property
     def is_spent(self) -> bool:
@@ -144,21 +147,22 @@ class Search(ABC, Generic[Evaluated]):
             self._try(candidate, None)
 
     def fit_best(self, columns: Sequence[Column]) -> None:
-        """Fit the candidates whose columns explain most, until what remains cannot explain anything."""
+        """Fit the candidates whose columns explain most, until what remains cannot explain anything.
+
+        Once something explains, no more than a few are fitted beside its class.
+        """
         seen = [column.values[self.seen] for column in columns]
         screened = screen(seen, [column.candidate.scale for column in columns], self.here)
-
-        def in_class(place: int) -> bool:
-            explaining = {id(tried.candidate) for tried in self.explaining}
-            return any(are_parallel(columns[place], other) for other in columns if id(other.candidate) in explaining)
-
-        def fit_one(place: int) -> None:
+        for rank, (place, is_worth_it) in enumerate(screened):
+            if self.is_spent:
+                return
             candidate = columns[place].candidate
-            assert candidate.start is not None
-            if not self.is_spent:
+            explaining = {id(tried.candidate) for tried in self.explaining}
+            of_class = (other for other in columns if id(other.candidate) in explaining)
+            enough = rank >= FITTED_FOR_CLASS and explaining and not any(are_parallel(columns[place], other) for other in of_class)
+            if rank < LEAST_FITTED or (is_worth_it and not enough):
+                assert candidate.start is not None
                 self._fit(candidate, candidate.start, seen[place])
-
-        fit_in_order(screened, fit_one, in_class, lambda: bool(self.explaining))
 
     def fit_from_other_starts(self, candidates: Sequence[Candidate]) -> None:
         """Fit the best candidates from values far from those found, if the error is large and no single value explains it."""
@@ -180,11 +184,8 @@ class Search(ABC, Generic[Evaluated]):
             self._fit(candidates[place], value, None)
 
     def _fit(self, candidate: Candidate, start: float, column: Array | None) -> None:
-        def slope(at: float) -> Array | None:
-            found = self.slope(candidate, at)
-            return None if found is None else found[self.seen]
-
-        value = fit(lambda at: self._residual(candidate, at), slope, start, column, candidate.scale, lambda: self.is_spent)
+        residual, slope = partial(self._residual, candidate), partial(self.slope, candidate)
+        value = fit(residual, slope, start, column, candidate.scale, lambda: self.is_spent)
         if value is not None and not self._try(candidate, value) and 0 < abs(value) <= ALL_BUT_ZERO * candidate.scale:
             # A term that is left out: the least remainder of the others is a wrong answer where that term acts alone.
             self._try(candidate, 0.0)
@@ -227,7 +228,6 @@ class Search(ABC, Generic[Evaluated]):
         candidate, value = tried.candidate, tried.value
         if value is None or not tried.explains or len(self._evaluated) >= self.evaluations:
             return tried
-        slope = self.slope(candidate, value)
-        seen = None if slope is None else slope[self.seen]
-        value, left = settled(value, seen, tried.left, self.tolerance, lambda at: self._left(candidate, at))
+        slope, left_at = self.slope(candidate, value), partial(self._left, candidate)
+        value, left = settled(value, slope, tried.left, self.tolerance, left_at)
         return replace(tried, value=value, left=left)

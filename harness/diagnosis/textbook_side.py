@@ -52,8 +52,7 @@ def diagnose_textbook(
     Args:
         kernel: certified accelerations of the system, in the subject's frames.
         states: n of them; every third is held out of fits. See ``harness.diagnosis.perturbation.diagnostic_states``.
-        accelerations: the subject's answers, (n, nv) [SI per s^2].
-        file: of the system, to be named.
+        accelerations: the subject's answers, (n, nv) [SI per s^2]. file: of the system, to be named.
         evaluations: of the certified reference, after which the best so far is reported; ``textbook_evaluations`` by default.
         tolerance: as for ``harness.diagnosis.model_side.diagnose``.
     """
@@ -102,7 +101,9 @@ class _TextbookSearch(Search[Reference]):
     def slope(self, candidate: Candidate, value: float) -> Array | None:
         text = candidate.text(value)
         reference = self.evaluated(text)
-        return None if reference is None else self._slopes(reference, json.loads(text))[self._names.index(candidate.place.attribute)]
+        if reference is None:
+            return None
+        return np.asarray(self._slopes(reference, json.loads(text))[self._names.index(candidate.place.attribute), self.seen])
 
     def columns(self) -> Array:
         """Slopes at the textbook's own values, (parameters, n, nv)."""
@@ -146,8 +147,5 @@ def _line(file: Path, name: str) -> int:
         lines = file.read_text(encoding="utf-8").splitlines()
     except OSError:
         return 1
-    for pattern in (rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="):
-        for number, line in enumerate(lines, 1):
-            if re.match(pattern, line):
-                return number
-    return 1
+    patterns = rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="
+    return next((number for pattern in patterns for number, line in enumerate(lines, 1) if re.match(pattern, line)), 1)

@@ -17,12 +17,14 @@ if TYPE_CHECKING:
 AUDIT_TOLERANCE = 1e-6
 
 
-def audit(loaded: LoadedModel, model: ModelFile, mechanism: Mechanism) -> None:
-    """Check joints by name and size, gravity and total mass.
+def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechanism) -> None:
+    """Check joints by name and size, gravity and total mass; nothing where an engine does not say them, or reads no file.
 
     Raises:
         InvalidModel: with the line, the value found and the value expected.
     """
+    if loaded is None or model is None:
+        return
     for joint in mechanism.joints:
         if joint not in loaded.joints:
             hint = nearest(joint, sorted(loaded.joints)) if loaded.joints else "the model has none at all"

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, Expectation, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
-from harness.crosscheck.shrinking import shrink
 from harness.crosscheck.stages import ask_one_by_one
-from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects, subjects
+from harness.crosscheck.variation import shrink
+from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
@@ -92,7 +92,7 @@ class Search(Rounds):
         super().__init__()
         self.settings = settings
         (self.name,) = settings.library.select([settings.name])
-        self._expectations = load_expectations(settings.library, [str(subject) for subject in subjects(settings.library)])
+        self._expectations = load_expectations(settings.library)
         self._subjects = self._select()
         self._result = SearchResult(place=path_of(settings.library, self.name))
         self._hunts = hunts(settings.budget)
@@ -139,7 +139,7 @@ class Search(Rounds):
         """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
         library, chosen = self.settings.library, []
         for subject in select_subjects(library, self.settings.subjects, native_only=True):
-            reason = why_no_model(library, self.name, str(subject), subject.format, self._expectations)
+            reason = why_no_model(library, self.name, subject, self._expectations)
             engine = load_engine(library, subject.engine)
             if not reason and installed_version(engine) is None:
                 reason = f"{engine.requires[1]} is not installed"
@@ -212,7 +212,7 @@ class Search(Rounds):
         """Rank what was found, and store it."""
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: pair[0].severity, reverse=True):
-            expectation = self._expectations.get((self.name, one.subject), Expectation())
+            expectation = self._expectations.get((self.name, one.subject), AGREES)
             replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
             as_expected = _is_expected(one, expectation)
             self._result.cases.append(
@@ -277,7 +277,7 @@ def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> s
 
 def _is_expected(found: FoundState, expectation: Expectation) -> bool:
     """True if a state is no worse than what is expected of the pair over many states."""
-    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
+    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.limit
 
 
 def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:

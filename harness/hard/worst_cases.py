@@ -10,13 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from harness.crosscheck import tasks
-from harness.engines import EQUATIONS, Subject, select_subjects
-from harness.equations.derivation import load_mechanism
+from harness.engines import Subject, select_subjects
 from harness.equations.states import States
 from harness.hard.lost_digits import locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.results.hard_states import FoundState, RankedCase, load_found, worst_cases
 from harness.results.records import Record, Run
 from harness.verdict import Verdict
@@ -55,23 +53,18 @@ def ranked(
 
 def state_loss(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
     """In a sentence, which term of the equations loses the digits there."""
-    return locate(_assignment(library, system, subject), States.at(**state)).statement
+    return locate(tasks.Assignment.of(library, system, subject), States.at(**state)).statement
 
 
 def write_reproducer(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
     """The program in the engine's own Python API; the engine is not asked at the state."""
-    return reproduce(_assignment(library, system, subject), States.at(**state))
+    return reproduce(tasks.Assignment.of(library, system, subject), States.at(**state))
 
 
 def _functions(case: RankedCase, found: Sequence[FoundState]) -> list[Callable[..., str]]:
     # An engine that gave no number, or no answer at all, would do so again.
     explained = case.verdict == Verdict.ERROR or case.statement in {one.statement for one in found}
     return [write_reproducer] if explained else [write_reproducer, state_loss]
-
-
-def _assignment(library: Library, system: str, subject: Subject) -> tasks.Assignment:
-    model = None if subject.format == EQUATIONS else read_model(library.model_path(system, subject.format), subject.format)
-    return tasks.Assignment(library, subject, load_mechanism(library, system), model)
 
 
 def _is_of(found: FoundState, run: Run) -> bool:

@@ -112,13 +112,12 @@ class Exhibition(Rounds):
         return self._exhibit
 
     def _reasons(self, library: Library, name: str) -> dict[Subject, str]:
-        every = subjects(library)
         try:
-            expectations = load_expectations(library, [str(subject) for subject in every])
+            expectations = load_expectations(library)
         except InvalidInput as problem:
             self.report(problem)
             return {}
-        reasons = {subject: why_no_model(library, name, str(subject), subject.format, expectations) for subject in every}
+        reasons = {subject: why_no_model(library, name, subject, expectations) for subject in subjects(library)}
         return {subject: reason for subject, reason in reasons.items() if reason}
 
     def _load(self, library: Library, subject: Subject, with_picture: bool) -> Holding:

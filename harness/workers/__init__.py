@@ -32,9 +32,6 @@ class Scheduler:
     certificate: str | None = None
     key: str | None = None
 
-    def __str__(self) -> str:
-        return self.address
-
 
 @dataclass
 class Workers:
@@ -42,8 +39,7 @@ class Workers:
 
     Attributes:
         count: largest number of local processes; None for one per CPU. They start as tasks need them.
-        scheduler: an existing cluster to use instead.
-        time_limit: seconds a task may take.
+        scheduler: an existing cluster to use instead. time_limit: seconds a task may take.
     """
 
     count: int | None = None

@@ -56,7 +56,7 @@ class Cluster:
                 remedy = "start one or drop --scheduler"
                 if scheduler.address.startswith("tls://") and not all(files.values()):
                     remedy = "name its certificates with --tls-ca-file, --tls-cert and --tls-key"
-                raise InvalidRequest(f"no cluster at {scheduler}: {error}; {remedy}") from error
+                raise InvalidRequest(f"no cluster at {scheduler.address}: {error}; {remedy}") from error
             self._open = stack.pop_all()
 
     def close(self) -> None:

@@ -7,12 +7,14 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support import harness
 
 from harness.crosscheck.superfluous import superfluous
+from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject, is_native, subjects
 from harness.library import Library
 from harness.models.model_file import parse_model
@@ -32,7 +34,13 @@ MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 @pytest.mark.costly
 @pytest.mark.parametrize(("name", "subject"), PAIRS, ids=[f"{name}-{subject}" for name, subject in PAIRS])
 def test_shipped_models_hold_nothing_superfluous(name: str, subject: Subject) -> None:
-    assert superfluous(LIBRARY, name, subject) == []
+    assert superfluous(Assignment.of(LIBRARY, name, subject)) == []
+
+
+def with_text(name: str, subject: Subject, text: str) -> Assignment:
+    """A subject on a system whose model has another text."""
+    own = Assignment.of(LIBRARY, name, subject)
+    return replace(own, model=parse_model(LIBRARY.model_path(name, subject.format), text, subject.format))
 
 
 def planted(name: str, subject: Subject, old: str, new: str) -> tuple[list[SuperfluousPart], int]:
@@ -42,7 +50,7 @@ def planted(name: str, subject: Subject, old: str, new: str) -> tuple[list[Super
     assert text.count(old) >= 1
     changed = text.replace(old, new, 1)
     line = changed.count("\n", 0, text.index(old) + new.rindex("@") if "@" in new else text.index(old)) + 1
-    return superfluous(LIBRARY, name, subject, parse_model(path, changed.replace("@", ""), subject.format)), line
+    return superfluous(with_text(name, subject, changed.replace("@", ""))), line
 
 
 # What is planted into a model, with @ where the finding is expected to point: system, subject, old, new, element, attribute, value, why.
@@ -273,7 +281,7 @@ def test_a_reflected_inertia_is_felt() -> None:
         path = LIBRARY.model_path("bar_pendulum", "urdf")
         text = path.read_text().replace("</robot>", transmission.format(inertia)).replace('effort="0"', f'effort="{effort}"')
         text = text.replace('<robot name="bar_pendulum"', '<robot name="bar_pendulum" xmlns:drake="http://drake.mit.edu"')
-        return superfluous(LIBRARY, "bar_pendulum", PINOCCHIO, parse_model(path, text, "urdf"))
+        return superfluous(with_text("bar_pendulum", PINOCCHIO, text))
 
     assert findings("0.25", "1e-15") == []
     assert [finding.element for finding in findings("0.25", "10")] == ["limit"]
@@ -298,8 +306,8 @@ def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.Monk
 
 def test_a_model_that_is_wrong_as_it_is_is_not_examined() -> None:
     path = LIBRARY.model_path("cart_pendulum", "mjcf")
-    wrong = parse_model(path, path.read_text().replace(' sensor="disable"', ""), "mjcf")
-    assert superfluous(LIBRARY, "cart_pendulum", MUJOCO, wrong, is_sound=lambda: False) == []
+    wrong = with_text("cart_pendulum", MUJOCO, path.read_text().replace(' sensor="disable"', ""))
+    assert superfluous(wrong, is_sound=lambda: False) == []
 
 
 @pytest.fixture

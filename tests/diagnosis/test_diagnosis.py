@@ -25,6 +25,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.base_parameters import are_parallel, base_parameters
+from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.diagnosis.fit import fit, shortest_decimal
 from harness.diagnosis.model_side import diagnose
 from harness.diagnosis.perturbation import (
@@ -37,7 +38,6 @@ from harness.diagnosis.perturbation import (
     watch,
 )
 from harness.diagnosis.result import Conclusion, Diagnosis
-from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
@@ -144,7 +144,7 @@ def test_a_number_that_should_be_zero_is_found(name: str, model_format: str, siz
 
 def test_gravity_and_an_offset_that_no_acceleration_tells_apart_are_one_class() -> None:
     diagnosis = case("simple_pendulum", "mjcf").diagnosis(('gravity="0 0 -9.81"', 'gravity="1e-7 0 -9.81"'))
-    assert {("option", "gravity"), ("inertial", "pos")} <= {key[1:] for key in diagnosis.class_keys}
+    assert {("option", "gravity"), ("inertial", "pos")} <= {one.place.key[1:] for one in diagnosis.explaining}
     assert any("tells them apart" in line for line in diagnosis.lines)
 
 
@@ -500,7 +500,7 @@ def test_nearly_every_number_of_the_catalogue_is_named(modelled_name: str) -> No
                 if diagnosis.conclusion == Conclusion.SOUND:
                     continue
                 planted += 1
-                if candidate.place.key not in diagnosis.class_keys:
+                if candidate.place.key not in {one.place.key for one in diagnosis.explaining}:
                     missed.append(f"{model_format} {candidate.place} by {size}: {diagnosis.first_line}")
     assert planted > 10
     assert len(missed) <= 0.05 * planted, missed

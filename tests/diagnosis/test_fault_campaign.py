@@ -23,7 +23,7 @@ from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
 from harness.diagnosis.faults.bench import FaultBench
 from harness.diagnosis.faults.campaign import CampaignSettings, kinds_of_faults, number_faults, run_campaign
-from harness.diagnosis.faults.selection import select_models
+from harness.diagnosis.faults.study import select_models
 from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind
 from harness.diagnosis.model_side import Diagnosis, diagnose
 from harness.diagnosis.pattern import Inference
@@ -144,7 +144,7 @@ def test_subjects_of_the_other_format_stay_green() -> None:
 
 def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not() -> None:
     bench = FaultBench(BUILT_IN, "chain_6", "mjcf", 1000, 0)
-    sound = {str(one.subject): int(one.baseline.sound.sum()) for one in bench.readers}
+    sound = {str(one.subject): int(one.sound.sum()) for one in bench.readers}
     assert 900 < sound["mujoco/mjcf"] < 1000 == sound["pinocchio/mjcf"]
     healthy = bench.ask(bench.model.text)
     assert healthy.caught_by == "" and set(healthy.verdicts.values()) == {Verdict.AGREES.value}

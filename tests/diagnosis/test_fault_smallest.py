@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from catalogue import IN_CI
 from click.testing import CliRunner
+from msgspec.structs import replace
 from support import cross_checked, make_library
 
 from harness.certify.compare import compare
@@ -26,15 +27,14 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.cli import main
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation
+from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
-from harness.diagnosis.faults import baseline
-from harness.diagnosis.faults import smallest as smallest_faults
+from harness.diagnosis.faults import baseline, campaign
 from harness.diagnosis.faults.baseline import FURTHEST, RESOLUTION, Baseline, require_sound, smallest_caught
-from harness.diagnosis.faults.campaign import number_faults
-from harness.diagnosis.faults.selection import select_pairs
-from harness.diagnosis.faults.smallest import SmallestChange, smallest_changes
+from harness.diagnosis.faults.campaign import number_faults, smallest_changes
+from harness.diagnosis.faults.study import select_pairs
+from harness.diagnosis.faults.summary import SmallestChange
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.perturbation import watch
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
@@ -67,7 +67,7 @@ def smallest(name: str, subject: Subject, most: int | None) -> list[SmallestChan
         return numbers[:most]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(smallest_faults, "number_faults", drawn)
+        patch.setattr(campaign, "number_faults", drawn)
         found = smallest_changes(LIBRARY, name, subject, SAMPLED, 0, lambda text: None)
     return found if most is None or len(found) >= 2 else smallest(name, subject, 2 * most if most < 50 else None)
 
@@ -186,13 +186,13 @@ def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
     healthy = watch(load_engine(LIBRARY, "mujoco"), mechanism, model, states).healthy
     reference = ReferenceKernel(mechanism).evaluate(states)
     assert gravest(compare(reference, healthy).verdicts.tolist()) == "unstable"
-    require_sound(model.path, "chain_6", subject, reference, healthy, Expectation("unstable", backward_error=2000.0))
-    for expected in (Expectation(), Expectation("unstable", backward_error=65.0), Expectation("disagrees")):
+    require_sound(model.path, "chain_6", subject, reference, healthy, replace(AGREES, verdict="unstable", backward_error=2000.0))
+    for expected in (AGREES, replace(AGREES, verdict="unstable", backward_error=65.0), replace(AGREES, verdict="disagrees")):
         with pytest.raises(InvalidInput, match="make 'harness check chain_6' green first"):
             require_sound(model.path, "chain_6", subject, reference, healthy, expected)
     only_lost = np.flatnonzero(compare(reference, healthy).verdicts == "unstable")
     with pytest.raises(InvalidInput, match="agrees at none of"):
-        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], Expectation("unstable"))
+        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], replace(AGREES, verdict="unstable"))
 
 
 @pytest.mark.parametrize(

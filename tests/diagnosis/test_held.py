@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -250,7 +251,7 @@ def test_a_planted_difference_is_told_with_quantity_joint_and_line(
         assert text.count("\n", 0, text.index(found)) + 1 in first.lines[model_format]
     shown = str(first)
     assert f"{quantity} " in shown and f"crane.{model_format}:" in shown and all(reader in shown for reader in MJCF_READERS)
-    json.dumps(first.as_json())
+    json.dumps(asdict(first))
 
 
 def random_chain(seed: int, links: int) -> dict[str, str]:

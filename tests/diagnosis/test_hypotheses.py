@@ -270,7 +270,7 @@ def test_frames_that_are_turned_have_their_rotations_dropped_reversed_and_misrea
 
 def _same_numbers(model: ModelFile, once: ModelFile, text: str) -> bool:
     """True where mending ``once`` gives the orientation of ``model`` again; MJCF writes it as a quaternion."""
-    from harness.diagnosis.hypotheses.rotations import matrix_of
+    from harness.diagnosis.hypotheses.frames import matrix_of
     from harness.models.anatomy import anatomy
 
     def orientations(of: ModelFile) -> list[np.ndarray]:

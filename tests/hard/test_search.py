@@ -18,7 +18,7 @@ from harness.certify.compare import Comparison
 from harness.certify.factorisation import scaled_condition_number
 from harness.certify.sampling import HUGE_ANGLES, sample
 from harness.crosscheck import tasks
-from harness.crosscheck.shrinking import KEPT, shrink
+from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism

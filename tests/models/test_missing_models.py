@@ -15,14 +15,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from support import cross_checked, harness
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.settings import Settings
-from harness.engines import subjects
+from harness.engines import Subject, subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -155,15 +156,15 @@ def test_only_unsupported_excuses(root: Path) -> None:
 def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, fragment: str) -> None:
     excuse(root, ENTRY.format(subject="mujoco/mjcf", verdict=verdict, reason="none") + more)
     with pytest.raises(InvalidInput, match=re.escape(fragment)):
-        load_expectations(Library.at(root), list(REASONS))
+        load_expectations(Library.at(root))
 
 
 def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert BUILT_IN.has_model("chain_3", "mjcf") and not BUILT_IN.model_path("chain_3", "mjcf").exists()
     assert not BUILT_IN.has_model("cycloid_bead", "mjcf")
-    unsupported = {("chain_3", "mujoco/mjcf"): Expectation("unsupported", "none", "none")}
-    assert why_no_model(BUILT_IN, "chain_3", "mujoco/mjcf", "mjcf", unsupported) == ""
-    assert why_no_model(BUILT_IN, "cycloid_bead", "lagrange", "equations", {}) == ""
+    unsupported = {("chain_3", "mujoco/mjcf"): replace(AGREES, verdict="unsupported", reason="none", link="none")}
+    assert why_no_model(BUILT_IN, "chain_3", Subject("mujoco", "mjcf"), unsupported) == ""
+    assert why_no_model(BUILT_IN, "cycloid_bead", Subject("lagrange", "equations"), {}) == ""
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -226,12 +227,11 @@ def test_the_regression_passes_for_what_is_excused_only(root: Path) -> None:
 
 
 def test_what_lacks_a_model_here_has_a_reason() -> None:
-    every = [str(subject) for subject in subjects(BUILT_IN)]
-    expectations = load_expectations(BUILT_IN, every)
+    expectations = load_expectations(BUILT_IN)
     for name in BUILT_IN.system_names():
         for subject in subjects(BUILT_IN):
             if subject.format != "equations" and not BUILT_IN.has_model(name, subject.format):
-                assert why_no_model(BUILT_IN, name, str(subject), subject.format, expectations)
+                assert why_no_model(BUILT_IN, name, subject, expectations)
 
 
 # A wheel that rolls along the underside of the x axis with the bead on its rim. Pinocchio wants the joint that others mimic first,

@@ -12,8 +12,7 @@ import pytest
 from support import cross_checked, make_library
 
 from harness.crosscheck.run import CrossCheck
-from harness.crosscheck.settings import Settings
-from harness.crosscheck.stored_states import stored_states
+from harness.crosscheck.settings import Settings, stored_states
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library

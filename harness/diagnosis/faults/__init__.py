@@ -1,4 +1,4 @@
 """The fault campaign: mistakes planted in sound models, what the check catches of them, and what the diagnosis names.
 
-Start with ``campaign``; ``smallest`` finds the smallest change of a number that is caught, ``summary`` holds the bars.
+Start with ``campaign``, which also finds the smallest change of each number that is caught; ``summary`` holds the bars.
 """

@@ -42,12 +42,7 @@ FURTHEST = 2.0**20
 
 @dataclass(frozen=True)
 class Baseline:
-    """One subject's answers to the unchanged model at n certified states.
-
-    Attributes:
-        reference: certified accelerations.
-        watch: the subject's answers to the unchanged model and to changed texts of it.
-    """
+    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations."""
 
     reference: Reference
     watch: Watch
@@ -94,7 +89,7 @@ def require_sound(path: Path, system: str, subject: Subject, reference: Referenc
     comparison = compare(reference, healthy)
     verdict = gravest(comparison.verdicts.tolist())
     error = float(np.nanmax(comparison.backward_error, initial=0.0))
-    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.backward_error
+    lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.limit
     if verdict != Verdict.AGREES.value and not lost_digits:
         problem = f"the verdict on {subject} is {verdict!r} before any fault is planted (backward error up to {error:.3g})"
         raise InvalidInput(path, None, f"{problem}, so that it can show none; make 'harness check {system}' green first")

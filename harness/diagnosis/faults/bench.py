@@ -5,7 +5,6 @@ Source: Reiter, A theory of diagnosis from first principles, Artificial Intellig
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -16,11 +15,10 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import Expectation
+from harness.crosscheck.expected import AGREES, load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import reference_kernel
 from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
-from harness.diagnosis.faults.selection import expectations
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
@@ -62,12 +60,11 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Reader:
+class Reader(Baseline):
     """A subject that reads the file, and what its answers to changed texts are judged by."""
 
     subject: Subject
     engine: Engine
-    baseline: Baseline
 
 
 class FaultBench:
@@ -89,7 +86,7 @@ class FaultBench:
         self.model = read_model(library.model_path(name, model_format), model_format)
         self._states = sample(self.mechanism, states, seed)
         self._diagnostic_states = diagnostic_states(self.mechanism, seed)
-        self._expected = expectations(library)
+        self._expected = load_expectations(library)
         self._references: dict[tuple[ReferenceKernel, bool], Reference] = {}
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
         self.readers: list[Reader] = []
@@ -110,10 +107,10 @@ class FaultBench:
         engine = load_engine(self._library, subject.engine)
         source: Any = {EQUATIONS: self.mechanism, self.model.format: self.model}.get(subject.format)
         if source is None:
-            with contextlib.suppress(InvalidModel):
+            try:
                 # A family's writer may make it where there is no file.
                 source = read_model(self._library.model_path(self._name, subject.format), subject.format)
-            if source is None:
+            except InvalidModel:
                 return ""
         path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
         watched = None
@@ -126,10 +123,10 @@ class FaultBench:
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
         reference = self._reference(engine)
-        expected = self._expected.get((self._name, str(subject)), Expectation())
+        expected = self._expected.get((self._name, str(subject)), AGREES)
         require_sound(path, self._name, subject, reference, answers, expected)
         if watched:
-            self.readers.append(Reader(subject, engine, Baseline(reference, watched)))
+            self.readers.append(Reader(reference, watched, subject, engine))
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
@@ -168,14 +165,12 @@ class FaultBench:
             except (InvalidModel, ValueError) as error:
                 line = re.search(r"\bline (\d+)", str(error))
                 return Answer("reader", str(error), int(line[1]) if line else None)
-            held = loaded.loaded()
-            if held is not None and refusal is None:
-                try:
-                    audit(held, model, self.mechanism)
-                except InvalidModel as error:
-                    refusal = error
-            movement = max(movement, one.baseline.movement(answers))
-            verdicts[str(one.subject)] = one.baseline.verdict(answers)
+            try:
+                audit(loaded.loaded(), model, self.mechanism)
+            except InvalidModel as error:
+                refusal = refusal or error
+            movement = max(movement, one.movement(answers))
+            verdicts[str(one.subject)] = one.verdict(answers)
         said = ("", "", None) if refusal is None else ("audit", str(refusal), refusal.line)
         return Answer(*said, verdicts, movement)
 
@@ -189,15 +184,14 @@ class FaultBench:
 
     def smallest(self, planted: Planted) -> tuple[float, float, int]:
         """Smallest size that some reader catches, the same by theory, and the order in which the accelerations depend on the size."""
-        baselines = [one.baseline for one in self.readers]
         # Theory holds for one reader: the first that has most states.
-        widest = max(baselines, key=lambda baseline: int(baseline.sound.sum()))
+        widest = max(self.readers, key=lambda one: int(one.sound.sum()))
         theory, order = widest.theory(derivative(widest.watch.accelerations, planted.text, 0.0, DIFFERENCE)), 1
         if theory > DIFFERENCE:
             # The difference is rounding alone: the accelerations depend on the square of the size.
             answers, order = widest.answer(planted.text, CHANGE), 2
             theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
-        caught = smallest_caught(theory, lambda size: any(baseline.catches(planted.text, size) for baseline in baselines))
+        caught = smallest_caught(theory, lambda size: any(one.catches(planted.text, size) for one in self.readers))
         return caught, theory, order
 
     def blamed(self, answer: Answer) -> str:

@@ -18,11 +18,11 @@ from typing import Any
 from harness.crosscheck.superfluous import CHANGE
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 from harness.diagnosis.faults.bench import RED, REFUSED, Answer, FaultBench
-from harness.diagnosis.faults.summary import Fault
+from harness.diagnosis.faults.summary import Fault, SmallestChange
 from harness.diagnosis.hypotheses import Candidate, Planted, find_hypotheses
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.perturbation import NUMBER, numeric_candidates, watch
-from harness.engines import Unsupported
+from harness.engines import Subject, Unsupported
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model
@@ -38,8 +38,7 @@ class CampaignSettings:
     """The faults to plant and the limits of their diagnosis.
 
     Attributes:
-        kinds: names of hypotheses, and "number"; all for none.
-        sizes: of changed numbers, relative.
+        kinds: names of hypotheses, and "number"; all for none. sizes: of changed numbers, relative.
         states: sampled states of a check; seed: of them.
         diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
         evaluations: of changed models that a diagnosis may take.
@@ -85,10 +84,11 @@ class Campaign:
         self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
 
-    def faults(self, note: Callable[[str], None] = lambda text: None) -> Iterator[Fault]:
+    def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
-        for kind, planted in self._planted().items():
-            found = []
+        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
+        for kind in self.settings.kinds or plants:
+            planted, found = list(plants[kind](self.model)), []
             for one in planted:
                 note(f"{self.model.path}: {kind}: {one.statement} {one.places[0]}")
                 found.append(self._caught(one))
@@ -99,10 +99,6 @@ class Campaign:
             for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
                 yield self._diagnosed(fault, one, place) if place in chosen else fault
-
-    def _planted(self) -> dict[str, list[Planted]]:
-        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
-        return {kind: list(plants[kind](self.model)) for kind in self.settings.kinds or plants}
 
     def _caught(self, planted: Planted) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
@@ -174,7 +170,7 @@ class Campaign:
             cleared=fault.blamed if explained else "",
             diagnosed=size,
             named=named,
-            in_class=bool(where & diagnosis.class_keys),
+            in_class=any(one.place.key in where for one in diagnosis.explaining),
             answer=diagnosis.first_line,
             seconds=seconds,
         )
@@ -206,3 +202,21 @@ def _spread(count: int, most: int | None) -> set[int]:
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:
     """Every fault of one model, as a task for ``harness.workers``."""
     return list(Campaign(library, name, model_format, settings).faults(note))
+
+
+def smallest_changes(
+    library: Library, name: str, subject: Subject, states: int, seed: int, note: Callable[[str], None]
+) -> list[SmallestChange]:
+    """Every number other than 0 of one model, in the order of the file, as a task for ``harness.workers``; raises as ``FaultBench``."""
+    bench = FaultBench(library, name, subject.format, states, seed, [str(subject)])
+    found = []
+    for planted in number_faults(bench.model):
+        place = planted.places[0]
+        value = float(place.found)
+        answer, _ = bench.ask_sized(planted, CHANGE)
+        if not value or answer.refused_by in REFUSED or not answer.is_live:
+            continue
+        smallest, theory, _ = bench.smallest(planted)
+        about = {"system": name, "subject": str(subject), "file": bench.model.path.name}
+        found.append(SmallestChange(**about, place=place, statement=planted.statement, value=value, smallest=smallest, theory=theory))
+    return found

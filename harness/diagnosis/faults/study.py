@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign
-from harness.diagnosis.faults.selection import select_models, select_pairs
-from harness.diagnosis.faults.smallest import SmallestChange, smallest_changes
-from harness.diagnosis.faults.summary import Fault, broken_bars
-from harness.engines import select_subjects
+from harness.crosscheck.expected import AGREES, load_expectations
+from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
+from harness.diagnosis.faults.summary import Fault, SmallestChange, broken_bars
+from harness.engines import EQUATIONS, Subject, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.study import Part, Rounds
+from harness.verdict import Verdict
 from harness.workers import Outcome, Task
 
 
@@ -81,3 +81,30 @@ class SmallestStudy(FaultStudy):
     def broken(self) -> list[SmallestChange]:
         """The numbers whose smallest change is not as theory has it."""
         return [number for number in self.result() if not number.as_in_theory]
+
+
+def select_pairs(
+    library: Library, names: Sequence[str], subjects: Sequence[Subject]
+) -> tuple[list[tuple[str, Subject]], dict[tuple[str, Subject], str]]:
+    """(system, subject) of all pairs that read a model, and the reasons of those that are expected to be unsupported.
+
+    Without ``names``, families are represented by their smallest member, whose numbers are those of all.
+
+    Raises:
+        harness.errors.InvalidRequest: a system that does not exist.
+    """
+    known = load_expectations(library)
+    smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
+    systems = library.select(names) if names else smallest
+    pairs = [(name, subject) for name in systems for subject in subjects if subject.format != EQUATIONS]
+    expected = {pair: known.get((pair[0], str(pair[1])), AGREES) for pair in pairs}
+    reasons = {pair: one.reason for pair, one in expected.items() if one.verdict == Verdict.UNSUPPORTED}
+    return [pair for pair in pairs if pair not in reasons], reasons
+
+
+def select_models(library: Library, names: Sequence[str]) -> tuple[list[tuple[str, str]], dict[tuple[str, str], str]]:
+    """(system, format) of every model that some subject reads, and the reasons of those that none does; raises as above."""
+    pairs, excused = select_pairs(library, names, select_subjects(library, ()))
+    models = sorted({(name, subject.format) for name, subject in pairs})
+    reasons = {(name, subject.format): reason for (name, subject), reason in reversed(excused.items())}
+    return models, {model: reasons[model] for model in sorted(reasons) if model not in models}

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+from harness.models.text import Place
 
 # Share of the faults that a diagnosis names first, or in its class.
 MUST_BE_NAMED = 0.95
@@ -80,8 +81,7 @@ class KindOfFault:
         kind: its name. planted: mistakes made; live: those that change the dynamics; caught: of these.
         judged: live ones that were diagnosed or refused by name; named, in_class: of these.
         blamed: live ones for which somebody sound is blamed.
-        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without
-            sizes.
+        smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without sizes.
         seconds: median of the diagnoses [s]; longest: the longest [s].
     """
 
@@ -97,6 +97,48 @@ class KindOfFault:
     theory: float | None
     seconds: float | None
     longest: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmallestChange:
+    """A number of a model file that accelerations depend on, and the smallest relative change of it that is caught.
+
+    Attributes:
+        place, value: of the number; statement: what changes with it where physics forbids it to change alone, "" for nothing.
+        smallest: relative change; inf where none up to ``FURTHEST`` times theory is caught.
+        theory: the same from data roundoff and the number's derivative.
+    """
+
+    system: str
+    subject: str
+    file: str
+    place: Place
+    statement: str
+    value: float
+    smallest: float
+    theory: float
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the change that is caught to that of theory."""
+        return self.smallest / self.theory
+
+    @property
+    def as_in_theory(self) -> bool:
+        """True for a ratio of at most ``MOST_ABOVE_THEORY``."""
+        return self.ratio <= MOST_ABOVE_THEORY
+
+    @property
+    def number(self) -> str:
+        """Element and attribute, the place in the attribute, and what changes with it."""
+        place = self.place
+        index = f"[{place.index}]" if place.index else ""
+        return f"{f'{place.element} {place.attribute}'.strip()}{index} {self.statement}".rstrip()
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data: the place of the number, its value, and both changes."""
+        about = asdict(self)
+        return {**about.pop("place"), **about}
 
 
 def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:

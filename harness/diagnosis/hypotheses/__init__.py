@@ -1,19 +1,31 @@
 """The mistakes that a model may have, each a ``Hypothesis`` declared in a module of this package.
 
-A hypothesis is two functions of a model's text. ``mend`` lists the changes that would undo the mistake, wherever it
-could have been made; diagnosis tries them all. ``plant`` makes the mistake, wherever it can be made; the fault campaign
-plants them all. No engine is imported here: what a change does to accelerations is found by ``harness.models.text.Watch``.
+A hypothesis mends and plants: diagnosis tries every change that would undo the mistake, wherever it could have been made; the
+fault campaign makes it wherever it can be made. Most mistakes are undone by a mistake of the same kind: what is exchanged is
+exchanged back, what is doubled is halved. Then one list of changes serves both. No engine is imported here: what a change does
+to accelerations is found by ``harness.models.text.Watch``.
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from decimal import Context, Decimal
 
+from harness.models.anatomy import anatomy
+from harness.models.anatomy.parts import Anatomy, Slot, Words
 from harness.models.model_file import ModelFile
-from harness.models.text import Place
+from harness.models.text import Place, edited
+
+# A slot with its new words, None where it goes.
+Write = tuple[Slot, Words | None]
+Writes = Sequence[Write]
+
+COMPONENTS = "xyz"
+# More digits than any product of two numbers of a file has.
+_EXACT = Context(prec=60)
 
 
 @dataclass(frozen=True)
@@ -44,8 +56,7 @@ class Planted:
         kind: name of the hypothesis; statement: what was done.
         places: every place that the mistake changed or forgot to change, in lines of the planted text; who names one of them
             names the mistake.
-        text: of the whole file with the mistake at a size, relative to the number changed; a mistake without sizes ignores it.
-        sized: whether it has sizes.
+        text: of the whole file with the mistake at a size, relative to the number changed; ignored unless the mistake is ``sized``.
     """
 
     kind: str
@@ -56,21 +67,59 @@ class Planted:
 
 
 @dataclass(frozen=True)
+class FixedChange:
+    """Slots and what to write into them; ``statement`` says what it does, for a mend and for a mistake alike.
+
+    ``forgotten``: slots that a mistake leaves as they are, and that are wrong beside what it writes.
+    """
+
+    statement: str
+    writes: Writes
+    forgotten: Sequence[Slot] = ()
+
+
+@dataclass(frozen=True)
+class FreeChange:
+    """Slots and what to write into them at a value, of a natural size ``scale``; at 0 the file is as it is."""
+
+    statement: str
+    writes: Callable[[float], Writes]
+    scale: float
+
+
+Changes = Callable[[Anatomy], Iterable[FixedChange]]
+
+
+@dataclass(frozen=True)
 class Hypothesis:
     """One kind of mistake.
 
     Attributes:
-        name: for the command line and the report. title: what people call the mistake.
-        mend: the changes of a model that would undo it; none where every model that has the mistake is refused by name before
-            a diagnosis. plant: the ways to make it in a sound model.
-        source: where the mistake is known from.
+        name: for the command line and the report. title: what people call the mistake. source: where it is known from.
+        changes, free: what would undo it, without and with a free value; none where every model that has the mistake is refused
+            by name before a diagnosis.
+        plants: the ways to make it in a sound model; None where they are ``changes``.
     """
 
     name: str
     title: str
-    mend: Callable[[ModelFile], Iterator[Candidate]]
-    plant: Callable[[ModelFile], Iterator[Planted]]
     source: str
+    changes: Changes
+    free: Callable[[Anatomy], Iterable[FreeChange]] = lambda parts: ()
+    plants: Changes | None = None
+
+    def mend(self, model: ModelFile) -> Iterator[Candidate]:
+        """The changes of a model that would undo the mistake."""
+        parts, text = anatomy(model), model.text
+        for change, after in _effective(text, self.changes(parts)):
+            yield Candidate(self.name, change.statement, _found(*change.writes[0]), lambda value, after=after: after)  # type: ignore[misc]
+        yield from (_with_value(self.name, text, unknown) for unknown in self.free(parts))
+
+    def plant(self, model: ModelFile) -> Iterator[Planted]:
+        """The mistakes that can be made in a model."""
+        for change, after in _effective(model.text, (self.plants or self.changes)(anatomy(model))):
+            places = [*(_made(slot, words) for slot, words in change.writes), *(slot.place for slot in change.forgotten)]
+            yield Planted(self.name, change.statement, tuple(places), lambda size, after=after: after)  # type: ignore[misc]
 
 
 def find_hypotheses() -> list[Hypothesis]:
@@ -78,3 +127,82 @@ def find_hypotheses() -> list[Hypothesis]:
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Hypothesis)}
     return [found[name] for name in sorted(found)]
+
+
+def _after(text: str, writes: Writes) -> str:
+    return edited(text, [edit for slot, words in writes for edit in (slot.gone(text) if words is None else slot.written(words))])
+
+
+def _effective(text: str, changes: Iterable[FixedChange]) -> Iterator[tuple[FixedChange, str]]:
+    """Those that change some number or word, and the text after each; each text once."""
+    seen = {text}
+    for change in changes:
+        effective = [(slot, words) for slot, words in change.writes if not _same(slot, words)]
+        after = _after(text, effective)
+        if after not in seen:
+            seen.add(after)
+            yield replace(change, writes=effective), after
+
+
+def _same(slot: Slot, words: Words | None) -> bool:
+    if words is None:
+        return slot.absent
+    return not slot.renamed and list(map(_value, slot.words)) == list(map(_value, words))
+
+
+def _value(word: str) -> float | str:
+    """A number, or the word itself."""
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def _with_value(name: str, text: str, change: FreeChange) -> Candidate:
+    def at(value: float) -> str:
+        return text if value == 0.0 else _after(text, change.writes(value))
+
+    # Asked away from zero, for there it may leave the file as it is.
+    return Candidate(name, change.statement, _found(*change.writes(change.scale)[0]), at, 0.0, change.scale)
+
+
+def _found(slot: Slot, words: Words | None) -> Place:
+    """The place that a mend changes, in lines of the text as it is: one number of the attribute where no other changes."""
+    place = slot.place
+    if words is None or slot.absent or slot.renamed or len(words) != len(slot.words) or len(words) == 1:
+        return place
+    changed = [index for index, (old, new) in enumerate(zip(slot.words, words, strict=True)) if old != new]
+    return Place(place.line, place.element, place.attribute, changed[0], slot.words[changed[0]]) if len(changed) == 1 else place
+
+
+def _made(slot: Slot, words: Words | None) -> Place:
+    """The place of a mistake in the text that has it."""
+    place = slot.place
+    if words is None:
+        return Place(slot.absent_line, place.element, place.attribute, None, "")
+    return Place(slot.inserted_line, place.element, slot.renamed or place.attribute, None, " ".join(words))
+
+
+def times(words: Words, factor: str) -> list[str]:
+    """Numbers times a factor, exactly as decimals."""
+    return [str(_EXACT.multiply(Decimal(word), Decimal(factor))) for word in words]
+
+
+def plus(words: Words, others: Words, sign: int = 1) -> list[str]:
+    """The sums of two vectors, or the differences, exactly as decimals."""
+    return [str(_EXACT.add(Decimal(word), sign * Decimal(other))) for word, other in zip(words, others, strict=True)]
+
+
+def along(axis: int, word: str) -> list[str]:
+    """A vector of one component."""
+    return [word if place == axis else "0" for place in range(3)]
+
+
+def exchanged(words: Words, first: int, second: int) -> list[str]:
+    """The words, two of them in each other's place."""
+    order = {first: second, second: first}
+    return [words[order.get(place, place)] for place in range(len(words))]
+
+
+def is_zero(words: Words) -> bool:
+    return not any(float(word) for word in words)

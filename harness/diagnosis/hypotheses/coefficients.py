@@ -1,12 +1,15 @@
-"""Dampers, springs and rotors of joints go missing, count twice, are left in, or stand in one model only."""
+"""Dampers, springs and rotors of joints go missing, count twice, are left in, or stand in one model only.
+
+The smooth equations hold no Coulomb friction, so the validator refuses a model with some by line and attribute. It never
+reaches a diagnosis: the mistake is planted, to see that it is refused, and has no mend.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from harness.diagnosis.hypotheses import Hypothesis
-from harness.diagnosis.hypotheses._changes import FixedChange, FreeChange, hypothesis, is_zero, times
+from harness.diagnosis.hypotheses import FixedChange, FreeChange, Hypothesis, is_zero, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
 # What a mistake leaves in, of the natural size, to one digit.
@@ -54,7 +57,7 @@ def _coefficient_hypothesis(
             elif one.slot.absent:
                 yield FixedChange("left in", [(one.slot, [repr(float(f"{_LEFT_IN * one.size:.1g}"))])])
 
-    return hypothesis(name, title, source, changes, free, plants)
+    return Hypothesis(name, title, source, changes, free, plants)
 
 
 def _rotors(parts: Anatomy) -> Iterator[Coefficient]:
@@ -102,4 +105,11 @@ SPRING = _coefficient_hypothesis(
     "Pinocchio's MJCF reader passes over stiffness and springref; a plain URDF has no springs",
     _springs,
     "spring",
+)
+FRICTION = Hypothesis(
+    "friction",
+    "Coulomb friction left in",
+    "MuJoCo, XML reference, joint/frictionloss; http://wiki.ros.org/urdf/XML/joint, dynamics",
+    changes=lambda parts: (),
+    plants=lambda parts: [FixedChange("left in", [(joint.friction, ["0.1"])]) for joint in parts.joints if joint.friction is not None],
 )

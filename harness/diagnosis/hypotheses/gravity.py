@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, Write, along, exchanged, hypothesis, is_zero
+from harness.diagnosis.hypotheses import FixedChange, Hypothesis, Write, along, exchanged, is_zero
 from harness.models.anatomy.parts import Anatomy
 
 STANDARD = "-9.81"
@@ -29,7 +29,7 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
         yield FixedChange("gravity missing", [(gravity, words), *switched])
 
 
-HYPOTHESIS = hypothesis(
+HYPOTHESIS = Hypothesis(
     "gravity",
     "gravity missing, left in, or along another axis",
     "Pinocchio's MJCF reader passes over option/gravity; many tools take y upwards",

@@ -1,4 +1,4 @@
-"""Entries of an inertia are in the wrong order or of the wrong sign, or it was given about another point.
+"""Entries of an inertia are in the wrong order or of the wrong sign; it was given about another point, or with another body's.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 2.13, equation 2.63.
 """
@@ -8,30 +8,34 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.diagnosis.hypotheses._changes import FixedChange, Writes, hypothesis, is_zero, times
-from harness.diagnosis.hypotheses.rotations import matrix_of
-from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial
+from harness.diagnosis.hypotheses import FixedChange, FreeChange, Hypothesis, Write, Writes, is_zero, plus, times
+from harness.diagnosis.hypotheses.frames import matrix_of
+from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial
 
 MOMENTS, PRODUCTS = ENTRIES[:3], ENTRIES[3:]
 # MuJoCo writes moments first, URDF row by row.
 _BY_ROWS = ("xx", "xy", "xz", "yy", "yz", "zz")
 # What is left of a mass or moment after another is taken off, and is rounding.
-ROUNDING = Fraction(1, 2**48)
+_ROUNDING = Fraction(1, 2**48)
 # A moving body needs this much in MuJoCo.
 _LEAST = {"mjcf": "1e-15", "urdf": "0"}
+# Of a child's mass, what a mistake leaves in its parent; of a moment, what it loses without its parallel axes.
+_SHARE, _LOST = 0.5, 0.25
 
 
-def parallel_axis(mass: float, centre: Array) -> Array:
+def _parallel_axis(mass: float, centre: Array) -> Array:
     """m (r^2 1 - r r'), (3, 3) [kg m^2]: what an inertia about a point r away from the centre of mass has more."""
     return mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -> Writes:
-    """The writes for another inertia matrix, the one that stands there plus or minus ``added``."""
+def _with_added(inertial: Inertial, model_format: str, added: Array, factor: float = 1.0) -> Writes:
+    """The writes for another inertia matrix, the one that stands there plus ``factor`` times ``added``."""
+    added = factor * added
     largest = Fraction(float(np.abs(added).max()))
     words = {}
     for name in ENTRIES:
@@ -39,10 +43,10 @@ def with_added(inertial: Inertial, added: Array, sign: int, model_format: str) -
         change = Fraction(float(added[row, column]))
         if not change:
             continue
-        total = Fraction(inertial.words[name]) + sign * change
+        total = Fraction(inertial.words[name]) + change
         least = _LEAST[model_format] if row == column else "0"
         # A product of inertia beside moments far above it is their rounding.
-        negligible = ROUNDING * (max(abs(change), Fraction(least)) if row == column else largest)
+        negligible = _ROUNDING * (max(abs(change), Fraction(least)) if row == column else largest)
         words[name] = least if abs(total - Fraction(least)) <= negligible else repr(float(total))
     return inertial.rewritten(words)
 
@@ -84,26 +88,110 @@ def _about_another_point(parts: Anatomy) -> Iterator[FixedChange]:
         anchors = {tuple(joint.anchor): joint.anchor for joint in body.joints} or {(): np.zeros(3)}
         for anchor in anchors.values():
             arm = matrix_of(inertial.rotation, parts).T @ (inertial.centre.values - anchor)
-            added = parallel_axis(float(inertial.mass.values[0]), arm)
+            added = _parallel_axis(float(inertial.mass.values[0]), arm)
             for sign, statement in ((-1, "parallel axis counted twice"), (1, "parallel axis taken off twice")):
-                yield FixedChange(f"{statement} in {body.name}", with_added(inertial, added, sign, parts.model.format))
+                yield FixedChange(f"{statement} in {body.name}", _with_added(inertial, parts.model.format, added, sign))
 
 
-ENTRIES_SWAPPED = hypothesis(
+def _counted_in_parent(parts: Anatomy, parent: Inertial, child: Inertial, body: Body, sign: int, parallel: bool) -> list[Write]:
+    """The parent with the child's inertial, in the pose where all joints are zero, put in or taken out again."""
+    assert body.offset is not None and body.rotation is not None
+    turn = matrix_of(body.rotation, parts)
+    own, added = (float(inertial.mass.values[0]) for inertial in (parent, child))
+    centre, hung = parent.centre.values, body.offset.values + turn @ child.centre.values
+    total = own + sign * added
+    # A parent without mass of its own, or with as little as the engine accepts, has no centre.
+    total = 0.0 if abs(total) <= float(_ROUNDING) * added else total
+    if total < 0:
+        return []
+    moved = (own * centre + sign * added * hung) / total if total else np.zeros(3)
+    frame, axes = matrix_of(parent.rotation, parts), turn @ matrix_of(child.rotation, parts)
+    inertia: Array = sign * axes @ child.matrix @ axes.T
+    if parallel:
+        inertia = inertia + _parallel_axis(own, centre - moved) + sign * _parallel_axis(added, hung - moved)
+    return [
+        (parent.mass, plus(parent.mass.words, child.mass.words, sign)),
+        (parent.centre, [repr(float(part)) for part in moved]),
+        *_with_added(parent, parts.model.format, frame.T @ inertia @ frame),
+    ]
+
+
+def _pairs(parts: Anatomy) -> Iterator[tuple[Inertial, Inertial, Body]]:
+    """The inertials of parent and child, and the child."""
+    for child in parts.bodies:
+        parent = parts.body(child.parent)
+        if parent is not None and parent.inertial is not None and child.inertial is not None:
+            yield parent.inertial, child.inertial, child
+
+
+def _with_children(parts: Anatomy, sign: int) -> Iterator[FixedChange]:
+    for parent, child, body in _pairs(parts):
+        for parallel, how in ((True, ""), (False, ", without its parallel axes")):
+            writes = _counted_in_parent(parts, parent, child, body, sign, parallel)
+            if writes:
+                yield FixedChange(f"{child.body} counted in {parent.body} too{how}", writes)
+
+
+def _moved_mass(parent: Inertial, child: Inertial, mass: float) -> list[Write]:
+    """A mass [kg] moved from the parent to the child."""
+    share = [repr(mass)]
+    return [(parent.mass, plus(parent.mass.words, share, -1)), (child.mass, plus(child.mass.words, share))]
+
+
+def _left_in_parent(parts: Anatomy) -> Iterator[FreeChange]:
+    for parent, child, _ in _pairs(parts):
+        size = float(max(child.mass.values[0], 1e-3 * parts.mass))
+        yield FreeChange(f"mass of {child.body} in {parent.body}", partial(_moved_mass, parent, child), size)
+    for inertial, term in _along_centres(parts):
+        completed = partial(_with_added, inertial, parts.model.format, term)
+        yield FreeChange(f"parts of {inertial.body} without their parallel axes", completed, 1.0)
+
+
+def _along_centres(parts: Anatomy) -> Iterator[tuple[Inertial, Array]]:
+    """Inertials with what mass away from the centre, along the line from the joint, adds to their moments."""
+    for inertial in parts.inertials:
+        if inertial.centre.values.any():
+            arm = matrix_of(inertial.rotation, parts).T @ inertial.centre.values
+            yield inertial, _parallel_axis(float(inertial.mass.values[0]), arm)
+
+
+def _fused(parts: Anatomy) -> Iterator[FixedChange]:
+    yield from _with_children(parts, 1)
+    for parent, child, _ in _pairs(parts):
+        writes = _moved_mass(parent, child, -_SHARE * float(child.mass.values[0]))
+        yield FixedChange(f"half the mass of {child.body} in {parent.body}", writes)
+    for inertial, term in _along_centres(parts):
+        # As much as the smallest moment that it changes allows.
+        largest = float(np.linalg.eigvalsh(term)[-1])
+        lost = _LOST * float(np.linalg.eigvalsh(inertial.matrix)[0])
+        if lost > 1e-9 * largest:
+            fused = _with_added(inertial, parts.model.format, term, -lost / largest)
+            yield FixedChange(f"parts of {inertial.body} fused without their parallel axes", fused)
+
+
+ENTRIES_SWAPPED = Hypothesis(
     "inertia_entries",
     "entries of an inertia swapped, or the inertias of two bodies exchanged",
     "MuJoCo, XML reference, inertial/fullinertia (xx yy zz xy xz yz), against URDF's ixx ixy ixz iyy iyz izz",
     _reordered,
 )
-PRODUCTS_FLIPPED = hypothesis(
+PRODUCTS_FLIPPED = Hypothesis(
     "products",
     "signs of off-diagonal inertia entries flipped",
     "Featherstone, Rigid Body Dynamics Algorithms, section 2.13: products of inertia are the negatives of the matrix entries",
     _flipped,
 )
-PARALLEL_AXIS = hypothesis(
+PARALLEL_AXIS = Hypothesis(
     "parallel_axis",
     "inertia about the joint instead of the centre of mass, or the parallel axis taken off twice",
     "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; http://wiki.ros.org/urdf/XML/link, inertial",
     _about_another_point,
+)
+BODIES_FUSED = Hypothesis(
+    "bodies_fused",
+    "bodies fused wrongly: mass counted twice, in part in the parent, or without its parallel axes",
+    "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; MuJoCo, XML reference, compiler/fusestatic",
+    lambda parts: _with_children(parts, -1),
+    _left_in_parent,
+    _fused,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.diagnosis.hypotheses._changes import FixedChange, hypothesis, times
+from harness.diagnosis.hypotheses import FixedChange, Hypothesis, times
 from harness.models.anatomy.parts import Anatomy, Slot
 
 
@@ -29,7 +29,7 @@ def _changes(parts: Anatomy) -> Iterator[FixedChange]:
             yield FixedChange("all signs flipped", [(slot, times(slot.words, "-1"))])
 
 
-HYPOTHESIS = hypothesis(
+HYPOTHESIS = Hypothesis(
     "sign",
     "sign of a length, an offset or a force law flipped",
     "Khalil, Dombre, Modeling, Identification and Control of Robots, chapter 3: conventions of link frames",

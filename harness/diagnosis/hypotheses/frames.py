@@ -1,4 +1,6 @@
-"""A frame is turned against the one around it, and its rotation was dropped, reversed, or left in.
+"""A frame is turned or moved against the one around it.
+
+Its rotation was dropped, reversed, or left in; its offset stands in the wrong body, in its inertial, or nowhere.
 
 Sources: MuJoCo 4, modeling, frame orientations; http://wiki.ros.org/urdf/XML/joint, origin (fixed axes x, y, z).
 """
@@ -8,13 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from harness.arrays import Array
-from harness.diagnosis.hypotheses import Hypothesis
-from harness.diagnosis.hypotheses._changes import COMPONENTS, Changes, FixedChange, FreeChange, Write, hypothesis, is_zero
+from harness.diagnosis.hypotheses import COMPONENTS, Changes, FixedChange, FreeChange, Hypothesis, Write, along, is_zero, plus
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Slot
 
 # What a mistake turns a frame by [rad].
@@ -65,6 +67,11 @@ def _written(slot: Slot, rotation: Array, model_format: str) -> Write:
     return slot, [repr(roll), repr(pitch), repr(yaw)]
 
 
+def _turned(slot: Slot, axis: int, parts: Anatomy, angle: float) -> list[Write]:
+    """The slot turned further by an angle [rad] about one of its own axes."""
+    return [_written(slot, matrix_of(slot, parts) @ _about(np.eye(3)[axis], angle), parts.model.format)]
+
+
 def _rotation_hypothesis(
     name: str, title: str, source: str, slots: Callable[[Anatomy], Iterable[tuple[str, Slot]]], further_plants: Changes = lambda parts: ()
 ) -> Hypothesis:
@@ -84,22 +91,17 @@ def _rotation_hypothesis(
 
     def free(parts: Anatomy) -> Iterator[FreeChange]:
         for (what, slot), axis in itertools.product(slots(parts), range(3)):
-
-            def turned(angle: float, slot: Slot = slot, axis: int = axis) -> list[Write]:
-                return [_written(slot, matrix_of(slot, parts) @ _about(np.eye(3)[axis], angle), parts.model.format)]
-
-            yield FreeChange(f"{what} turned about its {COMPONENTS[axis]}", turned, 1.0)
+            yield FreeChange(f"{what} turned about its {COMPONENTS[axis]}", partial(_turned, slot, axis, parts), 1.0)
 
     def plants(parts: Anatomy) -> Iterator[FixedChange]:
         """``changes``, and frames turned that are not."""
         yield from changes(parts)
         for (what, slot), axis in itertools.product(slots(parts), range(3)):
             if slot.absent or is_zero(slot.words):
-                turned = _written(slot, _about(np.eye(3)[axis], TURN), parts.model.format)
-                yield FixedChange(f"{what} turned about its {COMPONENTS[axis]}", [turned])
+                yield FixedChange(f"{what} turned about its {COMPONENTS[axis]}", _turned(slot, axis, parts, TURN))
         yield from further_plants(parts)
 
-    return hypothesis(name, title, source, changes, free, plants)
+    return Hypothesis(name, title, source, changes, free, plants)
 
 
 def _principal_axes_dropped(parts: Anatomy) -> Iterator[FixedChange]:
@@ -114,6 +116,57 @@ def _principal_axes_dropped(parts: Anatomy) -> Iterator[FixedChange]:
         yield FixedChange(f"rotation of the principal axes of {inertial.body} dropped", writes, [inertial.rotation])
 
 
+def _exchanges(parts: Anatomy) -> Iterator[FixedChange]:
+    for body in parts.bodies:
+        parent = parts.body(body.parent)
+        if body.offset is None:
+            continue
+        if parent is not None and parent.offset is not None:
+            statement = f"offsets of {parent.name} and {body.name} exchanged"
+            yield FixedChange(statement, [(body.offset, parent.offset.words), (parent.offset, body.offset.words)])
+        if body.inertial is None:
+            continue
+        centre = body.inertial.centre
+        yield FixedChange(f"offset and centre of mass of {body.name} exchanged", [(body.offset, centre.words), (centre, body.offset.words)])
+        for sign, statement in ((1, "without"), (-1, "with")):
+            moved = plus(centre.words, body.offset.words, sign)
+            yield FixedChange(f"centre of mass of {body.name} {statement} its offset", [(centre, moved)])
+
+
+def _misplaced(parts: Anatomy) -> Iterator[FixedChange]:
+    yield from _exchanges(parts)
+    for body in parts.bodies:
+        if body.offset is not None and not body.offset.absent:
+            yield FixedChange(f"offset of {body.name} left in", [(body.offset, None)])
+
+
+def _left_out(parts: Anatomy) -> Iterator[FreeChange]:
+    for slot in parts.frames:
+        for axis, letter in enumerate(COMPONENTS if slot.absent else ""):
+
+            def placed(value: float, slot: Slot = slot, axis: int = axis) -> list[Write]:
+                return [(slot, along(axis, repr(value)))]
+
+            yield FreeChange(f"left out along {letter}", placed, parts.length)
+
+
+def _displaced(parts: Anatomy) -> Iterator[FixedChange]:
+    yield from _exchanges(parts)
+    for slot in parts.frames:
+        for index, word in enumerate(slot.words):
+            if float(word):
+                words = [*slot.words[:index], "0", *slot.words[index + 1 :]]
+                yield FixedChange("left out", [(slot, None if is_zero(words) and slot.place.element != "inertial" else words)])
+
+
+FRAME_OFFSET = Hypothesis(
+    "frame_offset",
+    "offset of a frame misplaced: in another body, in the inertial, or missing",
+    "Khalil, Dombre, Modeling, Identification and Control of Robots, chapter 3; http://wiki.ros.org/urdf/XML/joint, origin",
+    _misplaced,
+    _left_out,
+    _displaced,
+)
 FRAME_ROTATION = _rotation_hypothesis(
     "frame_rotation",
     "rotation of a body's frame dropped, reversed or left in",
