@@ -19,9 +19,8 @@ from harness.library import BUILT_IN_NAME
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.library import Library
-    from harness.results.causes import Cause
+    from harness.results.cross_check import Cause, SuperfluousPart
     from harness.results.records import Record
-    from harness.results.superfluous import SuperfluousPart
     from harness.study import Part
     from harness.workers import Workers
 

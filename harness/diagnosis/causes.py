@@ -18,7 +18,7 @@ from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
-from harness.results.causes import Cause
+from harness.results.cross_check import Cause
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
 from harness.verdict import AGREEMENT, Verdict

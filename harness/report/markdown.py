@@ -19,8 +19,7 @@ from harness.results.table import Column, Table, markdown_cell, markdown_line
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
-    from harness.results.causes import Cause
-    from harness.results.superfluous import SuperfluousPart
+    from harness.results.cross_check import Cause, SuperfluousPart
 
 VOLATILE = "## This run (differs from run to run)"
 

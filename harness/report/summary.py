@@ -16,8 +16,7 @@ from harness.results.records import Record, Records, Run, dumps
 from harness.results.table import Cell, Table, counted, error_text
 
 if TYPE_CHECKING:
-    from harness.results.causes import Cause
-    from harness.results.cross_check import CrossCheckResult
+    from harness.results.cross_check import Cause, CrossCheckResult
     from harness.results.hard_states import RankedCase
 
 Earlier = tuple[Run, Sequence[Record]]

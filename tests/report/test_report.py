@@ -22,10 +22,8 @@ from harness.report import Earlier, write
 from harness.report.charts import half_decades
 from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
-from harness.results.causes import Cause
-from harness.results.cross_check import CrossCheckResult
+from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.records import Record, Run, SystemCard
-from harness.results.superfluous import SuperfluousPart
 from harness.verdict import Verdict
 
 VERDICTS = [verdict.value for verdict in Verdict]
