@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
 from harness.bench.energy_drift import drifts
@@ -60,7 +61,7 @@ class BenchmarkSettings:
     Attributes:
         library: where systems and models are.
         names: systems; all for none.
-        methods: names of methods and integrators; all for none.
+        methods: names of methods and integrators, all for none; of a part, those of its own kind.
         motion: whether to measure motion too.
         profile: name of one of ``THOROUGHNESS``.
         seed: of the sampled states.
@@ -73,26 +74,9 @@ class BenchmarkSettings:
     profile: str = "quick"
     seed: int = 0
 
-
-@dataclass(frozen=True, kw_only=True)
-class Request:
-    """The input of a part: settings, methods, integrators and scene, which is None for a part about the library itself."""
-
-    settings: BenchmarkSettings
-    methods: Sequence[str]
-    integrators: Sequence[str]
-    scene: Scene | None
-
     @property
-    def profile(self) -> Thoroughness:
-        return THOROUGHNESS[self.settings.profile]
-
-    @property
-    def place(self) -> Scene:
-        """The scene of a part that is measured on systems."""
-        if self.scene is None:
-            raise ValueError("this part is measured on a system")
-        return self.scene
+    def thoroughness(self) -> Thoroughness:
+        return THOROUGHNESS[self.profile]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,14 +85,14 @@ class BenchmarkPart:
 
     Attributes:
         name: in words.
-        measure: what a worker does.
+        measure: what a worker does with settings and a scene, which is None for a part that belongs to one system or family.
         moving: whether it is about motion.
         timed: whether it must run by itself because its times are compared.
         system: the one system or family it belongs to; "" for a part that is measured on every system.
     """
 
     name: str
-    measure: Callable[[Request, Note], Benchmark]
+    measure: Callable[[BenchmarkSettings, Any, Note], Benchmark]
     moving: bool
     timed: bool
     system: str = ""
@@ -119,34 +103,34 @@ def load(library: Library, name: str, note: Note) -> Scene:
     return Scene.of(library, name)
 
 
-def _accelerations(request: Request, note: Note) -> Benchmark:
-    profile, methods, seed = request.profile, select_methods(request.methods), request.settings.seed
-    return Benchmark(accelerations=acceleration_costs(request.place, methods, profile.states, seed, profile.minimum_seconds, note))
+def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent, methods = settings.thoroughness, select_methods(settings.methods)
+    return Benchmark(accelerations=acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note))
 
 
-def _growth(request: Request, note: Note) -> Benchmark:
-    settings, profile, methods = request.settings, request.profile, select_methods(request.methods)
-    found = growth(settings.library, methods, profile.states, settings.seed, profile.minimum_seconds, note, profile.sizes)
+def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    extent, methods = settings.thoroughness, select_methods(settings.methods)
+    found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
     return Benchmark(growth=found)
 
 
-def _motion(request: Request, note: Note) -> Benchmark:
-    profile, names = request.profile, request.integrators
-    truth, costs, orders = motion_costs(request.place, names, profile.steps, profile.horizon, profile.seconds, note)
+def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent = settings.thoroughness
+    truth, costs, orders = motion_costs(scene, settings.methods, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
 
-def _drifts(request: Request, note: Note) -> Benchmark:
-    profile = request.profile
-    return Benchmark(drifts=drifts(request.place, request.integrators, profile.long_steps, note, seconds=profile.long_seconds))
+def _drifts(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent = settings.thoroughness
+    return Benchmark(drifts=drifts(scene, settings.methods, extent.long_steps, note, seconds=extent.long_seconds))
 
 
-def _stationarity(request: Request, note: Note) -> Benchmark:
-    return Benchmark(stationarity=stationarity(request.place, note))
+def _stationarity(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    return Benchmark(stationarity=stationarity(scene, note))
 
 
-def _figures(request: Request, note: Note) -> Benchmark:
-    return Benchmark(figures=figures(request.settings.library, note))
+def _figures(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    return Benchmark(figures=figures(settings.library, note))
 
 
 PARTS = (

@@ -6,9 +6,10 @@ Whatever is timed for comparison runs by itself, one task after the other; the r
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from harness.bench.methods import find_methods
-from harness.bench.parts import PARTS, THOROUGHNESS, BenchmarkPart, BenchmarkSettings, Request, load
+from harness.bench.parts import PARTS, BenchmarkPart, BenchmarkSettings, load
 from harness.crosscheck.scene import Scene
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import member_of, nearest
@@ -31,7 +32,6 @@ class BenchmarkStudy(Rounds):
     def __init__(self, settings: BenchmarkSettings) -> None:
         super().__init__()
         self.settings = settings
-        self.thoroughness = THOROUGHNESS[settings.profile]
         self.names = settings.library.select(settings.names)
         methods, moving = [method.name for method in find_methods()], [integrator.name for integrator in integrators()]
         for name in settings.methods:
@@ -39,8 +39,9 @@ class BenchmarkStudy(Rounds):
                 raise InvalidRequest(f"no method or integrator is called {name!r}; {nearest(name, [*methods, *moving])}")
             if name in moving and not settings.motion:
                 raise InvalidRequest(f"{name!r} computes motion; ask for it with --motion")
-        self._methods = [name for name in methods if name in (settings.methods or methods)]
-        self._integrators = [name for name in moving if settings.motion and name in (settings.methods or moving)]
+        chosen = settings.methods or [*methods, *(moving if settings.motion else ())]
+        # By whether it is motion that they compute.
+        self._methods = {False: [name for name in methods if name in chosen], True: [name for name in moving if name in chosen]}
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
 
@@ -64,15 +65,13 @@ class BenchmarkStudy(Rounds):
         for part in PARTS:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
-                    request = Request(
-                        settings=self.settings, methods=self._methods, integrators=self._integrators, scene=self._scenes.get(name)
-                    )
+                    given = replace(self.settings, methods=self._methods[part.moving]), self._scenes.get(name)
                     # Two timings at once would take turns on memory and caches, and measure each other.
-                    yield Task((self._taken, name, part.name), part.measure, (request,), affinity="timed" if timed else None)
+                    yield Task((self._taken, name, part.name), part.measure, given, affinity="timed" if timed else None)
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
-        if not (self._integrators if part.moving else self._methods):
+        if not self._methods[part.moving]:
             return []
         if not part.system:
             return self.names

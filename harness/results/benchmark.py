@@ -33,7 +33,7 @@ class AccelerationCost:
 
     system: str
     method: str
-    threads: int
+    threads: int = 1
     states: int
     seconds_per_state: float | None
     fastest: float | None = None
