@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from harness.hard import evolution
 from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
-from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command
+from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
 from harness.results.search import Case, SearchResult
 from harness.study import Part, Rounds
 from harness.verdict import SEVERITY, Verdict
@@ -211,7 +212,7 @@ class Search(Rounds):
     def _conclude(self) -> None:
         """Rank what was found, and store it."""
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
-        for one, program in sorted(distinct.values(), key=lambda pair: pair[0].severity, reverse=True):
+        for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.get((self.name, one.subject), Expectation())
             replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
             as_expected = _is_expected(one, expectation)
@@ -229,24 +230,15 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
         note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
-    worst: dict[tuple[str, str], FoundState] = {}
+    explained: list[FoundState] = []
     for index in range(len(states)):
         state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
         verdict = str(noted(state).verdicts[0])
         loss = locate(assignment, state)
-        found = _found(
-            assignment,
-            state=state.as_json(0),
-            backward_error=None if math.isnan(error) else error,
-            digits_lost=digits_lost(error),
-            verdict=verdict,
-            term=loss.term,
-            statement=loss.statement,
-        )
-        key = verdict, loss.term
-        if key not in worst or found.severity > worst[key].severity:
-            worst[key] = found
-    return [(found, reproduce(assignment, States.at(**found.state))) for found in worst.values()]
+        about = {"state": state.as_json(0), "verdict": verdict, "term": loss.term, "statement": loss.statement}
+        explained.append(_found(assignment, backward_error=None if math.isnan(error) else error, digits_lost=digits_lost(error), **about))
+    worst = worst_of_each(explained, attrgetter("verdict", "term"))
+    return [(found, reproduce(assignment, States.at(**found.state))) for found in worst]
 
 
 def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, note: tasks.Note = lambda text: None) -> evolution.Hunt:

@@ -36,7 +36,7 @@ def ranked(
     """
     systems = sorted({record.system for record in records})
     found = {name: [one for one in load_found(library, name) if _is_of(one, run)] for name in systems}
-    cases = [case for of_subject in worst_cases(records, found, most, replay_options).values() for case in of_subject]
+    cases = worst_cases(records, found, most, replay_options)
     subjects = {str(subject): subject for subject in select_subjects(library, [])}
     work = [
         Task((index, function), function, (library, case.system, subjects[case.subject], case.state))
