@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from harness.engines import Subject, installed_version, load_engine, select_subjects
 from harness.errors import InvalidRequest
@@ -17,25 +16,12 @@ from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
 
-@dataclass(frozen=True, kw_only=True)
-class AtlasSettings:
-    """A choice of measurements.
-
-    Attributes:
-        library: whose engines are meant; the cases are the harness's own.
-        cases: names; all for none.
-        subjects: as text; for none every native one whose engine is installed, as the cases try engines, not readers.
-        motion: whether partings and stable steps are measured too.
-    """
-
-    library: Library
-    cases: Sequence[str] = ()
-    subjects: Sequence[str] = ()
-    motion: bool = False
-
-
 class AtlasStudy(Rounds):
     """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
+
+    ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
+    native one is asked whose engine is installed, as the cases try engines, not readers. ``motion`` measures partings and stable
+    steps too.
 
     Raises:
         InvalidInput: an engine or the file of expected verdicts cannot be used.
@@ -44,22 +30,18 @@ class AtlasStudy(Rounds):
 
     title = "atlas"
 
-    def __init__(self, settings: AtlasSettings) -> None:
+    def __init__(self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False) -> None:
         super().__init__()
         self._measured = Atlas()
-        self._expected = expectations(settings.library)
-        for name in settings.cases:
+        self._expected = expectations(library)
+        for name in cases:
             if name not in hard_cases():
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
-        cases = list(dict.fromkeys(settings.cases)) or list(hard_cases())
-        self._next += [
-            Task((self._rated, name, subject), measure, (name, subject, settings.library))
-            for name in cases
-            for subject in _installed(settings)
-        ]
-        if settings.motion:
+        asked, names = _installed(library, subjects), list(dict.fromkeys(cases)) or list(hard_cases())
+        self._next += [Task((self._rated, name, subject), measure, (name, subject, library)) for name in names for subject in asked]
+        if motion:
             values = hard_cases()[OSCILLATOR].values
-            self._next += [Task((self._moved, "partings", name), partings, (name, settings.library)) for name in hard_motions()]
+            self._next += [Task((self._moved, "partings", name), partings, (name, library)) for name in hard_motions()]
             self._next += [Task((self._moved, "stable_steps", name), stable_steps, (name, values)) for name in STABILITY_LIMITS]
         self.steps = len(self._next)
 
@@ -83,14 +65,14 @@ class AtlasStudy(Rounds):
         return Part(label, found)
 
 
-def _installed(settings: AtlasSettings) -> list[Subject]:
+def _installed(library: Library, names: Sequence[str]) -> list[Subject]:
     """The native subjects asked for, without those whose engine is not installed where none was named."""
     chosen = []
-    for subject in select_subjects(settings.library, settings.subjects, native_only=True):
-        engine = load_engine(settings.library, subject.engine)
+    for subject in select_subjects(library, names, native_only=True):
+        engine = load_engine(library, subject.engine)
         if installed_version(engine) is not None:
             chosen.append(subject)
-        elif settings.subjects:
+        elif names:
             raise InvalidRequest(f"{subject} cannot be measured: {engine.requires[1]} is not installed")
     if not chosen:
         raise InvalidRequest("no engine is installed")
