@@ -28,7 +28,7 @@ from harness.crosscheck.tasks import Note
 from harness.equations.mechanism import Mechanism
 from harness.hard.cases import decades, hard_cases
 from harness.library import Library
-from harness.motion.integrators import Advance
+from harness.motion.integrators import Advance, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Metric, Start
 from harness.results.atlas import Parting, StableStep
@@ -137,8 +137,6 @@ def hard_motions() -> dict[str, HardMotion]:
 
 def partings(name: str, library: Library, note: Note) -> list[Parting]:
     """Every integrator from every start of one family, as a task for ``harness.workers``."""
-    from harness.motion.integrators import select_integrators
-
     motion = hard_motions()[name]
     scene = Scene.of(library, motion.system)
     advances = {integrator.name: integrator.prepare(scene) for integrator in select_integrators(motion.integrators)}
@@ -239,8 +237,6 @@ RESOLUTION = 2e-3
 
 def stable_steps(integrator_name: str, values: Sequence[float], note: Note) -> list[StableStep]:
     """The largest stable steps of one integrator along the stiffness of a spring, as a task for ``harness.workers``."""
-    from harness.motion.integrators import select_integrators
-
     case = hard_cases()[OSCILLATOR]
     [integrator] = select_integrators([integrator_name])
     expected = STABILITY_LIMITS[integrator_name]
