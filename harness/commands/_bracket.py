@@ -132,7 +132,7 @@ class Bracket:
 
         Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
         """
-        from harness.report import build, build_measured, write
+        from harness.report import build, write
         from harness.results.atlas import Atlas
         from harness.results.benchmark import Benchmark
         from harness.results.cross_check import CrossCheckResult
@@ -142,14 +142,12 @@ class Bracket:
         runs = history.studies(CrossCheckResult, library)
         if number is None:
             number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
+        given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas}
         if number is not None:
-            files = build(runs[number], history.read(number, CrossCheckResult), history.earlier(number), benchmark, atlas)
-        elif benchmark is not None or atlas is not None:
-            files = build_measured(benchmark, atlas)
-        else:
-            return
-        write(self.directory, files)
-        click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
+        if any(given.values()):
+            write(self.directory, build(**given))
+            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""
