@@ -21,7 +21,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
 
     Example: harness atlas far_base --subject mujoco/mjcf
     """
-    from harness.hard.atlas_study import AtlasStudy
+    from harness.hard.atlas import AtlasStudy
     from harness.hard.cases import STATES
     from harness.report import hard_tables as tables
     from harness.report.hard_cases import HardSummary

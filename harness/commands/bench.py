@@ -26,8 +26,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
 
     Example: harness bench cart_pendulum --motion
     """
-    from harness.bench.parts import BenchmarkSettings
-    from harness.bench.study import BenchmarkStudy
+    from harness.bench.study import BenchmarkSettings, BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest

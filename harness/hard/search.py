@@ -192,7 +192,7 @@ class Search(Rounds):
             self._result.failures[str(subject)] = failure
         return bool(failure)
 
-    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> Iterator[Part]:
+    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> None:
         """The state at which the engine died; without one if it does not die again."""
         if outcome.crash is None or not outcome.crash.note:
             failure = f"{crash}; no single state repeats it: lower --budget or raise --time-limit"
@@ -201,25 +201,34 @@ class Search(Rounds):
             state = json.loads(outcome.crash.note)
             # Neither loading nor certifying asks the engine at that state.
             self._next.append(Task((self._programmed, assignment, crash, state), _program, (assignment, States.at(**state))))
-        yield from ()
 
-    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> Iterator[Part]:
+    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> None:
         verdict = Verdict.ERROR.value
         found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
         self._found.append((found, outcome.value or ""))
-        yield from ()
 
     def _conclude(self) -> None:
         """Rank what was found, and store it."""
+        settings, result = self.settings, self._result
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.get((self.name, one.subject), Expectation())
-            replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
-            as_expected = _is_expected(one, expectation)
-            self._result.cases.append(
-                Case(found=one, expected=expectation.verdict, as_expected=as_expected, replay=replay, reproducer=program)
-            )
-        _store(self.settings, self.name, self._result)
+            replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
+            # No worse than what is expected of the pair over many states.
+            is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.backward_error
+            result.cases.append(Case(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
+        new = merged([], [case.found for case in result.cases])
+        if not new:
+            result.not_stored = "every state agrees"
+        elif not settings.keep:
+            result.not_stored = "not asked for"
+        else:
+            try:
+                keep(settings.library, self.name, new)
+                result.stored = result.place
+            except InvalidInput as error:
+                # The search has not failed where its library cannot be written; a broken file has been reported before.
+                result.not_stored = str(error)
 
 
 def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> list[tuple[FoundState, str]]:
@@ -265,23 +274,3 @@ def _noted(crash: Crash) -> States:
 
 def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> str:
     return reproduce(assignment, state)
-
-
-def _is_expected(found: FoundState, expectation: Expectation) -> bool:
-    """True if a state is no worse than what is expected of the pair over many states."""
-    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.backward_error
-
-
-def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:
-    new = merged([], [case.found for case in result.cases])
-    if not new:
-        result.not_stored = "every state agrees"
-    elif not settings.keep:
-        result.not_stored = "not asked for"
-    else:
-        try:
-            keep(settings.library, name, new)
-            result.stored = result.place
-        except InvalidInput as error:
-            # The search has not failed where its library cannot be written; a broken file has been reported before.
-            result.not_stored = str(error)

@@ -22,8 +22,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
-from harness.hard.atlas import measure, why_undecided
-from harness.hard.atlas_study import AtlasStudy
+from harness.hard.atlas import AtlasStudy, measure, why_undecided
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.library import Library
