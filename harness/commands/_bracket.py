@@ -43,7 +43,7 @@ class Bracket:
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
-    _run: Run | None = None
+    run: Run = field(init=False)
 
     @cached_property
     def library(self) -> Library:
@@ -57,11 +57,6 @@ class Bracket:
         return Library.at(self.library_path)
 
     @property
-    def run(self) -> Run:
-        assert self._run is not None, "begin comes first"
-        return self._run
-
-    @property
     def replay_options(self) -> list[str]:
         """The options of a command that repeats a part of this one."""
         return ["--library", self.library_path] if self.library_path else []
@@ -70,10 +65,10 @@ class Bracket:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
         from harness.crosscheck.description import describe_run
 
-        self._run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
         if kept_as is not None:
-            self.number = self.history.begin(self._run, kept_as)
-        return self._run
+            self.number = self.history.begin(self.run, kept_as)
+        return self.run
 
     @cached_property
     def pool(self) -> Workers:

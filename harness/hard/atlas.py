@@ -16,7 +16,7 @@ import functools
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import Any
@@ -26,13 +26,13 @@ import numpy as np
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import CERTIFIED_RADIUS, LAST_PRECISION, UNIT_ROUNDOFF, Reference
 from harness.crosscheck.tasks import Note, reference_kernel
-from harness.engines import EQUATIONS, Subject, installed_version, linear_velocity_in_body, load_engine, select_subjects, subjects
+from harness.engines import EQUATIONS, Subject, installed_version, linear_velocity_in_body, load_engine, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
-from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
+from harness.hard.cases import HardCase, Theory, hard_cases, library_of
+from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
 from harness.library import Library, nearest
 from harness.models.model_file import ModelFile, read_model
@@ -72,7 +72,7 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
 
 def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
     """The row of some points, with what the case and theory say of it."""
-    theory = case.theory_of(str(subject))
+    theory = case.theory.get(str(subject), Theory())
     return HardRow(
         case=case.name,
         title=case.title,
@@ -88,15 +88,6 @@ def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: 
         remedy=case.remedy,
         **measured,
     )
-
-
-def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
-    """The expected verdicts along the harness's own hard cases, for subjects of ``engines``.
-
-    Raises:
-        harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
-    """
-    return load_hard_expectations(PATH, list(hard_cases()), [str(subject) for subject in subjects(engines)])
 
 
 @functools.lru_cache(maxsize=4)
@@ -232,7 +223,7 @@ class AtlasStudy(Rounds):
     def __init__(self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False) -> None:
         super().__init__()
         self._measured = Atlas()
-        self._expected = expectations(library)
+        self._expected = load_hard_expectations(PATH, list(hard_cases()), [str(one) for one in select_subjects(library, ())])
         for name in cases:
             if name not in hard_cases():
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")

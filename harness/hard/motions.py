@@ -76,17 +76,13 @@ class HardMotion:
 _RUNGE_KUTTA = ("equations RK4", "mujoco RK4", "pinocchio RK4")
 
 
-def _thrown(mechanism: Mechanism, angle: float) -> Start:
-    return Start(np.array([angle, angle / 2]), np.zeros(2), 40.0)
-
-
 CHAOS = HardMotion(
     name="chaos",
     title="double pendulum let go at rest, from gentle to over the top",
     system="double_pendulum",
     knob=("first angle", "rad"),
     values=tuple(0.3 + 2.7 * i / 29 for i in range(30)),
-    start=_thrown,
+    start=lambda mechanism, angle: Start(np.array([angle, angle / 2]), np.zeros(2), 40.0),
     baseline=None,
     integrators=_RUNGE_KUTTA,
     step=2e-3,

@@ -99,10 +99,6 @@ class HardCase:
         """Name of the system at one value of the knob."""
         return self.system if isinstance(self.system, str) else self.system(value)
 
-    def theory_of(self, subject: str) -> Theory:
-        """The expectation of ``subject``; agreement where it is not named."""
-        return self.theory.get(subject, Theory())
-
     def mechanism_at(self, mechanism: Mechanism, value: float) -> Mechanism:
         """``mechanism`` with the parameters of one value of the knob.
 
