@@ -99,7 +99,7 @@ class Search(Rounds):
         self._hunts = hunts(settings.budget)
         self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
         self._loaded: dict[str, Any] = {}
-        self._worst: dict[tuple[Subject, int], States] = {}
+        self._worst: dict[Subject, dict[int, States]] = {}
         # One crash of a subject is enough: each costs a process.
         self._crashes: dict[Subject, Crash] = {}
         self._found: list[tuple[FoundState, str]] = []
@@ -120,12 +120,10 @@ class Search(Rounds):
             for number, (states, population) in enumerate(self._hunts)
             for assignment in assignments.values()
         ]
-        hunted: dict[Subject, list[States]] = {}
-        for (subject, _), states in sorted(self._worst.items(), key=lambda item: (str(item[0][0]), item[0][1])):
-            hunted.setdefault(subject, []).append(states)
+        hunted = {subject: States.concatenate([own[number] for number in sorted(own)]) for subject, own in self._worst.items()}
         yield [
-            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], States.concatenate(states)))
-            for subject, states in hunted.items()
+            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], hunted[subject]))
+            for subject in sorted(hunted, key=str)
         ]
         yield [
             Task((self._replayed, assignments[subject], crash), ask_one_by_one, (assignments[subject], _noted(crash)))
@@ -172,7 +170,7 @@ class Search(Rounds):
         if self._has_failed(outcome, subject):
             return
         taken: evolution.Hunt = outcome.value
-        self._worst[subject, number] = taken.worst
+        self._worst.setdefault(subject, {})[number] = taken.worst
         for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
             counts[str(subject)] = counts.get(str(subject), 0) + count
         error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
@@ -225,7 +223,7 @@ class Search(Rounds):
         else:
             try:
                 keep(settings.library, self.name, new)
-                result.stored = result.place
+                result.not_stored = ""
             except InvalidInput as error:
                 # The search has not failed where its library cannot be written; a broken file has been reported before.
                 result.not_stored = str(error)

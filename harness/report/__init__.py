@@ -63,8 +63,8 @@ def build(
     }
 
 
-def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:
-    """Write what ``build`` returned into ``directory``, made if it is missing, each file whole or not at all; their paths.
+def write(directory: Path | str, files: Mapping[str, str]) -> None:
+    """Write what ``build`` returned into ``directory``, made if it is missing, each file whole or not at all.
 
     Raises:
         InvalidInput: the directory or a file cannot be written.
@@ -74,8 +74,5 @@ def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(folder, None, f"cannot hold a report ({error.strerror}); name a folder that is writable") from error
-    paths = []
     for name, text in files.items():
         write_atomically(folder / name, text)
-        paths.append(folder / name)
-    return paths
