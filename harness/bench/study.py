@@ -181,16 +181,12 @@ class BenchmarkStudy(Rounds):
         return len(self.names) + sum(len(self._places(part)) for part in PARTS)
 
     def rounds(self) -> Iterator[list[Task]]:
-        yield list(self._loading())
+        yield [Task((self._loaded, name, "equations and models"), load, (self.settings.library, name)) for name in self.names]
         yield list(self._measuring(timed=True))
         yield list(self._measuring(timed=False))
 
     def result(self) -> Benchmark:
         return self._measured
-
-    def _loading(self) -> Iterator[Task]:
-        for name in self.names:
-            yield Task((self._loaded, name, "equations and models"), load, (self.settings.library, name))
 
     def _measuring(self, timed: bool) -> Iterator[Task]:
         for part in PARTS:

@@ -45,7 +45,7 @@ class HardMotion:
     """A family of motions that diverge.
 
     Attributes:
-        name, title: of the family.
+        name: of the family.
         system: name in the built-in library.
         knob: name and unit of what chooses the start; values: of it.
         start: (mechanism, value) to where every integrator starts.
@@ -54,11 +54,10 @@ class HardMotion:
         integrators: names, of one scheme; the first one's motion is the one that is nudged.
         step, steps: of all motions [s]; every: of how many steps one is kept.
         rate: (mechanism, value) to the rate of divergence by theory [1/s]; None where there is none but the nudged motion's.
-        source: where that is from; remedy: what a user can do.
+        source: where that is from.
     """
 
     name: str
-    title: str
     system: str
     knob: tuple[str, str]
     values: tuple[float, ...]
@@ -70,15 +69,14 @@ class HardMotion:
     every: int = 20
     rate: Callable[[Mechanism, float], float] | None = None
     source: str
-    remedy: str
 
 
 _RUNGE_KUTTA = ("equations RK4", "mujoco RK4", "pinocchio RK4")
 
 
+# A double pendulum let go at rest, from gentle to over the top.
 CHAOS = HardMotion(
     name="chaos",
-    title="double pendulum let go at rest, from gentle to over the top",
     system="double_pendulum",
     knob=("first angle", "rad"),
     values=tuple(0.3 + 2.7 * i / 29 for i in range(30)),
@@ -88,7 +86,6 @@ CHAOS = HardMotion(
     step=2e-3,
     steps=20_000,
     source="Lichtenberg, Lieberman, Regular and Chaotic Dynamics, 2nd ed., section 5.2 (Lyapunov exponents)",
-    remedy="compare engines before they part, or compare statistics; no tolerance, step or engine helps beyond",
 )
 
 
@@ -109,9 +106,9 @@ def _middle_axis_rate(mechanism: Mechanism, nudge: float) -> float:
     return _SPIN * math.sqrt((b - a) * (c - b) / (a * c))
 
 
+# A satellite set spinning about its middle principal axis, drifting out of it.
 MIDDLE_AXIS = HardMotion(
     name="middle_axis",
-    title="satellite set spinning about its middle principal axis, drifting out of it",
     system="satellite_wheel",
     knob=("rate about the other axes", "rad/s"),
     values=decades(-16, -4),
@@ -122,7 +119,6 @@ MIDDLE_AXIS = HardMotion(
     steps=10_000,
     rate=_middle_axis_rate,
     source="Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 5.6; Hughes, Spacecraft Attitude Dynamics, chapter 6",
-    remedy="none is needed: the set is unstable, and leaving it takes as long as the digits last",
 )
 
 
