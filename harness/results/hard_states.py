@@ -15,7 +15,7 @@ from datetime import date
 from itertools import groupby, islice
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -92,18 +92,17 @@ def load_found(library: Library, system: str) -> list[FoundState]:
         raise InvalidInput(path, None, f"cannot be read: {error}; {expected}") from error
     if not isinstance(entries, list):
         raise InvalidInput(path, None, f"holds no list; {expected}")
-    return [_found(path, number, entry, names, expected) for number, entry in enumerate(entries, start=1)]
-
-
-def _found(path: Path, number: int, entry: Any, names: Collection[str], expected: str) -> FoundState:
-    # A field that this harness does not know would be lost when the file is written again.
-    if unknown := set(entry) - set(names) if isinstance(entry, dict) else ():
-        raise InvalidInput(path, None, f"entry {number} holds {', '.join(sorted(unknown))}; {expected}")
-    try:
-        # JSON has no infinity; lax conversion reads the text of one.
-        return msgspec.convert(entry, FoundState, strict=False)
-    except ValueError as error:
-        raise InvalidInput(path, None, f"entry {number}: {error}; {expected}") from error
+    found = []
+    for number, entry in enumerate(entries, start=1):
+        # A field that this harness does not know would be lost when the file is written again.
+        if unknown := set(entry) - set(names) if isinstance(entry, dict) else ():
+            raise InvalidInput(path, None, f"entry {number} holds {', '.join(sorted(unknown))}; {expected}")
+        try:
+            # JSON has no infinity; lax conversion reads the text of one.
+            found.append(msgspec.convert(entry, FoundState, strict=False))
+        except ValueError as error:
+            raise InvalidInput(path, None, f"entry {number}: {error}; {expected}") from error
+    return found
 
 
 def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
