@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
-    from harness.results.causes import Cause
+    from harness.results.cross_check import Cause
     from harness.workers import Workers
 
 Names = str | Sequence[str]

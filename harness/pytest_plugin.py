@@ -19,9 +19,8 @@ from harness.library import BUILT_IN_NAME
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.library import Library
-    from harness.results.causes import Cause
+    from harness.results.cross_check import Cause, SuperfluousPart
     from harness.results.records import Record
-    from harness.results.superfluous import SuperfluousPart
     from harness.study import Part
     from harness.workers import Workers
 
@@ -98,7 +97,9 @@ def pytest_configure(config: pytest.Config) -> None:
     from harness.library import Library
 
     try:
-        library = Library.at(None if chosen == BUILT_IN_NAME else _relative_to(config, chosen))
+        # From the folder where pytest was started; a name where there is no such folder.
+        directory = config.invocation_params.dir / chosen
+        library = Library.at(None if chosen == BUILT_IN_NAME else directory if directory.exists() else chosen)
     except InvalidInput as error:
         raise pytest.UsageError(str(error)) from error
     config.pluginmanager.register(_Regression(config, library, chosen), "harness-regression")
@@ -107,12 +108,6 @@ def pytest_configure(config: pytest.Config) -> None:
         if config.args_source is not pytest.Config.ArgsSource.ARGS:
             config.args[:] = []
         config.args.append(str(library.systems))
-
-
-def _relative_to(config: pytest.Config, chosen: str) -> Path | str:
-    """The folder where pytest was started and ``chosen`` leads to; the name itself where there is none such."""
-    directory = config.invocation_params.dir / chosen
-    return directory if directory.exists() else chosen
 
 
 class _Regression:

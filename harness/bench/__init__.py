@@ -2,5 +2,5 @@
 
 May use ``motion``, ``crosscheck`` and what is below them.
 
-Start with ``parts`` (what a benchmark measures); each way of computing accelerations is a declaration in ``methods``.
+Start with ``study`` (what a benchmark measures); each way of computing accelerations is a declaration in ``methods``.
 """

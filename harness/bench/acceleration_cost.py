@@ -3,17 +3,19 @@
 Cost is per state and takes in neither loading nor conversion; error is the backward error against the
 certified reference at the same states.
 
-``harness.certify.compare`` says what an error is, ``harness.bench.timing`` how the cost is taken.
+``harness.certify.compare`` says what an error is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import statistics
+import time
+import timeit
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from harness.bench.methods import Method
-from harness.bench.timing import measure
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import sample
@@ -59,8 +61,8 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
     try:
         prepared = method.prepare(scene, states)
     except Unsupported as reason:
-        return AccelerationCost(system=name, method=method.name, threads=method.threads, states=0, seconds_per_state=None, note=str(reason))
-    timing = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
+        return AccelerationCost(system=name, method=method.name, states=0, seconds_per_state=None, note=str(reason))
+    times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
     comparison = compare(reference, prepared.accelerations())
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
     remarks = [prepared.note]
@@ -72,17 +74,34 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
     return AccelerationCost(
         system=name,
         method=method.name,
-        threads=method.threads,
         states=n,
-        seconds_per_state=timing.median / n,
-        fastest=timing.fastest / n,
-        slowest=timing.slowest / n,
-        repetitions=timing.repetitions,
+        seconds_per_state=statistics.median(times) / n,
+        fastest=min(times) / n,
+        slowest=max(times) / n,
+        repetitions=len(times),
         backward_error=max(backward.tolist(), default=None),
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
     )
+
+
+def measure(function: Callable[[], object], minimum_count: int, minimum_seconds: float) -> list[float]:
+    """Wall times of calls of ``function`` [s] by a monotonic clock, after one call to warm up, until both minima are met.
+
+    ``timeit`` keeps Python's garbage collector out of what is timed. What ``function`` raises is passed on.
+
+    Source: Chen, Revels, Robust benchmarking in noisy environments, IEEE HPEC (2016): the noise of a machine only ever adds
+    time, so the fastest call is reported beside the median.
+    """
+    function()
+    timer = timeit.Timer(function, timer=time.perf_counter)
+    seconds: list[float] = []
+    total = 0.0
+    while len(seconds) < minimum_count or total < minimum_seconds:
+        seconds.append(timer.timeit(1))
+        total += seconds[-1]
+    return seconds
 
 
 def growth(

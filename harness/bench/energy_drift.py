@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -98,51 +98,41 @@ def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: flo
     for integrator in select_integrators(names):
         note(f"{conservative.name}: {integrator.name} over {steps} steps")
         try:
-            advance = integrator.prepare(scene)
+            run = _runs(integrator, integrator.prepare(scene), start, step)
         except Unsupported:
             continue
-        found.append(_drift(integrator, advance, start, energies, largest_kinetic, conservative.name, steps, step, seconds))
+        trial = min(steps, TRIAL_STEPS)
+        began = time.perf_counter()
+        run(trial, 1)
+        allowed = seconds * trial / (time.perf_counter() - began)
+        count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
+        path = run(count, KEPT)
+        energy = energies.along(path.q, path.v, path.times).energy
+        errors = np.abs(energy - energy[0]) / largest_kinetic
+        growth = growth_of(path.times, errors)
+        # Of rounding errors theory says nothing; on a linear system a method may leave nothing else.
+        only_rounding = bool(errors.max() <= ROUNDINGS_PER_STEP * UNIT_ROUNDOFF * math.sqrt(count))
+        found.append(
+            Drift(
+                system=conservative.name,
+                integrator=integrator.name,
+                step=count * step / path.evaluations if integrator.adaptive else step,
+                steps=path.evaluations if integrator.adaptive else count,
+                seconds=path.seconds,
+                largest=float(errors.max()) if np.isfinite(errors).all() else math.inf,
+                growth=growth,
+                verdict=verdict_of(growth, errors),
+                expected="" if only_rounding else integrator.long_run,
+            )
+        )
     return found
 
 
-def _drift(
-    integrator: Integrator,
-    advance: Advance,
-    start: Start,
-    energies: EnergyKernel,
-    largest_kinetic: float,
-    system: str,
-    steps: int,
-    step: float,
-    seconds: float,
-) -> Drift:
-    def run(count: int, kept: int) -> Path:
-        if integrator.adaptive:
-            return advance(replace(start, horizon=count * step), TOLERANCE, kept, 1)
-        return advance(start, step, count, max(1, count // kept))
-
-    trial = min(steps, TRIAL_STEPS)
-    began = time.perf_counter()
-    run(trial, 1)
-    allowed = seconds * trial / (time.perf_counter() - began)
-    count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
-    path = run(count, KEPT)
-    energy = energies.along(path.q, path.v, path.times).energy
-    errors = np.abs(energy - energy[0]) / largest_kinetic
-    growth = growth_of(path.times, errors)
-    # Of rounding errors theory says nothing; on a linear system a method may leave nothing else.
-    only_rounding = bool(errors.max() <= ROUNDINGS_PER_STEP * UNIT_ROUNDOFF * math.sqrt(count))
-    return Drift(
-        system=system,
-        integrator=integrator.name,
-        step=count * step / path.evaluations if integrator.adaptive else step,
-        steps=path.evaluations if integrator.adaptive else count,
-        seconds=path.seconds,
-        largest=float(errors.max()) if np.isfinite(errors).all() else math.inf,
-        growth=growth,
-        verdict=verdict_of(growth, errors),
-        expected="" if only_rounding else integrator.long_run,
-    )
+def _runs(integrator: Integrator, advance: Advance, start: Start, step: float) -> Callable[[int, int], Path]:
+    """From numbers of steps and of states that are kept to the path."""
+    if integrator.adaptive:
+        return lambda count, kept: advance(replace(start, horizon=count * step), TOLERANCE, kept, 1)
+    return lambda count, kept: advance(start, step, count, max(1, count // kept))
 
 
 def growth_of(times: Array, errors: Array) -> float | None:

@@ -175,28 +175,19 @@ def _run(integrator: Integrator, advance: Advance, start: Start, size: float, co
 
 
 def _nothing(system: str, integrator: Integrator, size: float | None, reason: str) -> MotionCost:
-    return MotionCost(
-        system=system,
-        integrator=integrator.name,
-        step=None if integrator.adaptive else size,
-        tolerance=size if integrator.adaptive else None,
-        steps=0,
-        evaluations=0,
-        seconds=0.0,
-        state_error=None,
-        energy_error=None,
-        note=reason,
-    )
+    step, tolerance = (None, size) if integrator.adaptive else (size, None)
+    return MotionCost(system=system, integrator=integrator.name, step=step, tolerance=tolerance, note=reason)
 
 
 def measured_order(integrator: Integrator, advance: Advance, judge: Judge, sweep: Sequence[MotionCost], seconds: float) -> Order:
     """The order of convergence of an integrator with fixed steps, by halving them from where the error is small."""
+    about = Order(system=judge.scene.mechanism.name, integrator=integrator.name, expected=integrator.order, verdict="no asymptotic range")
     small = [cost for cost in sweep if cost.state_error is not None and cost.state_error <= SMALL_ERROR]
     explanation = (
         integrator.explain(judge.scene, judge.start, min(EXPLAINING_STEP, judge.start.horizon / KEPT)) if integrator.explain else ""
     )
     if not small:
-        return _order(judge, integrator, None, "no asymptotic range", f"no step has an error below {SMALL_ERROR:g}", [])
+        return replace(about, explanation=f"no step has an error below {SMALL_ERROR:g}")
     first = min(small, key=lambda cost: cost.steps)
     sizes, errors, slopes = [first.step or 0.0], [first.state_error or 0.0], []
     count, per_step = first.steps, first.seconds / first.steps
@@ -216,12 +207,14 @@ def measured_order(integrator: Integrator, advance: Advance, judge: Judge, sweep
     printed = ", ".join(f"{slope:.2f}" for slope in slopes)
     if not _is_stable(slopes):
         reason = f"slopes {printed or 'none'} still change where rounding or the time allowed ends the range"
-        return _order(judge, integrator, None, "no asymptotic range", "; ".join(filter(None, [reason, explanation])), sizes)
+        return replace(about, explanation="; ".join(filter(None, [reason, explanation])), steps=sizes)
     order = float(np.polyfit(np.log(sizes[-3:]), np.log(errors[-3:]), 1)[0])
     assert integrator.order is not None
     if abs(order - integrator.order) > ORDER_TOLERANCE:
-        return _order(judge, integrator, order, "differs", f"slopes {printed}; {explanation}" if explanation else "", sizes[-3:])
-    return _order(judge, integrator, order, "as expected", explanation, sizes[-3:])
+        verdict, explanation = "differs", f"slopes {printed}; {explanation}" if explanation else ""
+    else:
+        verdict = "as expected"
+    return replace(about, measured=order, verdict=verdict, explanation=explanation, steps=sizes[-3:])
 
 
 def _is_stable(slopes: Sequence[float]) -> bool:
@@ -234,15 +227,3 @@ def _is_stable(slopes: Sequence[float]) -> bool:
 def rounding(steps: int, reference: TrueMotion) -> float:
     """Relative error of a motion that rounding alone explains."""
     return max(ROUNDINGS_PER_STEP * UNIT_ROUNDOFF * math.sqrt(steps), 10 * reference.error)
-
-
-def _order(judge: Judge, integrator: Integrator, measured: float | None, verdict: str, explanation: str, sizes: list[float]) -> Order:
-    return Order(
-        system=judge.scene.mechanism.name,
-        integrator=integrator.name,
-        measured=measured,
-        expected=integrator.order,
-        verdict=verdict,
-        explanation=explanation,
-        steps=sizes,
-    )

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,22 +50,6 @@ HORIZON, STEP = 2.0, 1e-3
 # Of integrators that choose their own steps.
 TOLERANCE = 1e-12
 WRONG_TIME = 1.01
-
-
-@dataclass(frozen=True)
-class VariedAction:
-    """The action of a path under variations.
-
-    Attributes:
-        sizes: eps; changes: root mean square over the variations eta of S[q + eps eta] - S[q] + eps int Q eta dt [J s].
-        slope: of log changes over log sizes; None where the changes are noise, or no numbers.
-        first_variation: largest |dS/d eps + int Q eta dt| over eta, relative to the largest term in any.
-    """
-
-    sizes: Array
-    changes: Array
-    slope: float | None
-    first_variation: float
 
 
 def stationarity(scene: Scene, note: Note) -> list[Stationarity]:
@@ -114,8 +97,12 @@ def residual(kernel: LagrangianKernel, times: Array, q: Array) -> float:
     return float(left / largest) if largest > 0 or math.isnan(largest) else 0.0
 
 
-def vary(kernel: LagrangianKernel, times: Array, q: Array) -> VariedAction:
-    """The action of a path under variations of the sizes ``SIZES``; arguments as of ``residual``, k at least ``DEGREE``.
+def vary(kernel: LagrangianKernel, times: Array, q: Array) -> tuple[Array, float | None, float]:
+    """The action of a path under variations eta of the sizes ``SIZES``; arguments as of ``residual``, k at least ``DEGREE``.
+
+    The root mean square over eta of S[q + eps eta] - S[q] + eps int Q eta dt for each size eps [J s]; the slope of its logarithm
+    over log eps, None where it is noise, or no number; and the largest |dS/d eps + int Q eta dt| over eta, relative to the largest
+    term in any.
 
     Integrals are sums over the path's own nodes: eta vanishes with all derivatives at both ends, where the
     trapezoidal rule converges faster than any power of the step.
@@ -125,7 +112,7 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> VariedAction:
     """
     step = _step(times)
     if not np.isfinite(q).all():
-        return VariedAction(SIZES, np.full(len(SIZES), math.nan), None, math.nan)
+        return np.full(len(SIZES), math.nan), None, math.nan
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(times, q, k=DEGREE)
@@ -144,20 +131,14 @@ def vary(kernel: LagrangianKernel, times: Array, q: Array) -> VariedAction:
     size = step * np.sqrt(np.mean(np.square(changes), axis=0))
     noise = MOST_ROUNDINGS * np.finfo(np.float64).eps * step * math.sqrt(len(times)) * float(np.abs(unvaried).max())
     slope = float(np.polyfit(np.log(SIZES), np.log(size), 1)[0]) if size.min() > noise else None
-    return VariedAction(SIZES, size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0)
+    return size, slope, max(firsts) / max(scales) if max(scales) > 0 else 0.0
 
 
 def stationarity_of(kernel: LagrangianKernel, path: str, times: Array, q: Array) -> Stationarity:
     """Both measures of one path, called ``path``; arguments as of ``vary``."""
-    varied = vary(kernel, times, q)
-    return Stationarity(
-        system=kernel.mechanism.name,
-        path=path,
-        step=_step(times),
-        residual=residual(kernel, times, q),
-        slope=varied.slope,
-        first_variation=varied.first_variation,
-    )
+    _, slope, first = vary(kernel, times, q)
+    left = residual(kernel, times, q)
+    return Stationarity(system=kernel.mechanism.name, path=path, step=_step(times), residual=left, slope=slope, first_variation=first)
 
 
 def _variations(

@@ -24,7 +24,7 @@ from harness.engines import EQUATIONS
 from harness.equations.energies import EnergyKernel
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model
+from harness.models.model_file import parse_model
 from harness.models.text import find_numbers, with_values
 from harness.motion.integrators import Integrator, integrators
 from harness.motion.taylor import Taylor
@@ -109,15 +109,13 @@ def with_damping(scene: Scene, damping: float) -> Scene:
     mechanism = scene.mechanism
     if DAMPING not in [name for name, _, _ in mechanism.parameters]:
         raise ValueError(f"{mechanism.name} has no parameter {DAMPING!r}")
-    models = {model_format: _model_with_damping(model, damping) for model_format, model in scene.models.items()}
+    models = {}
+    for model_format, model in scene.models.items():
+        dampers = [number for number in find_numbers(model.text, model.format) if number.attribute == "damping"]
+        if len(dampers) != 1:
+            raise ValueError(f"{model.path.name} has {len(dampers)} dampers; expected one")
+        models[model_format] = parse_model(model.path, with_values(model.text, {dampers[0]: damping}), model.format)
     return Scene(scene.library, with_parameters(mechanism, {DAMPING: damping}), models)
-
-
-def _model_with_damping(model: ModelFile, damping: float) -> ModelFile:
-    dampers = [number for number in find_numbers(model.text, model.format) if number.attribute == "damping"]
-    if len(dampers) != 1:
-        raise ValueError(f"{model.path.name} has {len(dampers)} dampers; expected one")
-    return parse_model(model.path, with_values(model.text, {dampers[0]: damping}), model.format)
 
 
 def ride(scene: Scene, integrator: Integrator, every: int = 1) -> Ride:

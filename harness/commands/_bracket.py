@@ -43,7 +43,7 @@ class Bracket:
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
-    _run: Run | None = None
+    run: Run = field(init=False)
 
     @cached_property
     def library(self) -> Library:
@@ -57,11 +57,6 @@ class Bracket:
         return Library.at(self.library_path)
 
     @property
-    def run(self) -> Run:
-        assert self._run is not None, "begin comes first"
-        return self._run
-
-    @property
     def replay_options(self) -> list[str]:
         """The options of a command that repeats a part of this one."""
         return ["--library", self.library_path] if self.library_path else []
@@ -70,10 +65,10 @@ class Bracket:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
         from harness.crosscheck.description import describe_run
 
-        self._run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
         if kept_as is not None:
-            self.number = self.history.begin(self._run, kept_as)
-        return self._run
+            self.number = self.history.begin(self.run, kept_as)
+        return self.run
 
     @cached_property
     def pool(self) -> Workers:
@@ -132,7 +127,7 @@ class Bracket:
 
         Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
         """
-        from harness.report import build, build_measured, write
+        from harness.report import build, write
         from harness.results.atlas import Atlas
         from harness.results.benchmark import Benchmark
         from harness.results.cross_check import CrossCheckResult
@@ -142,14 +137,12 @@ class Bracket:
         runs = history.studies(CrossCheckResult, library)
         if number is None:
             number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
+        given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas}
         if number is not None:
-            files = build(runs[number], history.read(number, CrossCheckResult), history.earlier(number), benchmark, atlas)
-        elif benchmark is not None or atlas is not None:
-            files = build_measured(benchmark, atlas)
-        else:
-            return
-        write(self.directory, files)
-        click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
+        if any(given.values()):
+            write(self.directory, build(**given))
+            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""

@@ -9,7 +9,7 @@ from harness.commands._bracket import Bracket
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
-    from harness.results.causes import Cause
+    from harness.results.cross_check import Cause
 
 
 def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from harness.diagnosis.held import Difference
     from harness.report.benchmarks import BenchmarkSummary
     from harness.report.hard_cases import HardSummary
-    from harness.results.causes import Cause
-    from harness.results.superfluous import SuperfluousPart
+    from harness.results.cross_check import Cause, SuperfluousPart
 
 _PIPE_WIDTH = 160
 

@@ -21,13 +21,13 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
 
     Example: harness atlas far_base --subject mujoco/mjcf
     """
-    from harness.hard.atlas_study import AtlasSettings, AtlasStudy
+    from harness.hard.atlas import AtlasStudy
     from harness.hard.cases import STATES
     from harness.report import hard_tables as tables
     from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 
-    study = AtlasStudy(AtlasSettings(library=bracket.library, cases=cases, subjects=subjects, motion=motion))
+    study = AtlasStudy(bracket.library, cases, subjects, motion)
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
     bracket.complete(study, lambda: {"atlas": measured})
     summary = HardSummary(run, measured)

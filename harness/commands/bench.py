@@ -26,16 +26,15 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
 
     Example: harness bench cart_pendulum --motion
     """
-    from harness.bench.parts import BenchmarkSettings
-    from harness.bench.study import BenchmarkStudy
+    from harness.bench.study import BenchmarkSettings, BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
-    bracket.time_limit = study.thoroughness.time_limit
-    run, measured = bracket.begin(study.thoroughness.states, profile, Benchmark), study.result()
+    bracket.time_limit = settings.thoroughness.time_limit
+    run, measured = bracket.begin(settings.thoroughness.states, profile, Benchmark), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
     _print_benchmark(summary)

@@ -28,7 +28,7 @@ from harness.library import Library
 from harness.models.formats import STAGES
 from harness.models.model_file import ModelFile
 from harness.models.text import Attribute, Element, Number, Watch, find_elements, scaled, with_values, without
-from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 
 if TYPE_CHECKING:

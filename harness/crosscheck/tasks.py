@@ -21,7 +21,7 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
-from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import SuperfluousPart
 from harness.storage import Kept
 from harness.verdict import Verdict
 

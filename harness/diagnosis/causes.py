@@ -26,7 +26,7 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import Library, member_of
 from harness.models.model_file import ModelFile
-from harness.results.causes import Cause
+from harness.results.cross_check import Cause
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
 from harness.verdict import AGREEMENT, Verdict

@@ -96,18 +96,17 @@ class MujocoModel:
         vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (velocity, gravity, passive, applied))
         return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
-    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.reproducer``."""
         positions, velocities = self.addresses
         own = [np.zeros(size) for size in (self.model.nq, *[self.model.nv] * 3)]
         for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):
             values[places] = given
         qpos, qvel, applied, expected = (values.tolist() for values in own)
-        how = "path" if is_file else "string"
-        read = f"m = mujoco.MjModel.from_xml_{how}({source})"
+        read = f"m = mujoco.MjModel.from_xml_string({source})"
         if self._building is not None:
             # The reader of URDF passes over springs, armatures and more; they are set in its spec.
-            read = f"s = mujoco.MjSpec.from_{how.replace('path', 'file')}({source}); {self._building}"
+            read = f"s = mujoco.MjSpec.from_string({source}); {self._building}"
         return (
             f"import mujoco; {read}; d = mujoco.MjData(m)\n"
             f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"

@@ -113,20 +113,17 @@ class PinocchioModel:
         vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (bias, gravity, passive.T, force.T))
         return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
-    def reading(self, source: str, is_file: bool) -> str:
+    def reading(self, source: str) -> str:
         """Python text that reads the model into ``m``."""
         if self._file.format == "mjcf":
-            imports, write = "import numpy as np, pinocchio as pin", ""
-            if not is_file:
-                # This reader takes files only.
-                imports += ", pathlib, tempfile"
-                write = f"f = pathlib.Path(tempfile.mkdtemp(), 'model.xml'); f.write_text({source}); "
-            return f"{imports}; {write}m = pin.buildModelFromMJCF({source if is_file else 'f'})"
+            # This reader takes files only.
+            write = f"f = pathlib.Path(tempfile.mkdtemp(), 'model.xml'); f.write_text({source})"
+            return f"import numpy as np, pinocchio as pin, pathlib, tempfile; {write}; m = pin.buildModelFromMJCF(f)"
         # Only the harness puts a ball joint at the root; see ``load``.
         ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
-        return f"import numpy as np, pinocchio as pin; m = pin.buildModelFrom{'Urdf' if is_file else 'XML'}({source}{ball})"
+        return f"import numpy as np, pinocchio as pin; m = pin.buildModelFromXML({source}{ball})"
 
-    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.reproducer``; what the harness adds for ABA is part of tau."""
         configuration, velocity, force = self.columns(q[None], v[None], tau[None])
         added = self.force_elements.generalised_forces(configuration, velocity)
@@ -136,7 +133,7 @@ class PinocchioModel:
         armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
-            f"{self.reading(source, is_file)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
+            f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
             f"print(pin.aba(m, m.createData(), q, v, tau).tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )

@@ -1,7 +1,7 @@
 """The atlas: each subject along each family of hard points, against the certified truth.
 
 ``measure`` is one (case, subject) as a task for ``harness.workers``, so that a crash costs that row alone;
-``rows`` runs many, and ``table`` is what to print of them.
+``AtlasStudy`` runs many, and the motions beside them.
 
 A model an engine refuses is ``unsupported`` at that point, in the engine's words; a state that cannot be certified
 is ``undecided``, with the reason; an answer that is not finite is an ``error``. None of them is agreement.
@@ -16,7 +16,7 @@ import functools
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import Any
@@ -26,18 +26,20 @@ import numpy as np
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
 from harness.crosscheck.tasks import Note, reference_kernel
-from harness.engines import EQUATIONS, Subject, linear_velocity_in_body, load_engine, subjects
+from harness.engines import EQUATIONS, Subject, installed_version, linear_velocity_in_body, load_engine, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidModel
-from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.hard.expected import PATH, HardExpectation, Key, load_hard_expectations
-from harness.library import Library
+from harness.errors import InvalidModel, InvalidRequest
+from harness.hard.cases import HardCase, Theory, hard_cases, library_of
+from harness.hard.expected import PATH, judged, load_hard_expectations
+from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
+from harness.library import Library, nearest
 from harness.models.model_file import ModelFile, read_model
-from harness.results.atlas import HardPoint, HardRow
+from harness.results.atlas import Atlas, HardPoint, HardRow
+from harness.study import Part, Rounds
 from harness.verdict import Verdict, gravest
-from harness.workers import Crash
+from harness.workers import Crash, Outcome, Task
 
 # Slopes are fitted to backward errors above this floor, which every stable algorithm stays below.
 FLOOR = 16.0
@@ -70,7 +72,7 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
 
 def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
     """The row of some points, with what the case and theory say of it."""
-    theory = case.theory_of(str(subject))
+    theory = case.theory.get(str(subject), Theory())
     return HardRow(
         case=case.name,
         title=case.title,
@@ -86,15 +88,6 @@ def _row(case: HardCase, subject: Subject, points: list[HardPoint], **measured: 
         remedy=case.remedy,
         **measured,
     )
-
-
-def expectations(engines: Library) -> Mapping[Key, HardExpectation]:
-    """The expected verdicts along the harness's own hard cases, for subjects of ``engines``.
-
-    Raises:
-        harness.errors.InvalidInput: the file of expectations is malformed or names what does not exist.
-    """
-    return load_hard_expectations(PATH, list(hard_cases()), [str(subject) for subject in subjects(engines)])
 
 
 @functools.lru_cache(maxsize=4)
@@ -211,3 +204,66 @@ def failed(case: HardCase, subject: Subject, reason: str, crash: Crash | None) -
     """The row of a task that gave none; its last note says at which point it died."""
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
     return _row(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], crashed=crash is not None)
+
+
+class AtlasStudy(Rounds):
+    """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
+
+    ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
+    native one is asked whose engine is installed, as the cases try engines, not readers. ``motion`` measures partings and stable
+    steps too.
+
+    Raises:
+        InvalidInput: an engine or the file of expected verdicts cannot be used.
+        InvalidRequest: a case or subject that does not exist, or one by name whose engine is not installed.
+    """
+
+    title = "atlas"
+
+    def __init__(self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False) -> None:
+        super().__init__()
+        self._measured = Atlas()
+        self._expected = load_hard_expectations(PATH, list(hard_cases()), [str(one) for one in select_subjects(library, ())])
+        for name in cases:
+            if name not in hard_cases():
+                raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
+        asked, names = _installed(library, subjects), list(dict.fromkeys(cases)) or list(hard_cases())
+        self._next += [Task((self._rated, name, subject), measure, (name, subject, library)) for name in names for subject in asked]
+        if motion:
+            values = hard_cases()[OSCILLATOR].values
+            self._next += [Task((self._moved, "partings", name), partings, (name, library)) for name in hard_motions()]
+            self._next += [Task((self._moved, "stable_steps", name), stable_steps, (name, values)) for name in STABILITY_LIMITS]
+        self.steps = len(self._next)
+
+    def result(self) -> Atlas:
+        return self._measured
+
+    def _rated(self, outcome: Outcome, name: str, subject: Subject) -> Iterator[Part]:
+        failure = self.failure(outcome)
+        row: HardRow = failed(hard_cases()[name], subject, failure, outcome.crash) if failure else outcome.value
+        yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected)]))
+
+    def _moved(self, outcome: Outcome, part: str, name: str) -> Iterator[Part]:
+        if failure := self.failure(outcome):
+            noted = f" ({outcome.crash.note})" if outcome.crash is not None and outcome.crash.note else ""
+            yield self._part(name, Atlas(problems=[f"{name}{noted}: {failure}"]))
+        else:
+            yield self._part(name, Atlas(**{part: outcome.value}))
+
+    def _part(self, label: str, found: Atlas) -> Part:
+        self._measured.extend(found)
+        return Part(label, found)
+
+
+def _installed(library: Library, names: Sequence[str]) -> list[Subject]:
+    """The native subjects asked for, without those whose engine is not installed where none was named."""
+    chosen = []
+    for subject in select_subjects(library, names, native_only=True):
+        engine = load_engine(library, subject.engine)
+        if installed_version(engine) is not None:
+            chosen.append(subject)
+        elif names:
+            raise InvalidRequest(f"{subject} cannot be measured: {engine.requires[1]} is not installed")
+    if not chosen:
+        raise InvalidRequest("no engine is installed")
+    return chosen

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from harness.crosscheck.expected import Entry, Text, read_entries
-from harness.results.atlas import HardPoint, HardReason, HardRow
+from harness.results.atlas import HardReason, HardRow
 from harness.verdict import SEVERITY, Verdict
 
 PATH = Path(__file__).with_suffix(".toml")
@@ -21,6 +21,7 @@ PATH = Path(__file__).with_suffix(".toml")
 Key = tuple[str, ...]
 
 _COMPARED = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value)
+_NOT_COMPARED = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
 
 
 class HardExpectation(Entry, frozen=True, kw_only=True):
@@ -52,11 +53,8 @@ def judged(row: HardRow, expected: Mapping[Key, HardExpectation]) -> HardRow:
         errors = [point.backward_error for point in row.points if point.verdict == verdict and point.backward_error is not None]
         if errors and max(errors) > most:
             problems.append(f"{verdict} with backward error {max(errors):.3g}; the entry explains {most:.3g}")
-    problems += [f"{point.verdict} at {row.knob} = {point.knob:g} without a reason" for point in row.points if _silent(point)]
+    silent = [point for point in row.points if point.verdict in _NOT_COMPARED and not point.reason]
+    problems += [f"{point.verdict} at {row.knob} = {point.knob:g} without a reason" for point in silent]
     entries = [(verdict, expected[row.case, row.subject, verdict]) for verdict in sorted(foreseen, key=SEVERITY.__getitem__)]
     reasons = [HardReason(verdict=verdict, reason=entry.reason, remedy=entry.remedy, link=entry.link) for verdict, entry in entries]
     return replace(row, problems=problems, reasons=reasons)
-
-
-def _silent(point: HardPoint) -> bool:
-    return point.verdict in (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR) and not point.reason

@@ -28,7 +28,7 @@ from harness.crosscheck.tasks import Note
 from harness.equations.mechanism import Mechanism
 from harness.hard.cases import decades, hard_cases
 from harness.library import Library
-from harness.motion.integrators import Advance
+from harness.motion.integrators import Advance, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Metric, Start
 from harness.results.atlas import Parting, StableStep
@@ -45,7 +45,7 @@ class HardMotion:
     """A family of motions that diverge.
 
     Attributes:
-        name, title: of the family.
+        name: of the family.
         system: name in the built-in library.
         knob: name and unit of what chooses the start; values: of it.
         start: (mechanism, value) to where every integrator starts.
@@ -54,11 +54,10 @@ class HardMotion:
         integrators: names, of one scheme; the first one's motion is the one that is nudged.
         step, steps: of all motions [s]; every: of how many steps one is kept.
         rate: (mechanism, value) to the rate of divergence by theory [1/s]; None where there is none but the nudged motion's.
-        source: where that is from; remedy: what a user can do.
+        source: where that is from.
     """
 
     name: str
-    title: str
     system: str
     knob: tuple[str, str]
     values: tuple[float, ...]
@@ -70,29 +69,23 @@ class HardMotion:
     every: int = 20
     rate: Callable[[Mechanism, float], float] | None = None
     source: str
-    remedy: str
 
 
 _RUNGE_KUTTA = ("equations RK4", "mujoco RK4", "pinocchio RK4")
 
 
-def _thrown(mechanism: Mechanism, angle: float) -> Start:
-    return Start(np.array([angle, angle / 2]), np.zeros(2), 40.0)
-
-
+# A double pendulum let go at rest, from gentle to over the top.
 CHAOS = HardMotion(
     name="chaos",
-    title="double pendulum let go at rest, from gentle to over the top",
     system="double_pendulum",
     knob=("first angle", "rad"),
     values=tuple(0.3 + 2.7 * i / 29 for i in range(30)),
-    start=_thrown,
+    start=lambda mechanism, angle: Start(np.array([angle, angle / 2]), np.zeros(2), 40.0),
     baseline=None,
     integrators=_RUNGE_KUTTA,
     step=2e-3,
     steps=20_000,
     source="Lichtenberg, Lieberman, Regular and Chaotic Dynamics, 2nd ed., section 5.2 (Lyapunov exponents)",
-    remedy="compare engines before they part, or compare statistics; no tolerance, step or engine helps beyond",
 )
 
 
@@ -113,9 +106,9 @@ def _middle_axis_rate(mechanism: Mechanism, nudge: float) -> float:
     return _SPIN * math.sqrt((b - a) * (c - b) / (a * c))
 
 
+# A satellite set spinning about its middle principal axis, drifting out of it.
 MIDDLE_AXIS = HardMotion(
     name="middle_axis",
-    title="satellite set spinning about its middle principal axis, drifting out of it",
     system="satellite_wheel",
     knob=("rate about the other axes", "rad/s"),
     values=decades(-16, -4),
@@ -126,7 +119,6 @@ MIDDLE_AXIS = HardMotion(
     steps=10_000,
     rate=_middle_axis_rate,
     source="Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 5.6; Hughes, Spacecraft Attitude Dynamics, chapter 6",
-    remedy="none is needed: the set is unstable, and leaving it takes as long as the digits last",
 )
 
 
@@ -137,8 +129,6 @@ def hard_motions() -> dict[str, HardMotion]:
 
 def partings(name: str, library: Library, note: Note) -> list[Parting]:
     """Every integrator from every start of one family, as a task for ``harness.workers``."""
-    from harness.motion.integrators import select_integrators
-
     motion = hard_motions()[name]
     scene = Scene.of(library, motion.system)
     advances = {integrator.name: integrator.prepare(scene) for integrator in select_integrators(motion.integrators)}
@@ -239,8 +229,6 @@ RESOLUTION = 2e-3
 
 def stable_steps(integrator_name: str, values: Sequence[float], note: Note) -> list[StableStep]:
     """The largest stable steps of one integrator along the stiffness of a spring, as a task for ``harness.workers``."""
-    from harness.motion.integrators import select_integrators
-
     case = hard_cases()[OSCILLATOR]
     [integrator] = select_integrators([integrator_name])
     expected = STABILITY_LIMITS[integrator_name]

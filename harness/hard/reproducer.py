@@ -7,7 +7,6 @@ The engine's file writes it, by a method ``reproducer`` of its model; see ``Repr
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
@@ -19,18 +18,16 @@ from harness.equations.states import States
 class Reproducible(Protocol):
     """The method of an engine's model where its answers can be reproduced without the harness."""
 
-    def reproducer(self, source: str, is_file: bool, q: Array, v: Array, tau: Array, certified: Array) -> str:
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """Python text that prints two lines: the engine's accelerations, then ``certified``, as lists in the engine's order.
 
-        ``source`` is a Python expression: the text of the model, or its file name where ``is_file``. q of shape (nq,),
-        v, tau and certified (nv,) [SI] are in the order of the joints given to ``load``.
+        ``source`` is a Python expression for the text of the model. q of shape (nq,), v, tau and certified (nv,) [SI] are in the
+        order of the joints given to ``load``.
         """
 
 
-def reproduce(assignment: tasks.Assignment, state: States, file: Path | str | None = None) -> str:
+def reproduce(assignment: tasks.Assignment, state: States) -> str:
     """The program for one state; "" where the subject's engine offers none.
-
-    The model stands in the program unless ``file`` names where it is.
 
     Raises:
         InvalidModel: as ``harness.crosscheck.tasks.load_audited``.
@@ -39,8 +36,7 @@ def reproduce(assignment: tasks.Assignment, state: States, file: Path | str | No
     if not isinstance(model, Reproducible) or assignment.model is None:
         return ""
     certified = tasks.reference_kernel_of(assignment).evaluate(state).high[0]
-    source = repr(compact(assignment.model.text) if file is None else str(file))
-    return model.reproducer(source, file is not None, state.q[0], state.v[0], state.tau[0], certified)
+    return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified)
 
 
 def compact(text: str) -> str:

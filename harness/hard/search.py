@@ -14,12 +14,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import AGREES, Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
@@ -30,7 +31,7 @@ from harness.hard import evolution
 from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
-from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command
+from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
 from harness.results.search import Case, SearchResult
 from harness.study import Part, Rounds
 from harness.verdict import SEVERITY, Verdict
@@ -98,7 +99,7 @@ class Search(Rounds):
         self._hunts = hunts(settings.budget)
         self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
         self._loaded: dict[str, Any] = {}
-        self._worst: dict[tuple[Subject, int], States] = {}
+        self._worst: dict[Subject, dict[int, States]] = {}
         # One crash of a subject is enough: each costs a process.
         self._crashes: dict[Subject, Crash] = {}
         self._found: list[tuple[FoundState, str]] = []
@@ -119,12 +120,10 @@ class Search(Rounds):
             for number, (states, population) in enumerate(self._hunts)
             for assignment in assignments.values()
         ]
-        hunted: dict[Subject, list[States]] = {}
-        for (subject, _), states in sorted(self._worst.items(), key=lambda item: (str(item[0][0]), item[0][1])):
-            hunted.setdefault(subject, []).append(states)
+        hunted = {subject: States.concatenate([own[number] for number in sorted(own)]) for subject, own in self._worst.items()}
         yield [
-            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], States.concatenate(states)))
-            for subject, states in hunted.items()
+            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], hunted[subject]))
+            for subject in sorted(hunted, key=str)
         ]
         yield [
             Task((self._replayed, assignments[subject], crash), ask_one_by_one, (assignments[subject], _noted(crash)))
@@ -171,7 +170,7 @@ class Search(Rounds):
         if self._has_failed(outcome, subject):
             return
         taken: evolution.Hunt = outcome.value
-        self._worst[subject, number] = taken.worst
+        self._worst.setdefault(subject, {})[number] = taken.worst
         for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
             counts[str(subject)] = counts.get(str(subject), 0) + count
         error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
@@ -191,7 +190,7 @@ class Search(Rounds):
             self._result.failures[str(subject)] = failure
         return bool(failure)
 
-    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> Iterator[Part]:
+    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> None:
         """The state at which the engine died; without one if it does not die again."""
         if outcome.crash is None or not outcome.crash.note:
             failure = f"{crash}; no single state repeats it: lower --budget or raise --time-limit"
@@ -200,25 +199,34 @@ class Search(Rounds):
             state = json.loads(outcome.crash.note)
             # Neither loading nor certifying asks the engine at that state.
             self._next.append(Task((self._programmed, assignment, crash, state), _program, (assignment, States.at(**state))))
-        yield from ()
 
-    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> Iterator[Part]:
+    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> None:
         verdict = Verdict.ERROR.value
         found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
         self._found.append((found, outcome.value or ""))
-        yield from ()
 
     def _conclude(self) -> None:
         """Rank what was found, and store it."""
+        settings, result = self.settings, self._result
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
-        for one, program in sorted(distinct.values(), key=lambda pair: pair[0].severity, reverse=True):
+        for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.get((self.name, one.subject), AGREES)
-            replay = replay_command(self.name, one.subject, one.state, self.settings.replay_options)
-            as_expected = _is_expected(one, expectation)
-            self._result.cases.append(
-                Case(found=one, expected=expectation.verdict, as_expected=as_expected, replay=replay, reproducer=program)
-            )
-        _store(self.settings, self.name, self._result)
+            replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
+            # No worse than what is expected of the pair over many states.
+            is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit
+            result.cases.append(Case(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
+        new = merged([], [case.found for case in result.cases])
+        if not new:
+            result.not_stored = "every state agrees"
+        elif not settings.keep:
+            result.not_stored = "not asked for"
+        else:
+            try:
+                keep(settings.library, self.name, new)
+                result.not_stored = ""
+            except InvalidInput as error:
+                # The search has not failed where its library cannot be written; a broken file has been reported before.
+                result.not_stored = str(error)
 
 
 def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> list[tuple[FoundState, str]]:
@@ -229,24 +237,15 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
         note(note_of(str(assignment.subject), batch))
         return judge(batch)
 
-    worst: dict[tuple[str, str], FoundState] = {}
+    explained: list[FoundState] = []
     for index in range(len(states)):
         state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
         verdict = str(noted(state).verdicts[0])
         loss = locate(assignment, state)
-        found = _found(
-            assignment,
-            state=state.as_json(0),
-            backward_error=None if math.isnan(error) else error,
-            digits_lost=digits_lost(error),
-            verdict=verdict,
-            term=loss.term,
-            statement=loss.statement,
-        )
-        key = verdict, loss.term
-        if key not in worst or found.severity > worst[key].severity:
-            worst[key] = found
-    return [(found, reproduce(assignment, States.at(**found.state))) for found in worst.values()]
+        about = {"state": state.as_json(0), "verdict": verdict, "term": loss.term, "statement": loss.statement}
+        explained.append(_found(assignment, backward_error=None if math.isnan(error) else error, digits_lost=digits_lost(error), **about))
+    worst = worst_of_each(explained, attrgetter("verdict", "term"))
+    return [(found, reproduce(assignment, States.at(**found.state))) for found in worst]
 
 
 def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, note: tasks.Note = lambda text: None) -> evolution.Hunt:
@@ -273,23 +272,3 @@ def _noted(crash: Crash) -> States:
 
 def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> str:
     return reproduce(assignment, state)
-
-
-def _is_expected(found: FoundState, expectation: Expectation) -> bool:
-    """True if a state is no worse than what is expected of the pair over many states."""
-    return SEVERITY[found.verdict] <= SEVERITY[expectation.verdict] and (found.backward_error or 0.0) <= expectation.limit
-
-
-def _store(settings: SearchSettings, name: str, result: SearchResult) -> None:
-    new = merged([], [case.found for case in result.cases])
-    if not new:
-        result.not_stored = "every state agrees"
-    elif not settings.keep:
-        result.not_stored = "not asked for"
-    else:
-        try:
-            keep(settings.library, name, new)
-            result.stored = result.place
-        except InvalidInput as error:
-            # The search has not failed where its library cannot be written; a broken file has been reported before.
-            result.not_stored = str(error)

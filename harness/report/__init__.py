@@ -26,47 +26,36 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Run, to_json
 from harness.storage import write_atomically
 
-__all__ = ["Earlier", "build", "build_measured", "write"]
+__all__ = ["Earlier", "build", "write"]
 
 
 def build(
-    run: Run,
-    found: CrossCheckResult,
+    run: Run | None = None,
+    found: CrossCheckResult | None = None,
     history: Sequence[Earlier] = (),
     benchmark: tuple[Run, Benchmark] | None = None,
     atlas: tuple[Run, Atlas] | None = None,
 ) -> dict[str, str]:
-    """File name to text of every file of the report.
+    """File name to text of every file of the report on a cross-check, a benchmark, an atlas, or several of them.
 
     ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them; ``benchmark`` and
     ``atlas`` what ``History.latest`` returns. The Markdown and the JSON are the same for the same arguments; Bokeh
     numbers its plots anew on every call.
-    """
-    summary = Summary(run, found, history)
-    parts: dict[str, Any] = {"superfluous": summary.superfluous} | ({"worst_cases": found.worst_cases} if found.worst_cases else {})
-    if summary.causes:
-        parts["causes"] = [cause for _, cause in sorted(summary.causes.items())]
-    return _files(summary, benchmark, atlas, parts)
-
-
-def build_measured(benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None = None) -> dict[str, str]:
-    """File name to text of a report of nothing but a benchmark, an atlas or both.
 
     Raises:
-        ValueError: there is neither.
+        ValueError: there is nothing to report.
     """
-    return _files(None, benchmark, atlas, {})
-
-
-def _files(
-    summary: Summary | None, benchmark: tuple[Run, Benchmark] | None, atlas: tuple[Run, Atlas] | None, parts: dict[str, Any]
-) -> dict[str, str]:
-    """The files; ``parts`` are those of the JSON file that belong to a cross-check."""
+    summary = Summary(run, found, history) if run and found else None
     measured, hard = BenchmarkSummary(*benchmark) if benchmark else None, HardSummary(*atlas) if atlas else None
     run = summary.run if summary else max((part.run for part in (measured, hard) if part), key=lambda run: run.started)
-    records, cards = (summary.records, summary.cards) if summary else ([], {})
+    parts: dict[str, Any] = {}
+    if summary:
+        parts["superfluous"] = summary.superfluous
+        parts |= {"worst_cases": found.worst_cases} if found and found.worst_cases else {}
+        parts |= {"causes": [cause for _, cause in sorted(summary.causes.items())]} if summary.causes else {}
     parts |= {"benchmark": {"run": measured.run} | vars(measured.benchmark)} if measured else {}
     parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
+    records, cards = (summary.records, summary.cards) if summary else ([], {})
     return {
         "index.html": render_html(run, summary, measured, hard),
         "report.md": render_markdown(summary, measured, hard),
@@ -74,8 +63,8 @@ def _files(
     }
 
 
-def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:
-    """Write what ``build`` returned into ``directory``, made if it is missing, each file whole or not at all; their paths.
+def write(directory: Path | str, files: Mapping[str, str]) -> None:
+    """Write what ``build`` returned into ``directory``, made if it is missing, each file whole or not at all.
 
     Raises:
         InvalidInput: the directory or a file cannot be written.
@@ -85,8 +74,5 @@ def write(directory: Path | str, files: Mapping[str, str]) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(folder, None, f"cannot hold a report ({error.strerror}); name a folder that is writable") from error
-    paths = []
     for name, text in files.items():
         write_atomically(folder / name, text)
-        paths.append(folder / name)
-    return paths

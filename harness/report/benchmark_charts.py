@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_range, new_figure, scatter, styles
-from harness.results.benchmark import AccelerationCost, Growth, MotionCost
+from harness.report.figures import GREY, RED, Style, drawable, hover, inside, line_across, log_figure, log_range, scatter, styles
+from harness.results.benchmark import Growth, MotionCost
 from harness.results.pareto import cost_of, way_of
 from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
@@ -51,8 +51,7 @@ def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | 
         [1.0, AGREEMENT, *(e for cost in costs for e in (cost.backward_error, cost.median_backward_error))], _BACKWARD_ERRORS
     )
     x_range = log_range([cost.seconds_per_state for cost in costs])
-    axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": (low, high)}
-    plot = new_figure(380, "time per state [s]", "backward error", **axes)
+    plot = log_figure(380, "time per state [s]", "backward error", x_range, (low, high))
     _draw_front(
         plot, [(c.seconds_per_state or 0.0, inside(c.backward_error, low, high)) for c in acceleration_front(costs)], x_range[1], high
     )
@@ -60,14 +59,17 @@ def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | 
     x, medians = [cost.seconds_per_state or 0.0 for cost in chosen], [inside(cost.median_backward_error, low, high) for cost in chosen]
     worst = [inside(cost.backward_error, low, high) for cost in chosen]
     plot.segment(x, medians, x, worst, line_color=[known[way_of(cost)][0] for cost in chosen], line_width=1, line_alpha=0.6)
-    scatter(plot, [known[way_of(cost)] for cost in chosen], x, medians, _acceleration_columns(chosen), fill_alpha=0.0)
-    x, worst = [cost.seconds_per_state or 0.0 for cost in costs], [inside(cost.backward_error, low, high) for cost in costs]
-    scatter(plot, [known[way_of(cost)] for cost in costs], x, worst, _acceleration_columns(costs))
-    hover(
-        plot,
-        method="@method",
-        **{"time per state": "@seconds", "fastest to slowest": "@spread", "worst error": "@worst", "median error": "@median"},
-    )
+    for shown, error, alpha in ((chosen, "median_backward_error", 0.0), (costs, "backward_error", 0.75)):
+        words = {
+            "method": [way_of(cost) for cost in shown],
+            "time per state": [seconds_text(cost.seconds_per_state) for cost in shown],
+            "fastest to slowest": [f"{seconds_text(cost.fastest)} to {seconds_text(cost.slowest)}" for cost in shown],
+            "worst error": [error_text(cost.backward_error) for cost in shown],
+            "median error": [error_text(cost.median_backward_error) for cost in shown],
+        }
+        x, y = [cost.seconds_per_state or 0.0 for cost in shown], [inside(getattr(cost, error), low, high) for cost in shown]
+        scatter(plot, [known[way_of(cost)] for cost in shown], x, y, words, fill_alpha=alpha)
+    hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     return plot
 
@@ -78,8 +80,7 @@ def _motion(summary: BenchmarkSummary, system: str, by: str) -> plotting.figure 
         return None
     y_range = low, high = log_range([cost.state_error for cost in costs], _STATE_ERRORS)
     x_range = log_range([_spent(cost, by) for cost in costs])
-    axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": y_range}
-    plot = new_figure(380, _AXES[by], "relative error of the end state", **axes)
+    plot = log_figure(380, _AXES[by], "relative error of the end state", x_range, y_range)
     _draw_front(plot, [(_spent(cost, by), inside(cost.state_error, low, high)) for cost in motion_front(costs, by)], x_range[1], high)
     known = styles(summary.integrators)
     lines = {name: [cost for cost in costs if cost.integrator == name] for name in sorted({cost.integrator for cost in costs})}
@@ -91,12 +92,15 @@ def _motion(summary: BenchmarkSummary, system: str, by: str) -> plotting.figure 
         line_alpha=0.7,
     )
     x, y = [_spent(cost, by) for cost in costs], [inside(cost.state_error, low, high) for cost in costs]
-    scatter(plot, [known[cost.integrator] for cost in costs], x, y, _motion_columns(costs))
-    hover(
-        plot,
-        way="@way",
-        **{"time per second of motion": "@seconds", "evaluations": "@evaluations", "error of the end state": "@state", "energy": "@energy"},
-    )
+    words = {
+        "way": [way_of(cost) for cost in costs],
+        "time per second of motion": [seconds_text(cost_of(cost)) for cost in costs],
+        "evaluations": [f"{cost.evaluations:,}" for cost in costs],
+        "error of the end state": [error_text(cost.state_error) for cost in costs],
+        "energy": [error_text(cost.energy_error) for cost in costs],
+    }
+    scatter(plot, [known[cost.integrator] for cost in costs], x, y, words)
+    hover(plot)
     return plot
 
 
@@ -107,15 +111,15 @@ def _growth(summary: BenchmarkSummary, label: str, values: Sequence[Sequence[flo
         return None
     y_range = low, high = log_range([value for _, known in lines for _, value in known])
     sizes = [size for _, known in lines for size, _ in known]
-    x_range = min(sizes) / 1.3, max(sizes) * 1.3
-    plot = new_figure(320, "number of bodies", label, x_axis_type="log", y_axis_type="log", x_range=x_range, y_range=y_range)
+    plot = log_figure(320, "number of bodies", label, (min(sizes) / 1.3, max(sizes) * 1.3), y_range)
     for growth, known in lines:
         style = method_styles(summary)[growth.method]
         x, y = [size for size, _ in known], [inside(value, low, high) for _, value in known]
         plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
         shown = [seconds_text(value) if label.startswith("time") else error_text(value) for _, value in known]
-        scatter(plot, style, x, y, {"method": [growth.method] * len(x), "size": [str(size) for size in x], "value": shown})
-    hover(plot, method="@method", bodies="@size", **{label.removesuffix(" [s]"): "@value"})
+        words = {"method": [growth.method] * len(x), "bodies": [str(size) for size in x], label.removesuffix(" [s]"): shown}
+        scatter(plot, style, x, y, words)
+    hover(plot)
     return plot
 
 
@@ -137,23 +141,3 @@ def _known(growth: Growth, values: Iterable[float | None]) -> list[tuple[int, fl
 def _spent(cost: MotionCost, by: str) -> float:
     """Cost per second of motion; 0 where it has no duration."""
     return float(getattr(cost, by)) / cost.duration if cost.duration else 0.0
-
-
-def _acceleration_columns(costs: Sequence[AccelerationCost]) -> Columns:
-    return {
-        "method": [way_of(cost) for cost in costs],
-        "seconds": [seconds_text(cost.seconds_per_state) for cost in costs],
-        "spread": [f"{seconds_text(cost.fastest)} to {seconds_text(cost.slowest)}" for cost in costs],
-        "worst": [error_text(cost.backward_error) for cost in costs],
-        "median": [error_text(cost.median_backward_error) for cost in costs],
-    }
-
-
-def _motion_columns(costs: Sequence[MotionCost]) -> Columns:
-    return {
-        "way": [way_of(cost) for cost in costs],
-        "seconds": [seconds_text(cost_of(cost)) for cost in costs],
-        "evaluations": [f"{cost.evaluations:,}" for cost in costs],
-        "state": [error_text(cost.state_error) for cost in costs],
-        "energy": [error_text(cost.energy_error) for cost in costs],
-    }

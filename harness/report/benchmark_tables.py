@@ -102,14 +102,10 @@ def best_motions(summary: BenchmarkSummary) -> Table:
     return Table(["system", "integrator", *orders_shown, *costs_shown], rows)
 
 
-def orders(summary: BenchmarkSummary) -> Table:
-    """System by integrator: the measured order of convergence, and a mark where it differs from theory."""
-    return _order_matrix(summary, _order_cell)
-
-
-def order_verdicts(summary: BenchmarkSummary) -> Table:
-    """The same with verdicts only, which stay while measured orders vary."""
-    return _order_matrix(summary, lambda order: Cell(order.verdict))
+def orders(summary: BenchmarkSummary, cell: Callable[[Order], Cell] | None = None) -> Table:
+    """System by integrator: the measured order of convergence, and a mark where it differs from theory; or another ``cell``."""
+    orders = [(order, "any" if order.expected is None else f"{order.expected:g}") for order in summary.benchmark.orders]
+    return _matrix({(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}, cell or _order_cell)
 
 
 def drifts(found: Iterable[Drift]) -> Table:
@@ -192,11 +188,6 @@ def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], 
     cells = {place: cell(entry) for place, entry in entries.items()}
     rows = [[system, *(cells.get((system, column), empty) for column in columns)] for system in sorted({system for system, _ in entries})]
     return Table(["system", *(Column(column, "rounded") for column in columns)], rows, style="matrix numbers")
-
-
-def _order_matrix(summary: BenchmarkSummary, cell: Callable[[Order], Cell]) -> Table:
-    orders = [(order, "any" if order.expected is None else f"{order.expected:g}") for order in summary.benchmark.orders]
-    return _matrix({(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}, cell)
 
 
 def _order_cell(order: Order) -> Cell:

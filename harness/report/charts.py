@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.figures import (
     GREY,
     RED,
-    Columns,
     drawable,
     hover,
     line_across,
+    log_figure,
     log_range,
     new_figure,
     scatter,
@@ -68,9 +67,15 @@ def _overview(summary: Summary) -> plotting.figure | None:
     for subject in summary.subjects:
         shown = [record for record in compared if record.subject == subject]
         offset = 0.7 * ((summary.subjects.index(subject) + 0.5) / count - 0.5)
-        columns = _columns(shown, low, high)
-        scatter(plot, styles(summary.subjects)[subject], columns["size"], [rows.index(record.system) + offset for record in shown], columns)
-    hover(plot, system="@system", subject="@subject", verdict="@verdict", **{"backward error": "@error"})
+        words = {
+            "system": [record.system for record in shown],
+            "subject": [subject] * len(shown),
+            "verdict": [record.verdict for record in shown],
+            "backward error": [error_text(record.backward_error) for record in shown],
+        }
+        x, y = [within(r.backward_error, low, high) for r in shown], [rows.index(record.system) + offset for record in shown]
+        scatter(plot, styles(summary.subjects)[subject], x, y, words)
+    hover(plot)
     line_across(plot, "height", AGREEMENT, RED)
     return plot
 
@@ -83,28 +88,22 @@ def _distribution(summary: Summary, system: str) -> plotting.figure | None:
     last = max(max(bins) for _, bins in filled)
     most = max(max(bins.values()) for _, bins in filled)
     low, high = min(_edge(first), 1.0) / 2, max(_edge(last + 1), AGREEMENT) * 2
-    plot = new_figure(260, "backward error", "states", x_axis_type="log", y_axis_type="log", x_range=(low, high), y_range=(0.5, 2.0 * most))
+    plot = log_figure(260, "backward error", "states", (low, high), (0.5, 2.0 * most))
     for record, bins in filled:
-        colour, _, _ = styles(summary.subjects)[record.subject]
+        style = styles(summary.subjects)[record.subject]
         indices = range(min(bins), max(bins) + 1)
         # Counts of zero sit on the floor of the log axis, half a state.
         tops = [0.5, *(bins.get(index, 0.5) for index in indices), 0.5]
         edges = [_edge(index) for index in (*indices, indices[-1] + 1)]
-        plot.line([x for x in edges for _ in (0, 1)], [y for y in tops for _ in (0, 1)][1:-1], line_color=colour, line_width=1.5)
+        plot.line([x for x in edges for _ in (0, 1)], [y for y in tops for _ in (0, 1)][1:-1], line_color=style[0], line_width=1.5)
         held = sorted(bins)
-        columns: Columns = {
+        words = {
             "subject": [record.subject] * len(held),
-            "count": [str(bins[index]) for index in held],
-            "between": [f"{error_text(_edge(index))} to {error_text(_edge(index + 1))}" for index in held],
+            "states": [str(bins[index]) for index in held],
+            "backward error": [f"{error_text(_edge(index))} to {error_text(_edge(index + 1))}" for index in held],
         }
-        scatter(
-            plot,
-            styles(summary.subjects)[record.subject],
-            [10 ** ((index + 0.5) / 2) for index in held],
-            [bins[index] for index in held],
-            columns,
-        )
-    hover(plot, subject="@subject", states="@count", **{"backward error": "@between"})
+        scatter(plot, style, [_edge(index + 0.5) for index in held], [bins[index] for index in held], words)
+    hover(plot)
     line_across(plot, "height", AGREEMENT, RED)
     return plot
 
@@ -117,13 +116,16 @@ def _cost(summary: Summary, system: str) -> plotting.figure | None:
     reference = card.reference_seconds_per_state if card else None
     times = [within(seconds) for seconds in (*(r.seconds_per_state for r in shown), reference) if seconds and drawable(seconds)]
     low, high = log_range([1.0, AGREEMENT, *(record.backward_error for record in shown)])
-    x_range = log_range(times)
-    axes = {"x_axis_type": "log", "y_axis_type": "log", "x_range": x_range, "y_range": (low, high)}
-    plot = new_figure(260, "time per state [s]", "worst backward error", **axes)
-    for record in shown:
-        columns = _columns([record], low, high)
-        scatter(plot, styles(summary.subjects)[record.subject], [within(record.seconds_per_state)], columns["size"], columns)
-    hover(plot, subject="@subject", **{"time per state": "@seconds", "backward error": "@error"})
+    plot = log_figure(260, "time per state [s]", "worst backward error", log_range(times), (low, high))
+    words = {
+        "subject": [record.subject for record in shown],
+        "time per state": [seconds_text(record.seconds_per_state) for record in shown],
+        "backward error": [error_text(record.backward_error) for record in shown],
+    }
+    looks = [styles(summary.subjects)[record.subject] for record in shown]
+    x, y = [within(record.seconds_per_state) for record in shown], [within(record.backward_error, low, high) for record in shown]
+    scatter(plot, looks, x, y, words)
+    hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     if reference and drawable(reference):
         line_across(plot, "height", within(reference), GREY)
@@ -139,27 +141,16 @@ def _trend(summary: Summary) -> plotting.figure | None:
     for subject, values in points.items():
         x, y = [moment for moment, _ in values], [within(value, low, high) for _, value in values]
         plot.line(x, y, line_color=styles(summary.subjects)[subject][0], line_width=1.5)
-        columns: Columns = {
+        words = {
             "subject": [subject] * len(x),
             "started": [f"{moment:%Y-%m-%d %H:%M}" for moment in x],
-            "error": [error_text(value) for _, value in values],
+            "backward error": [error_text(value) for _, value in values],
         }
-        scatter(plot, styles(summary.subjects)[subject], x, y, columns)
-    hover(plot, subject="@subject", started="@started", **{"backward error": "@error"})
+        scatter(plot, styles(summary.subjects)[subject], x, y, words)
+    hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     return plot
 
 
-def _columns(records: Sequence[Record], low: float, high: float) -> Columns:
-    return {
-        "system": [record.system for record in records],
-        "subject": [record.subject for record in records],
-        "verdict": [record.verdict for record in records],
-        "error": [error_text(record.backward_error) for record in records],
-        "seconds": [seconds_text(record.seconds_per_state) for record in records],
-        "size": [within(record.backward_error, low, high) for record in records],
-    }
-
-
-def _edge(index: int) -> float:
+def _edge(index: float) -> float:
     return float(10.0 ** (index / 2))

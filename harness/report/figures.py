@@ -25,7 +25,7 @@ COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7
 GREY, RED = "#808080", "#d9534f"
 LOWEST, HIGHEST = 1e-300, 1e300
 _LEAST_SPAN = 100.0
-Columns = dict[str, Sequence[Any]]
+Columns = Mapping[str, Sequence[Any]]
 Style = tuple[str, str, str]
 
 
@@ -74,29 +74,32 @@ def new_figure(height: int, x_label: str, y_label: str, **options: Any) -> plott
     return plot
 
 
+def log_figure(height: int, x_label: str, y_label: str, x_range: tuple[float, float], y_range: tuple[float, float]) -> plotting.figure:
+    """An empty plot between two logarithmic axes."""
+    return new_figure(height, x_label, y_label, x_axis_type="log", y_axis_type="log", x_range=x_range, y_range=y_range)
+
+
 def scatter(
-    plot: plotting.figure, style: Style | Sequence[Style], x: Sequence[Any], y: Sequence[Any], columns: Columns, fill_alpha: float = 0.75
+    plot: plotting.figure, style: Style | Sequence[Style], x: Sequence[Any], y: Sequence[Any], words: Columns, fill_alpha: float = 0.75
 ) -> None:
-    """Points that ``hover`` can ask for ``columns``; ``style`` is that of all of them, or one each."""
+    """Points, each with the ``words`` that ``hover`` shows beside it, by their title; ``style`` is that of all of them, or one each."""
     from bokeh.models import ColumnDataSource
 
-    if isinstance(style, tuple):
-        colour, marker = style[:2]
-        source = ColumnDataSource({**columns, "x": list(x), "y": list(y)})
-        plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=fill_alpha)
-    else:
-        looks = {"colour": [own[0] for own in style], "marker": [own[1] for own in style]}
-        source = ColumnDataSource({**columns, **looks, "x": list(x), "y": list(y)})
-        plot.scatter("x", "y", source=source, name="point", marker="marker", size=9, color="colour", fill_alpha=fill_alpha)
+    colour, marker = style[:2] if isinstance(style, tuple) else ("colour", "marker")
+    looks = {} if isinstance(style, tuple) else {"colour": [own[0] for own in style], "marker": [own[1] for own in style]}
+    source = ColumnDataSource({**words, **looks, "x": list(x), "y": list(y)})
+    points = plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=fill_alpha)
+    points.tags = list(words)
 
 
-def hover(plot: plotting.figure, **tooltips: str) -> None:
-    """Words to show beside a point; to be called when all points are there."""
+def hover(plot: plotting.figure) -> None:
+    """Show the words of a point beside it; to be called when all points are there."""
     from bokeh.models import HoverTool
     from bokeh.models.renderers import GlyphRenderer
 
     points: list[DataRenderer] = [shown for shown in plot.renderers if isinstance(shown, GlyphRenderer) and shown.name == "point"]
-    plot.add_tools(HoverTool(renderers=points, tooltips=list(tooltips.items())))
+    titles = dict.fromkeys(title for shown in points for title in shown.tags)
+    plot.add_tools(HoverTool(renderers=points, tooltips=[(str(title), f"@{{{title}}}") for title in titles]))
 
 
 def line_across(plot: plotting.figure, dimension: Literal["width", "height"], location: float, colour: str) -> None:

@@ -44,13 +44,8 @@ def _plot(family: Family, known: dict[str, Style]) -> plotting.figure | None:
         looks.append((colour, SILENT_MARKER[0] if silent else marker, ""))
         x.append(place(point.knob))
         y.append(_height(row, point, family, low, high))
-    scatter(plot, looks, x, y, _columns(placed), fill_alpha=0.6)
-    hover(
-        plot,
-        subject="@subject",
-        **{family.case.knob: "@knob", "system": "@system", "verdict": "@verdict", "backward error": "@error", "digits lost": "@digits"},
-        **{"unstable up to": "@bound", "kappa_s": "@condition", "why": "@reason"},
-    )
+    scatter(plot, looks, x, y, _words(placed), fill_alpha=0.6)
+    hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     return plot
 
@@ -98,16 +93,16 @@ def _height(row: HardRow, point: HardPoint, family: Family, low: float, high: fl
     return float(high / (high / low) ** (0.06 * lines))
 
 
-def _columns(placed: Sequence[tuple[HardRow, HardPoint]]) -> Columns:
+def _words(placed: Sequence[tuple[HardRow, HardPoint]]) -> Columns:
     points = [point for _, point in placed]
     return {
         "subject": [row.subject for row, _ in placed],
-        "knob": [f"{point.knob:.4g}" for point in points],
+        placed[0][0].knob: [f"{point.knob:.4g}" for point in points],
         "system": [point.system for point in points],
         "verdict": [point.verdict for point in points],
-        "error": [error_text(point.backward_error) for point in points],
-        "digits": ["-" if point.digits_lost is None else f"{point.digits_lost:.1f}" for point in points],
-        "bound": [error_text(point.unstable_bound) for point in points],
-        "condition": [error_text(point.condition) for point in points],
-        "reason": [point.reason or "-" for point in points],
+        "backward error": [error_text(point.backward_error) for point in points],
+        "digits lost": ["-" if point.digits_lost is None else f"{point.digits_lost:.1f}" for point in points],
+        "unstable up to": [error_text(point.unstable_bound) for point in points],
+        "kappa_s": [error_text(point.condition) for point in points],
+        "why": [point.reason or "-" for point in points],
     }

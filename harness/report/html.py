@@ -37,34 +37,17 @@ _LONG_EQUATIONS = 12_000
 def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> str:
     """The whole ``index.html``; without a cross-check, ``run`` is the newer one of benchmark and atlas."""
     plots: dict[str, plotting.figure | None] = {}
-    about: dict[str, Any] = {"run": run, "benchmark": benchmark, "hard": hard}
+    about: dict[str, Any] = {}
     if summary is not None:
         plots |= charts.plots(summary)
-        about |= {
-            "summary": summary,
-            "subject_styles": styles(summary.subjects),
-            "anchors": _anchors(summary.systems, "system"),
-            "long_equations": _LONG_EQUATIONS,
-        }
+        about |= {"subject_styles": styles(summary.subjects), "anchors": _anchors(summary.systems, "system")}
     if benchmark is not None:
         plots |= benchmark_charts.plots(benchmark)
-        about |= {
-            "method_styles": benchmark_charts.method_styles(benchmark),
-            "integrator_styles": styles(benchmark.integrators),
-            "cost_anchors": _anchors(benchmark.systems, "cost"),
-            "acceleration_front": acceleration_front,
-            "motion_front": motion_front,
-            "way_of": way_of,
-            "tables": benchmark_tables,
-        }
+        about |= {"method_styles": benchmark_charts.method_styles(benchmark), "integrator_styles": styles(benchmark.integrators)}
+        about["cost_anchors"] = _anchors(benchmark.systems, "cost")
     if hard is not None:
         plots |= hard_charts.plots(hard)
-        about |= {
-            "hard_styles": styles(hard.subjects),
-            "hard_anchors": _anchors([family.name for family in hard.families], "hard"),
-            "silent_marker": hard_charts.SILENT_MARKER[1],
-            "hard_tables": hard_tables,
-        }
+        about |= {"hard_styles": styles(hard.subjects), "hard_anchors": _anchors([family.name for family in hard.families], "hard")}
     package = files(__package__)
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -77,7 +60,18 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
     }  # fmt: skip
     return environment.get_template("template.html" if summary is not None else "benchmark_page.html").render(
         **about,
+        run=run,
+        summary=summary,
+        benchmark=benchmark,
+        hard=hard,
         limit=AGREEMENT,
+        long_equations=_LONG_EQUATIONS,
+        silent_marker=hard_charts.SILENT_MARKER[1],
+        tables=benchmark_tables,
+        hard_tables=hard_tables,
+        acceleration_front=acceleration_front,
+        motion_front=motion_front,
+        way_of=way_of,
         counted=counted,
         changed_versions=changed_versions,
         changes_table=changes_table,

@@ -16,8 +16,7 @@ from harness.results.records import Record, Records, Run, dumps
 from harness.results.table import Cell, Table, counted, error_text
 
 if TYPE_CHECKING:
-    from harness.results.causes import Cause
-    from harness.results.cross_check import CrossCheckResult
+    from harness.results.cross_check import Cause, CrossCheckResult
     from harness.results.hard_states import RankedCase
 
 Earlier = tuple[Run, Sequence[Record]]
@@ -185,12 +184,8 @@ def _verdict_cell(records: Sequence[Record], link: str) -> Cell:
 
 def worst(records: Iterable[Record]) -> Record | None:
     """The record with the largest backward error, NaN counting as largest; None where none has any."""
-    compared = [record for record in records if record.backward_error is not None]
-    return max(compared, key=lambda record: _size(record.backward_error), default=None)
-
-
-def _size(value: float | None) -> float:
-    return math.inf if value is None or math.isnan(value) else value
+    compared = [(record.backward_error, record) for record in records if record.backward_error is not None]
+    return max(compared, key=lambda pair: math.inf if math.isnan(pair[0]) else pair[0], default=(None, None))[1]
 
 
 def state_lines(state: Mapping[str, Sequence[float]] | None) -> str:

@@ -33,7 +33,7 @@ class AccelerationCost:
 
     system: str
     method: str
-    threads: int
+    threads: int = 1
     states: int
     seconds_per_state: float | None
     fastest: float | None = None
@@ -107,11 +107,11 @@ class MotionCost:
     integrator: str
     step: float | None
     tolerance: float | None
-    steps: int
-    evaluations: int
-    seconds: float
-    state_error: float | None
-    energy_error: float | None
+    steps: int = 0
+    evaluations: int = 0
+    seconds: float = 0.0
+    state_error: float | None = None
+    energy_error: float | None = None
     duration: float | None = None
     note: str = ""
 
@@ -130,7 +130,7 @@ class Order:
 
     system: str
     integrator: str
-    measured: float | None
+    measured: float | None = None
     expected: float | None
     verdict: str
     explanation: str = ""

@@ -1,14 +1,75 @@
-"""Everything one cross-check found."""
+"""Everything one cross-check found: records, parts that scenes do not need, and the causes of what is wrong."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
-from harness.results.causes import Cause
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, SystemCard
 from harness.results.study_result import StudyResult
-from harness.results.superfluous import SuperfluousPart
+
+
+@dataclass(frozen=True)
+class SuperfluousPart:
+    """A part of a model that its scene does not need.
+
+    ``attribute`` is "" where the element itself is meant, whose name is then the value, and "text" for what
+    stands between its tags.
+    """
+
+    system: str
+    subject: str
+    path: str
+    line: int
+    element: str
+    attribute: str
+    value: str
+    why: str
+
+    def __str__(self) -> str:
+        part = {
+            "": f"<{self.element} {self.value}>" if self.value else f"<{self.element}>",
+            "text": f"<{self.element}>{self.value}</{self.element}>",
+        }.get(self.attribute, f'<{self.element} {self.attribute}="{self.value}">')
+        return f"{self.path}:{self.line}: {part} {self.why}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """The reason why one subject is wrong on one system.
+
+    Attributes:
+        system, subject: names.
+        inference: what the verdicts of all subjects say together.
+        first_line: the answer in one line.
+        diagnosed: the subject that was examined: of those that a wrong model makes wrong, its format's own engine.
+        found: ``SubjectDiagnosis.as_json``; None without a diagnosis.
+    """
+
+    system: str
+    subject: str
+    inference: str
+    first_line: str
+    diagnosed: str = ""
+    found: dict[str, Any] | None = None
+
+    @property
+    def is_shared(self) -> bool:
+        """True where the diagnosis is that of another subject, which reads the same file."""
+        return self.diagnosed not in ("", self.subject)
+
+    @property
+    def terms(self) -> list[str]:
+        """A sentence for each term that is wrong."""
+        return list(self.found["terms"]["sentences"]) if self.found else []
+
+    @property
+    def sides(self) -> list[list[str]]:
+        """The diagnosis on the side of the model, where there is one, and on that of the textbook, in lines; or why there is none."""
+        if not self.found:
+            return [[self.first_line]]
+        return [list(side["text"]) for side in (self.found["model"], self.found["textbook"]) if side]
 
 
 @dataclass(kw_only=True)

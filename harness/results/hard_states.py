@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import date
+from itertools import groupby, islice
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import msgspec
 
@@ -24,6 +26,7 @@ from harness.storage import write_atomically
 from harness.verdict import SEVERITY, Verdict
 
 FOLDER = "hard_states"
+_Case = TypeVar("_Case", "FoundState", "RankedCase")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,11 +67,6 @@ class FoundState:
             raise ValueError('"backward_error" or "digits_lost" is no number')
         date.fromisoformat(self.date)
 
-    @property
-    def severity(self) -> tuple[int, float]:
-        """Sort key, ascending severity."""
-        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
-
 
 def path_of(library: Library, system: str) -> Path:
     """The file of a system's hard states."""
@@ -94,28 +92,23 @@ def load_found(library: Library, system: str) -> list[FoundState]:
         raise InvalidInput(path, None, f"cannot be read: {error}; {expected}") from error
     if not isinstance(entries, list):
         raise InvalidInput(path, None, f"holds no list; {expected}")
-    return [_found(path, number, entry, names, expected) for number, entry in enumerate(entries, start=1)]
-
-
-def _found(path: Path, number: int, entry: Any, names: Collection[str], expected: str) -> FoundState:
-    # A field that this harness does not know would be lost when the file is written again.
-    if unknown := set(entry) - set(names) if isinstance(entry, dict) else ():
-        raise InvalidInput(path, None, f"entry {number} holds {', '.join(sorted(unknown))}; {expected}")
-    try:
-        # JSON has no infinity; lax conversion reads the text of one.
-        return msgspec.convert(entry, FoundState, strict=False)
-    except ValueError as error:
-        raise InvalidInput(path, None, f"entry {number}: {error}; {expected}") from error
+    found = []
+    for number, entry in enumerate(entries, start=1):
+        # A field that this harness does not know would be lost when the file is written again.
+        if unknown := set(entry) - set(names) if isinstance(entry, dict) else ():
+            raise InvalidInput(path, None, f"entry {number} holds {', '.join(sorted(unknown))}; {expected}")
+        try:
+            # JSON has no infinity; lax conversion reads the text of one.
+            found.append(msgspec.convert(entry, FoundState, strict=False))
+        except ValueError as error:
+            raise InvalidInput(path, None, f"entry {number}: {error}; {expected}") from error
+    return found
 
 
 def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
     """The states to store: of each subject, verdict and term the worst; in a fixed order, and without states that agree."""
-    worst: dict[tuple[str, str, str], FoundState] = {}
-    for found in [*stored, *new]:
-        key = found.subject, found.verdict, found.term
-        if found.verdict != Verdict.AGREES and (key not in worst or found.severity > worst[key].severity):
-            worst[key] = found
-    return [worst[key] for key in sorted(worst)]
+    key = attrgetter("subject", "verdict", "term")
+    return sorted(worst_of_each((found for found in [*stored, *new] if found.verdict != Verdict.AGREES), key), key=key)
 
 
 def keep(library: Library, system: str, new: Sequence[FoundState]) -> Path | None:
@@ -158,19 +151,14 @@ class RankedCase:
     replay: str
     reproducer: str = ""
 
-    @property
-    def severity(self) -> tuple[int, float]:
-        """Sort key, ascending severity."""
-        return SEVERITY[self.verdict], math.inf if self.backward_error is None else self.backward_error
-
 
 def worst_cases(
     records: Iterable[Record],
     found: Mapping[str, Iterable[FoundState]],
     most: int = 10,
     replay_options: Collection[str] = (),
-) -> dict[str, list[RankedCase]]:
-    """Per subject the worst case of each system, the worst system first, at most ``most``; none with a reproducer yet.
+) -> list[RankedCase]:
+    """By subject the worst case of each system, the worst system first, at most ``most`` each; none with a reproducer yet.
 
     ``found`` maps a system to its found states. A record without a state, and a verdict that is no answer of the engine, is no
     case.
@@ -192,15 +180,24 @@ def worst_cases(
         for one in states:
             about = {name: getattr(one, name) for name in ("subject", "verdict", "backward_error", "state", "statement")}
             cases.append(RankedCase(system=system, replay=replay_command(system, one.subject, one.state, replay_options), **about))
-    worst: dict[tuple[str, str], RankedCase] = {}
+    judged = [case for case in cases if case.verdict not in (Verdict.UNDECIDED, Verdict.UNSUPPORTED)]
+    worst = worst_of_each(judged, attrgetter("subject", "system"))
+    ranking = sorted(worst, key=lambda case: (case.subject, [-part for part in severity(case)], case.system))
+    return [case for _, own in groupby(ranking, key=attrgetter("subject")) for case in islice(own, most)]
+
+
+def severity(case: FoundState | RankedCase) -> tuple[int, float]:
+    """Sort key, ascending severity."""
+    return SEVERITY[case.verdict], math.inf if case.backward_error is None else case.backward_error
+
+
+def worst_of_each(cases: Iterable[_Case], key: Callable[[_Case], Hashable]) -> list[_Case]:
+    """Of all cases with one key the worst, and of equals the first; in the order in which the keys come."""
+    worst: dict[Hashable, _Case] = {}
     for case in cases:
-        key = case.subject, case.system
-        if case.verdict not in (Verdict.UNDECIDED, Verdict.UNSUPPORTED) and (key not in worst or case.severity > worst[key].severity):
-            worst[key] = case
-    ranking: dict[str, list[RankedCase]] = {}
-    for case in sorted(worst.values(), key=lambda case: (case.subject, [-part for part in case.severity], case.system)):
-        ranking.setdefault(case.subject, []).append(case)
-    return {subject: cases[:most] for subject, cases in ranking.items()}
+        if key(case) not in worst or severity(case) > severity(worst[key(case)]):
+            worst[key(case)] = case
+    return list(worst.values())
 
 
 def replay_command(system: str, subject: str, state: Mapping[str, Sequence[float]], options: Collection[str] = ()) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -38,7 +37,7 @@ _OLDER_TABLES = (
 _ELSEWHERE = "the file was left as it is; name another file, or move this one away to start a new history"
 
 
-class History:
+class History(AbstractContextManager["History"]):
     """Studies and the parts of their results in one SQLite file, each row as JSON.
 
     Every ``append`` is its own committed transaction under SQLite's rollback journal, so a kill loses
@@ -65,10 +64,7 @@ class History:
                 self._connection.close()
                 raise
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Iterable, Mapping, Sequence
+from collections import UserList
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
-from typing import Any, overload
+from typing import Any
 
 from harness.results.table import Cell, Column, Table
 from harness.verdict import AGREEMENT, Verdict
@@ -94,27 +95,11 @@ class Record:
         return "\n  ".join(lines)
 
 
-class Records(Sequence[Record]):
+class Records(UserList[Record]):
     """The records of a run, by system and subject; a table on a terminal and in a notebook."""
 
-    def __init__(self, records: Iterable[Record]) -> None:
-        self._records = sorted(records, key=lambda record: (record.system, record.subject))
-
-    @overload
-    def __getitem__(self, place: int) -> Record: ...
-    @overload
-    def __getitem__(self, place: slice) -> Records: ...
-    def __getitem__(self, place: int | slice) -> Record | Records:
-        """A record, or those of a slice as ``Records``."""
-        return Records(self._records[place]) if isinstance(place, slice) else self._records[place]
-
-    def __len__(self) -> int:
-        return len(self._records)
-
-    def __eq__(self, other: object) -> bool:
-        return list(self) == list(other) if isinstance(other, Sequence) else NotImplemented
-
-    __hash__ = None  # type: ignore[assignment]
+    def __init__(self, records: Iterable[Record] = ()) -> None:
+        super().__init__(sorted(records, key=lambda record: (record.system, record.subject)))
 
     @property
     def unexpected(self) -> Records:
@@ -147,7 +132,7 @@ class Records(Sequence[Record]):
         return str(self.brief())
 
     def __repr__(self) -> str:
-        return f"Records({self._records!r})"
+        return f"Records({self.data!r})"
 
     def _repr_html_(self) -> str:
         return self.brief().html()

@@ -39,7 +39,6 @@ class SearchResult:
         worst: subject to the largest backward error before shrinking; inf for an answer that is not finite.
         failures: subject to why a part of its search gave nothing.
         crashed: whether an engine's process died or ran out of time.
-        stored: the file that holds what was found; None where nothing was worth it or could be stored.
         place: where what was found would be stored, and not_stored why it was not; "" where it was.
     """
 
@@ -49,9 +48,8 @@ class SearchResult:
     worst: dict[str, float] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     crashed: bool = False
-    stored: Path | None = None
     place: Path
-    not_stored: str = ""
+    not_stored: str = "the search has not ended"
 
     @property
     def status(self) -> int:
@@ -63,7 +61,7 @@ class SearchResult:
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.records.dumps``."""
         numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "not_stored")}
-        return {"found": self.cases, "stored": self.stored is not None} | numbers
+        return {"found": self.cases, "stored": not self.not_stored} | numbers
 
 
 def as_lines(result: SearchResult) -> list[str]:
@@ -86,6 +84,5 @@ def as_lines(result: SearchResult) -> list[str]:
     for subject, count in result.states.items():
         without = f", {result.undecided[subject]:,} of them without certified truth" if result.undecided[subject] else ""
         lines.append(f"{subject}: {count:,} states tried{without}; the worst had {result.worst[subject]:.3g} data roundoffs")
-    stored = result.stored is not None
-    lines.append(f"stored in {result.place}" if stored else f"not stored: {result.not_stored}; its place is {result.place}")
+    lines.append(f"not stored: {result.not_stored}; its place is {result.place}" if result.not_stored else f"stored in {result.place}")
     return lines

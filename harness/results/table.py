@@ -183,12 +183,8 @@ class Table:
         opening = f'<div class="wide">\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>'
         return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
 
-    def __html__(self) -> str:
-        """For templates, which do not escape it again."""
-        return self.html()
-
-    def _repr_html_(self) -> str:
-        return self.html()
+    # For templates, which do not escape it again, and for notebooks.
+    __html__ = _repr_html_ = html
 
     def _html_row(self, row: Sequence[object]) -> str:
         is_matrix = "matrix" in self.style.split()

@@ -19,7 +19,7 @@ from harness.show.exhibit import (
     whereabouts,
 )
 from harness.show.picture import draw
-from harness.show.views import choose_view
+from harness.show.placement import choose_view
 
 
 def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:

@@ -16,8 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint
 from harness.report.figures import COLOURS
-from harness.show.placement import WORLD, Placement
-from harness.show.views import Point, View
+from harness.show.placement import WORLD, Placement, Point, View
 
 WIDTH = 460.0
 _LEAST_HEIGHT, _MOST_HEIGHT = 260.0, 460.0

@@ -1,7 +1,11 @@
-"""The two configurations that a picture shows of a model, as an engine's own kinematics places it in the world [m]."""
+"""What a picture shows of a model: two configurations, as an engine's own kinematics places it in the world [m], and from where.
+
+A planar mechanism is seen along its hinges, a spatial one from a corner.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +17,8 @@ from harness.equations.mechanism import Mechanism
 ANGLE_SHOWN = 0.4
 SLIDE_SHOWN = 0.25
 WORLD = -1
+Point = tuple[float, float]
+_FLAT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -75,3 +81,46 @@ def place(model: Model, mechanism: Mechanism) -> tuple[Placement, Placement] | N
     steps = {name: wanted[joint.kind] for name, joint in resting.joints.items()}
     steps |= {name: [min(steps[name][0], bounds[1] - middle[name])] for name, bounds in singles.items() if bounds}
     return resting, Placement.of(held(middle, steps))
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction to look along: unit vectors to the right, up, and towards the viewer; a name for the caption."""
+
+    name: str
+    right: Array
+    up: Array
+
+    @property
+    def towards(self) -> Array:
+        return np.cross(self.right, self.up)
+
+    def flat(self, vector: Array) -> Point:
+        """A vector's components to the right and up."""
+        return float(np.dot(vector, self.right)), float(np.dot(vector, self.up))
+
+
+def _view(name: str, right: Sequence[float], up: Sequence[float]) -> View:
+    return View(name, np.array(right) / np.linalg.norm(right), np.array(up) / np.linalg.norm(up))
+
+
+PLANES = (_view("x-z plane", (1, 0, 0), (0, 0, 1)), _view("x-y plane", (1, 0, 0), (0, 1, 0)), _view("y-z plane", (0, 1, 0), (0, 0, 1)))
+CORNER = _view("seen from a corner: x to the right and front, y to the right and back", (0.8, 0.6, 0), (-0.27, 0.36, 0.893))
+
+
+def choose_view(placements: Iterable[Placement]) -> View:
+    """The plane the mechanism moves in, where it extends most if there are several; a corner for spatial ones."""
+    placements = list(placements)
+    points = np.array([point for placement in placements for point in placement.points()])
+
+    def in_plane(view: View) -> bool:
+        joints = placements[0].joints.values()
+        if any(joint.kind not in ("hinge", "slide") for joint in joints):
+            return False
+        along = [(joint.kind, abs(float(np.dot(joint.axis, view.towards)))) for joint in joints]
+        return all(amount > 1 - _FLAT if kind == "hinge" else amount < _FLAT for kind, amount in along)
+
+    def extent(view: View) -> float:
+        return float(sum(np.ptp(points @ direction) for direction in (view.right, view.up)))
+
+    return max((view for view in PLANES if in_plane(view)), key=extent, default=CORNER)

@@ -18,7 +18,7 @@ from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject, is_native, subjects
 from harness.library import Library
 from harness.models.model_file import parse_model
-from harness.results.superfluous import SuperfluousPart
+from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory
 
 LIBRARY = Library.built_in()

@@ -14,7 +14,7 @@ from harness.diagnosis import causes
 from harness.diagnosis.causes import EVALUATIONS_IN_ALL, find_causes
 from harness.diagnosis.model_side import EVALUATIONS
 from harness.library import Library
-from harness.results.causes import Cause
+from harness.results.cross_check import Cause
 from harness.results.records import Record
 
 LIBRARY = Library.built_in()

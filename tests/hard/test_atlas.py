@@ -23,8 +23,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
-from harness.hard.atlas import measure, why_undecided
-from harness.hard.atlas_study import AtlasSettings, AtlasStudy
+from harness.hard.atlas import AtlasStudy, measure, why_undecided
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.library import Library
@@ -234,7 +233,7 @@ def test_why_a_state_is_undecided() -> None:
 def test_a_crash_costs_one_row(planted: Library) -> None:
     subject, sound = Subject("aborting", EQUATIONS), Subject("sound", EQUATIONS)
     with Workers(count=1, time_limit=60) as workers:
-        study = AtlasStudy(AtlasSettings(library=planted, cases=["stiff_damper"], subjects=[str(subject), str(sound)]))
+        study = AtlasStudy(planted, ["stiff_damper"], [str(subject), str(sound)])
         found = {row.subject: row for row in completed(study, workers).rows}
     assert found["sound"].verdicts == {"agrees": 30} and found["sound"].as_expected
     assert found["aborting"].verdict == "error" and not found["aborting"].as_expected
@@ -244,7 +243,7 @@ def test_a_crash_costs_one_row(planted: Library) -> None:
 
 def test_no_such_case() -> None:
     with pytest.raises(InvalidRequest, match="no hard case is called 'soft'"):
-        AtlasStudy(AtlasSettings(library=Library.built_in(), cases=["soft"]))
+        AtlasStudy(Library.built_in(), ["soft"])
 
 
 def _row_of(**verdicts: int) -> HardRow:

@@ -97,7 +97,7 @@ def test_an_engine_with_a_fault_far_below_plotting_accuracy_parts_too_soon(monke
         return faulty
 
     planted: list[Integrator] = [sound, dataclasses.replace(sound, name="planted RK4", prepare=prepare)]
-    monkeypatch.setattr("harness.motion.integrators.select_integrators", lambda names: planted)
+    monkeypatch.setattr("harness.hard.motions.select_integrators", lambda names: planted)
     monkeypatch.setattr(
         hard_motion, "CHAOS", dataclasses.replace(CHAOS, values=(2.4,), integrators=tuple(integrator.name for integrator in planted))
     )

@@ -75,17 +75,6 @@ def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subjec
     assert not others & set(modules)
 
 
-def test_a_model_may_be_named_instead(tmp_path: Path) -> None:
-    for subject in ("mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"):
-        assignment = assignment_of("arm_2r", subject)
-        assert assignment.model is not None
-        (tmp_path / "model.xml").write_text(assignment.model.text)
-        state = sample(assignment.mechanism, 1, 6)
-        program = reproduce(assignment, state, file="model.xml")
-        assert len(program) < 800
-        assert run(program, tmp_path)[:2] == run(reproduce(assignment, state), tmp_path)[:2]
-
-
 def test_a_wrong_model_is_reproduced_as_wrong(tmp_path: Path) -> None:
     """The program holds the model that was compared, not the library's."""
     right = assignment_of("arm_2r", "mujoco/mjcf")

@@ -706,7 +706,7 @@ def test_what_mujoco_compiles_with_the_least_inertia_moves_without_it(kind: str)
     names: dict[str, Any] = {}
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        exec(loaded.reproducer(repr(file.text), False, *(part[0] for part in states), sound[0]), names)  # type: ignore[attr-defined]
+        exec(loaded.reproducer(repr(file.text), *(part[0] for part in states), sound[0]), names)  # type: ignore[attr-defined]
     assert eval(printed.getvalue().splitlines()[0]) == answers[0].tolist()
 
 
@@ -717,7 +717,7 @@ def test_a_name_that_holds_nan_stays_a_name_in_the_reproducer() -> None:
     file = parsed(text.replace('iyy="0.03"', 'iyy="0"'))
     (q, v, tau), joints = places(6, [(4, 3), (1, 1)]), ("nano",) * 3 + ("slider",)
     loaded = load_engine(LIBRARY, "mujoco").load(file, joints, 9.81)
-    script = loaded.reproducer(repr(file.text), False, q[0], v[0], tau[0], tau[0])  # type: ignore[attr-defined]
+    script = loaded.reproducer(repr(file.text), q[0], v[0], tau[0], tau[0])  # type: ignore[attr-defined]
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(script, {})

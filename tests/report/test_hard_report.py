@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import Page
 
-from harness.report import build, build_measured
+from harness.report import build
 from harness.report.hard_cases import HardSummary
 from harness.report.hard_charts import plots
 from harness.report.markdown import VOLATILE
@@ -89,7 +89,7 @@ def sample() -> Atlas:
 
 @pytest.fixture(scope="module")
 def files() -> dict[str, str]:
-    return build_measured(None, (RUN, sample()))
+    return build(atlas=(RUN, sample()))
 
 
 @pytest.fixture(scope="module")
@@ -128,9 +128,9 @@ def test_a_chart_holds_every_point_both_bounds_and_what_hovers_beside_it() -> No
     assert len(data["x"]) == 19 and data["x"][0] == 1e-9
     # Refused points have no error: they are crosses below the upper edge, and say why.
     places = [index for index, verdict in enumerate(data["verdict"]) if verdict == "unsupported"]
-    assert {data["marker"][index] for index in places} == {"x"} and {data["error"][index] for index in places} == {"-"}
+    assert {data["marker"][index] for index in places} == {"x"} and {data["backward error"][index] for index in places} == {"-"}
     assert all(plot.y_range.end / 100 < data["y"][index] < plot.y_range.end for index in places)
-    assert all("mass too small" in data["reason"][index] for index in places)
+    assert all("mass too small" in data["why"][index] for index in places)
     assert data["marker"][data["verdict"].index("undecided")] == "x" and data["y"][data["verdict"].index("undecided")] == 0.5
     [across] = [shown for shown in plot.center if type(shown).__name__ == "Span"]
     assert across.location == 64.0
@@ -182,8 +182,8 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower = sample()
     slower.rows = [replace(row, seconds=5.0, growth=(row.growth or 0) + 0.01) for row in slower.rows]
     slower.partings = [replace(parting, parted=parting.parted and parting.parted + 0.1) for parting in slower.partings]
-    first = build_measured(None, (RUN, sample()))["report.md"]
-    second = build_measured(None, (replace(RUN, started="2026-02-01T02:00:00+00:00"), slower))["report.md"]
+    first = build(atlas=(RUN, sample()))["report.md"]
+    second = build(atlas=(replace(RUN, started="2026-02-01T02:00:00+00:00"), slower))["report.md"]
     assert first != second
     assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
     assert "| gimbal | agrees 2, disagrees 1, unstable 6 | agrees 7, undecided 1, unsupported 2 (not as expected) |" in first
@@ -236,7 +236,7 @@ def any_atlas() -> st.SearchStrategy[Atlas]:
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(atlas=any_atlas())
 def test_a_report_of_any_atlas_can_be_built(atlas: Atlas) -> None:
-    built = build_measured(None, (RUN, atlas))
+    built = build(atlas=(RUN, atlas))
     json.loads(built["report.json"], parse_constant=pytest.fail)
     page = Page(built["index.html"])
     assert not page.fetched

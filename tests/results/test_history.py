@@ -19,12 +19,10 @@ from support_results import CARD, RECORD, RUN
 from harness.errors import InvalidInput
 from harness.results.atlas import Atlas
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
-from harness.results.causes import Cause
-from harness.results.cross_check import CrossCheckResult
+from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.hard_states import RankedCase
 from harness.results.history import History
 from harness.results.records import dumps
-from harness.results.superfluous import SuperfluousPart
 
 FINDING = SuperfluousPart("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
 CAUSE = Cause(

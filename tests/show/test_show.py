@@ -19,8 +19,7 @@ from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
 from harness.models.model_file import parse_model, read_model
 from harness.show.picture import draw
-from harness.show.placement import Placement, place
-from harness.show.views import CORNER, choose_view
+from harness.show.placement import CORNER, Placement, choose_view, place
 
 # The view a reader of the mechanism would choose.
 VIEWS = {

@@ -45,7 +45,6 @@ class Method:
         name: for the command line and the report.
         format: what it reads: "equations", "mjcf" or "urdf".
         prepare: loads and converts. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
-        threads: how many it runs on.
         growth: highest exponent of cost over the number of bodies of a chain that the algorithm allows, for
             the reader: "1", "up to 3".
         linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame.
@@ -55,7 +54,6 @@ class Method:
     name: str
     format: str
     prepare: Callable[[Scene, States], Prepared]
-    threads: int = 1
     growth: str = ""
     linear_velocity_in_body: bool = False
     most_states: int | None = None

@@ -20,6 +20,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from harness.arrays import Array
 from harness.certify.sampling import sample
 from harness.crosscheck.scene import Scene, with_parameters
@@ -96,10 +98,6 @@ class HardCase:
     def system_at(self, value: float) -> str:
         """Name of the system at one value of the knob."""
         return self.system if isinstance(self.system, str) else self.system(value)
-
-    def theory_of(self, subject: str) -> Theory:
-        """The expectation of ``subject``; agreement where it is not named."""
-        return self.theory.get(subject, Theory())
 
     def mechanism_at(self, mechanism: Mechanism, value: float) -> Mechanism:
         """``mechanism`` with the parameters of one value of the knob.
@@ -199,14 +197,24 @@ def with_columns(part: Array, columns: Mapping[int, float | Array]) -> Array:
     return changed
 
 
-def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable[[Mechanism, float, int], States]:
-    """``anywhere``, but for some columns of q, which ``positions`` gives for the knob's value."""
+def varied(change: Callable[[States, float], Mapping[str, Array]]) -> Callable[[Mechanism, float, int], States]:
+    """``anywhere``, but for those of q, v and tau that ``change`` gives for the states there and the knob's value."""
 
     def states(mechanism: Mechanism, value: float, seed: int) -> States:
         spread = anywhere(mechanism)
-        return States.at(with_columns(spread.q, positions(value)), spread.v, spread.tau)
+        return States.at(**{"q": spread.q, "v": spread.v, "tau": spread.tau, **change(spread, value)})
 
     return states
+
+
+def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable[[Mechanism, float, int], States]:
+    """``anywhere``, but for some columns of q, which ``positions`` gives for the knob's value."""
+    return varied(lambda states, value: {"q": with_columns(states.q, positions(value))})
+
+
+def shares(*shape: int, low: float = -1.0) -> Array:
+    """Random numbers from ``low`` to 1, the same on every call."""
+    return np.random.default_rng(0).uniform(low, 1, shape)
 
 
 def turned(axis: tuple[float, float, float], angle: float) -> tuple[float, float, float, float]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.hard.cases import STATES, HardCase, anywhere, decades
+from harness.hard.cases import STATES, HardCase, decades, shares, varied
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.7 (cancellation)"
 _DATA = _HIGHAM + ": a backward stable algorithm loses what the data lose, and no more"
@@ -14,8 +14,7 @@ _DATA = _HIGHAM + ": a backward stable algorithm loses what the data lose, and n
 
 def _near_rest(mechanism: Mechanism, value: float, seed: int) -> States:
     """At rest, every coordinate ``value`` times a number between -1 and 1 from zero, which is an equilibrium."""
-    directions = np.random.default_rng(0).uniform(-1, 1, (STATES, mechanism.nq))
-    return States.at(value * directions, np.zeros((STATES, mechanism.nv)), np.zeros((STATES, mechanism.nv)))
+    return States.at(value * shares(STATES, mechanism.nq), np.zeros((STATES, mechanism.nv)), np.zeros((STATES, mechanism.nv)))
 
 
 NEAR_EQUILIBRIUM = HardCase(
@@ -30,19 +29,13 @@ NEAR_EQUILIBRIUM = HardCase(
 )
 
 
-def _fast(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = anywhere(mechanism)
-    rates = np.random.default_rng(0).uniform(-1, 1, states.v.shape)
-    return States.at(states.q, value * rates, states.tau)
-
-
 FAST_TURNS = HardCase(
     name="fast_turns",
     title="three-link arm whose velocity terms dwarf its weight",
     system="arm_3r",
     knob=("largest rate", "rad/s"),
     values=decades(0, 8),
-    states=_fast,
+    states=varied(lambda states, rate: {"v": rate * shares(*states.v.shape)}),
     source=_DATA + "; velocity terms reach 1e16 times the weight",
     remedy="nothing helps a state that no machine reaches; look for a controller that has diverged",
 )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.hard.cases import Changes, HardCase, Theory, anywhere, decades, posed, turned
+from harness.hard.cases import Changes, HardCase, Theory, decades, posed, turned, varied
 
 _GIMBALS = ("I_o", "I_x", "I_y", "I_z")
 # Of both gimbals: a millionth of a millionth of what the rotor has.
@@ -62,18 +60,13 @@ FREE_BODY_AT_THE_POLE = HardCase(
 )
 
 
-def _lengthened(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = anywhere(mechanism)
-    return States.at(states.q * (1 + value), states.v, states.tau)
-
-
 UNNORMALISED_QUATERNION = HardCase(
     name="unnormalised_quaternion",
     title="heavy top whose quaternion is longer than one",
     system="heavy_top",
     knob=("length of the quaternion beyond one", "1"),
     values=decades(-16, 0),
-    states=_lengthened,
+    states=varied(lambda states, excess: {"q": states.q * (1 + excess)}),
     source="Diebel, Representing attitude, 2006, section 6.1: a quaternion of another length is the same rotation when divided by it",
     remedy="normalise quaternions before every call; an integrator that does not project lets them drift",
     theory={"pinocchio/urdf": Theory("disagrees", growth=1.0, digits_growth=1.0)},

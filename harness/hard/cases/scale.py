@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.hard.cases import KNOB, STATES, HardCase, Theory, anywhere, decades, posed
+from harness.hard.cases import KNOB, HardCase, Theory, decades, posed, shares, varied
 from harness.hard.cases.masses import bar_numbers
 
 _SYMMETRY = "Landau, Lifshitz, Mechanics, section 7: space is homogeneous, so no acceleration feels where the origin is"
@@ -78,27 +74,16 @@ MASS_UNIT = HardCase(
 )
 
 
-def _wound(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = anywhere(mechanism)
-    angles = np.random.default_rng(0).uniform(-1, 1, states.q.shape)
-    return States.at(value * angles, states.v, states.tau)
-
-
 HUGE_ANGLES = HardCase(
     name="huge_angles",
     title="double pendulum after very many turns",
     system="double_pendulum",
     knob=("largest angle", "rad"),
     values=decades(0, 15),
-    states=_wound,
+    states=varied(lambda states, angle: {"q": angle * shares(*states.q.shape)}),
     source="Payne, Hanek, Radian reduction for trigonometric functions, SIGNUM Newsletter 18 (1983): a good sine is exact at any angle",
     remedy="take whole turns off angles before they lose the digits in which the phase stands",
 )
-
-
-def _tiny(mechanism: Mechanism, value: float, seed: int) -> States:
-    parts = np.random.default_rng(0).uniform(-1, 1, (3, STATES, mechanism.nv)) * value
-    return States.at(*parts)
 
 
 SUBNORMAL = HardCase(
@@ -107,7 +92,7 @@ SUBNORMAL = HardCase(
     system="double_pendulum",
     knob=("largest position, rate and force", "SI"),
     values=(*decades(-322, -290, 29), 5e-324),
-    states=_tiny,
+    states=varied(lambda states, size: dict(zip(("q", "v", "tau"), shares(3, *states.q.shape) * size, strict=True))),
     source="Demmel, Underflow and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984)",
     remedy="nothing; keep flush-to-zero off",
 )

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.hard.cases import STATES, HardCase, Theory, anywhere, decades, with_columns
+from harness.hard.cases import STATES, HardCase, Theory, decades, posed, shares
 
 _LINEAR = "the force is linear in the stiffness, so its relative error, and the data roundoff, do not depend on it"
 
@@ -37,12 +33,6 @@ STIFF_DAMPER = HardCase(
 )
 
 
-def _almost_closed(mechanism: Mechanism, value: float, seed: int) -> States:
-    states = anywhere(mechanism)
-    shares = np.random.default_rng(0).uniform(0.5, 1.0, STATES)
-    return States.at(with_columns(states.q, {0: math.pi - value * shares}), states.v, states.tau)
-
-
 COLLAPSED_SPRING = HardCase(
     name="collapsed_spring",
     title="collar on a circle through its spring's anchor, close to the anchor",
@@ -57,7 +47,7 @@ COLLAPSED_SPRING = HardCase(
             "drake:linear_spring_damper/drake:linear_spring_damper_free_length@value": "d",
         },
     },
-    states=_almost_closed,
+    states=posed(lambda angle: {0: math.pi - angle * shares(STATES, low=0.5)}),
     source="by the law of cosines the length is the root of a difference of squares: half an ulp of r^2 over length^2 is lost; "
     "points in space lose half an ulp of r across the circle, where the force does no work",
     theory={"lagrange": Theory("disagrees", digits_growth=-2.0)},

@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.equations.mechanism import Mechanism
+from harness.arrays import Array
 from harness.equations.states import States
-from harness.hard.cases import STATES, HardCase, anywhere, decades, turned, with_columns
+from harness.hard.cases import STATES, HardCase, decades, shares, turned, varied, with_columns
 
 _INVARIANT = "Marsden, Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 8: the fixed points of a symmetry stay fixed points"
-
-
-def _almost_planar(mechanism: Mechanism, value: float, seed: int) -> States:
-    """Swinging in a vertical plane; ``value`` is the rate of the azimuth."""
-    states = anywhere(mechanism)
-    shares = np.random.default_rng(0).uniform(-1, 1, STATES)
-    return States.at(states.q, with_columns(states.v, {1: value * shares}), with_columns(states.tau, {1: 0.0}))
 
 
 PLANAR_SWING = HardCase(
@@ -24,19 +17,21 @@ PLANAR_SWING = HardCase(
     system="spherical_pendulum",
     knob=("rate of the azimuth", "rad/s"),
     values=decades(-20, 0),
-    states=_almost_planar,
+    # The azimuth alone turns at this rate, and nothing drives it.
+    states=varied(
+        lambda states, rate: {"v": with_columns(states.v, {1: rate * shares(STATES)}), "tau": with_columns(states.tau, {1: 0.0})}
+    ),
     source=_INVARIANT,
     remedy="nothing: what leaves the plane is within what the data decide",
 )
 
 
-def _almost_principal(mechanism: Mechanism, value: float, seed: int) -> States:
+def _almost_principal(states: States, value: float) -> dict[str, Array]:
     """Turning about the middle principal axis, which is unstable; ``value`` is the rate about the others."""
-    states = anywhere(mechanism)
-    shares = np.random.default_rng(0).uniform(-1, 1, (2, STATES))
-    rates = {**dict.fromkeys(range(3), 0.0), 3: value * shares[0], 4: 5.0, 5: value * shares[1]}
+    x, z = shares(2, STATES)
+    rates = {**dict.fromkeys(range(3), 0.0), 3: value * x, 4: 5.0, 5: value * z}
     rotation = dict(zip(range(3, 7), turned((0.6, 0.0, 0.8), 1.0), strict=True))
-    return States.at(with_columns(states.q, rotation), with_columns(states.v, rates), np.zeros_like(states.tau))
+    return {"q": with_columns(states.q, rotation), "v": with_columns(states.v, rates), "tau": np.zeros_like(states.tau)}
 
 
 MIDDLE_AXIS = HardCase(
@@ -45,7 +40,7 @@ MIDDLE_AXIS = HardCase(
     system="free_body",
     knob=("rate about the other axes", "rad/s"),
     values=decades(-20, 0),
-    states=_almost_principal,
+    states=varied(_almost_principal),
     source=_INVARIANT + "; Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 5.6 (instability of the middle axis)",
     remedy="nothing: an error that leaves the axis grows in motion as the theory says",
 )
