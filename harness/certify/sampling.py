@@ -27,6 +27,8 @@ ANGLES = (-math.pi, math.pi)
 HUGE_ANGLES = (1e3, 1e8, 1e15)
 # Exponent of 2 of the largest sample that is kept between runs; what takes long to certify need not be found quickly.
 MOST_KEPT = 12
+# Of a mechanism whose equations depend on time [s].
+TIMES = (0.0, 10.0)
 TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
 _HALF = math.sqrt(0.5)
 # (w, x, y, z) of no turn and half turns about the axes, then of quarter turns.
@@ -36,14 +38,14 @@ SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for u
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
     bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
-    bounds += [*mechanism.rate_ranges, *mechanism.force_ranges]
+    bounds += [*mechanism.rate_ranges, *mechanism.force_ranges, *([TIMES] if mechanism.feels_time else [])]
     low, high = np.array(bounds).T
     points = sobol_points(len(bounds), max(0, math.ceil(math.log2(max(count, 1)))), seed)[:count]
-    q, v, tau = np.split(low + points * (high - low), 3, axis=1)
+    q, v, tau, times = np.split(low + points * (high - low), np.arange(1, 4) * mechanism.nv, axis=1)
     for place in reversed(mechanism.attitudes):
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
-    return States.at(q, v, tau) if count else States(q, v, tau, np.zeros(0))
+    return States(*map(np.ascontiguousarray, (q, v, tau)), times[:, 0] if mechanism.feels_time else np.zeros(count))
 
 
 def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
@@ -88,7 +90,8 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
     configuration = st.tuples(*positions).map(lambda parts: tuple(value for part in parts for value in part))
     # No rate or force leaves its range: what a wrist does under the torque of a shoulder belongs to hard cases.
     rates, forces = ([_bounded(bounds) for bounds in ranges] for ranges in (mechanism.rate_ranges, mechanism.force_ranges))
-    return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces)).map(lambda state: States.at(*state))
+    times = _bounded(TIMES) if mechanism.feels_time else st.just(0.0)
+    return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces), times).map(lambda state: States.at(*state))
 
 
 def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:

@@ -49,7 +49,7 @@ def _parse_state(text: str | None) -> Any:
     """One state from JSON.
 
     Raises:
-        click.BadParameter: it is not {"q": numbers, "v": numbers, "tau": numbers} of one length.
+        click.BadParameter: it is not {"q": numbers, "v": numbers, "tau": numbers} of one length, with "time": [number] or without.
     """
     if text is None:
         return None
@@ -57,11 +57,11 @@ def _parse_state(text: str | None) -> Any:
 
     try:
         data = json.loads(text)
-        parts = [[float(value) for value in data[key]] for key in ("q", "v", "tau")]
-    except (ValueError, TypeError, KeyError) as error:
+        parts = [[float(value) for value in part] for part in (data["q"], data["v"], data["tau"], data.get("time", [0.0]))]
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise click.BadParameter('expected {"q": [...], "v": [...], "tau": [...]} with numbers', param_hint="--state") from error
     if not all(math.isfinite(value) for part in parts for value in part):
         raise click.BadParameter("every number must be finite", param_hint="--state")
-    if len(parts[1]) != len(parts[2]):
-        raise click.BadParameter("v and tau must have the same length", param_hint="--state")
+    if len(parts[1]) != len(parts[2]) or len(parts[3]) != 1:
+        raise click.BadParameter("v and tau must have the same length, and time, where it is given, one number", param_hint="--state")
     return States.at(*parts)

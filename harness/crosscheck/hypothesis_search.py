@@ -82,7 +82,7 @@ def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Fou
 
 def note_of(subject: str, states: States) -> str:
     """A note that names the states a subject is being asked at: ``{"subject": ..., "states": {"q", "v", "tau"}}``."""
-    return json.dumps({"subject": subject, "states": {name: getattr(states, name).tolist() for name in ("q", "v", "tau")}})
+    return json.dumps({"subject": subject, "states": {name: getattr(states, name).tolist() for name in states.named}})
 
 
 def objective(comparison: Comparison) -> Array:

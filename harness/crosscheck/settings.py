@@ -62,7 +62,7 @@ def stored_states(library: Library, mechanism: Mechanism) -> States | None:
     """
     distinct: dict[str, dict[str, list[float]]] = {}
     for number, found in enumerate(load_found(library, mechanism.name), start=1):
-        sizes = [len(part) for part in found.state.values()]
+        sizes = [len(found.state[name]) for name in ("q", "v", "tau")]
         if sizes != [mechanism.nq, mechanism.nv, mechanism.nv]:
             problem = f"entry {number} has {sizes[0]}, {sizes[1]} and {sizes[2]} numbers for q, v and tau"
             expected = f"expected {mechanism.nq}, {mechanism.nv} and {mechanism.nv} as {mechanism.name} has; remove the entry"

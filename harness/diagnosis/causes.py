@@ -199,7 +199,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     note("loading")
     engine = load_engine(library, assignment.subject.engine)
     kernel = reference_kernel_of(assignment)
-    worst = [States.at(state["q"], state["v"], state["tau"]) for state in scope.worst_states]
+    worst = [States.at(**state) for state in scope.worst_states]
     states = States.concatenate([diagnostic_states(mechanism, scope.seed), *worst])
     try:
         loaded = engine.load(mechanism if model is None else model, mechanism.joints, mechanism.gravity)

@@ -14,6 +14,7 @@ import importlib.metadata
 import math
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,8 @@ from harness.library import CannotRun, Library, member_of, raised_in, run_file
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 
 if TYPE_CHECKING:
+    import sympy as sp
+
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.program import StraightLineProgram
     from harness.equations.system import System
@@ -215,13 +218,14 @@ def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:
     member = member_of(path)
     file, size = member or (path, None)
     try:
-        module = run_file(file, f"_harness_system_{file.stem}")
-        found = getattr(module, "SYSTEM", None)
-        if size is not None and callable(getattr(module, "system", None)):
-            try:
-                found = module.system(size)
-            except Exception as error:
-                raise raised_in(file, error) from error
+        with _exact_numbers():
+            module = run_file(file, f"_harness_system_{file.stem}")
+            found = getattr(module, "SYSTEM", None)
+            if size is not None and callable(getattr(module, "system", None)):
+                try:
+                    found = module.system(size)
+                except Exception as error:
+                    raise raised_in(file, error) from error
     except CannotRun as error:
         raise InvalidSystem(error.path, error.line, error.problem) from error
     if found is None:
@@ -237,6 +241,26 @@ def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:
     if not atlas or atlas[0] is not found or not all(alike):
         raise InvalidSystem(file, None, "ATLAS must list SYSTEM first, then systems with the same joints, parameters and total mass")
     return atlas, module.__doc__
+
+
+@contextlib.contextmanager
+def _exact_numbers() -> Iterator[None]:
+    """Within, SymPy takes a float of Python for the rational number that it is, so that no product of it is rounded."""
+    import sympy as sp
+    from sympy.core.sympify import converter
+
+    def exact(value: float) -> sp.Expr:
+        return sp.Rational(*value.as_integer_ratio()) if math.isfinite(value) else sp.Float(value)
+
+    before = converter.get(float)
+    converter[float] = exact
+    try:
+        yield
+    finally:
+        if before is None:
+            del converter[float]
+        else:
+            converter[float] = before
 
 
 def _same_but_for_angles(chart: System, system: System) -> bool:

@@ -92,6 +92,12 @@ class Mechanism:
         return self.charts_in_body if linear_velocity_in_body and self.charts_in_body else (self.program, *self.other_charts)
 
     @property
+    def feels_time(self) -> bool:
+        """True if the equations depend on time explicitly."""
+        time = ("input", self.nq + 2 * self.nv)
+        return any(time in program.instructions for program in self.charts(linear_velocity_in_body=False))
+
+    @property
     def parameter_values(self) -> tuple[float, ...]:
         return tuple(value for _, value, _ in self.parameters)
 

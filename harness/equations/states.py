@@ -33,5 +33,10 @@ class States(Rows):
         return len(self.q)
 
     def as_json(self, index: int) -> dict[str, list[float]]:
-        """One state as ``{"q", "v", "tau"}`` lists, which print exactly."""
-        return {"q": self.q[index].tolist(), "v": self.v[index].tolist(), "tau": self.tau[index].tolist()}
+        """One state as ``{"q", "v", "tau"}`` lists, which print exactly, with ``"time"`` where that is not 0."""
+        return {name: getattr(self[[index]], name).ravel().tolist() for name in self.named}
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The parts that say which states these are: a mechanism that does not feel time has all of them at time 0."""
+        return ("q", "v", "tau", "time") if self.time.any() else ("q", "v", "tau")

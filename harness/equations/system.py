@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -15,6 +15,8 @@ from harness.equations.euler_angles import Attitude
 
 TIME: sp.Symbol = dynamicsymbols._t
 _EMPTY: Mapping[Any, Any] = MappingProxyType({})
+# The first that a value contradicts is named.
+_ASSUMPTIONS = ("positive", "negative", "nonnegative", "nonpositive", "nonzero", "zero", "integer", "rational", "even", "odd", "real")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +44,9 @@ class System:
             coordinate without one is an angle and takes every value; rates default to +-10 per second.
         start: coordinate, or its ``diff(t)``, to its value where computed motions start; what it leaves out is
             0. Without one they start at a place of the harness's choice.
+
+    A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
+    whenever it forms a product, is refused.
 
     Raises:
         ValueError: the declaration contradicts itself; the message says where.
@@ -146,6 +151,7 @@ class System:
                 raise ValueError(f"parameter {symbol} is {entry!r}; expected (value, unit)")
             if isinstance(entry[0], bool) or not isinstance(entry[0], int | float) or not math.isfinite(entry[0]):
                 raise ValueError(f"parameter {symbol} has value {entry[0]!r}; expected a finite number")
+            _check_assumptions(f"parameter {symbol}", symbol, [sp.Rational(entry[0])])
         names = [symbol.name for symbol in self.parameters]
         for name in names:
             if names.count(name) > 1:
@@ -165,6 +171,8 @@ class System:
                 raise ValueError(f"{name} contains {derivative}; only first rates of the coordinates may appear")
             for function in expression.atoms(sp.core.function.AppliedUndef) - set(self.coordinates):
                 raise ValueError(f"{name} contains {function}, which is no coordinate")
+            for number in sorted(expression.atoms(sp.Float)):
+                raise ValueError(f"{name} contains {number}, which SymPy rounds in every product; write sympy.Rational({str(number)!r})")
         if self.potential.atoms(sp.Derivative):
             raise ValueError("potential contains a rate; put the term into kinetic or generalised_forces")
         if self.total_mass.atoms(sp.core.function.AppliedUndef):
@@ -180,6 +188,11 @@ class System:
                 raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
             if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
                 raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")
+        for q in self.coordinates:
+            # Those without a range take every value.
+            lowest, highest = map(sp.Rational, self.ranges.get(q, (-1.0, 1.0)))
+            inside = [sp.S.Zero] if lowest < 0 < highest else []
+            _check_assumptions(f"the range of {q}", q, [lowest, (lowest + highest) / 2, *inside, highest])
         for key, value in self.start.items():
             if key not in known:
                 raise ValueError(f"start of {key}, which is neither a coordinate nor a rate")
@@ -187,3 +200,17 @@ class System:
                 raise ValueError(f"start of {key} is {value!r}; expected a finite number")
         if self.start and self.attitudes:
             raise ValueError("start is given in coordinates, and a ball or free joint has none; leave it out")
+
+
+def _check_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> None:
+    """SymPy simplifies by what a symbol is declared to be: sqrt(c**2) is c where c is positive.
+
+    Raises:
+        ValueError: one of the values is not what ``symbol`` is declared to be.
+    """
+    for assumption in _ASSUMPTIONS:
+        declared = getattr(symbol, f"is_{assumption}")
+        for value in values:
+            if declared is not None and getattr(value, f"is_{assumption}") not in (declared, None):
+                what = assumption if declared else f"not {assumption}"
+                raise ValueError(f"{name} holds {float(value):.17g}, and {symbol} is declared {what}; change the value or the assumption")

@@ -59,7 +59,9 @@ class FoundState:
     date: str
 
     def __post_init__(self) -> None:
-        if list(self.state) != ["q", "v", "tau"] or not all(math.isfinite(value) for part in self.state.values() for value in part):
+        if list(self.state) not in (["q", "v", "tau"], ["q", "v", "tau", "time"]) or not all(
+            math.isfinite(value) for part in self.state.values() for value in part
+        ):
             raise ValueError('"state" is not {"q": [...], "v": [...], "tau": [...]} with finite numbers')
         if self.verdict not in SEVERITY:
             raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(SEVERITY)}')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed, cross_checked, make_library
+from support import InThisProcess, completed, cross_checked, harness, make_library
 
 from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.run import CrossCheck
@@ -205,3 +206,20 @@ def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:
             other.system, other.subject, other.backward_error, json.dumps(other.worst_state)
         )  # fmt: skip
         assert np.isfinite(one.backward_error or 0)
+
+
+def test_energies_that_depend_on_time_are_compared_at_other_times(tmp_path: Path) -> None:
+    """At t = 0 the spring of the models is right."""
+    library = make_library(tmp_path / "library", ["spring_damper"])
+    system = library / "systems" / "spring_damper.py"
+    text = system.read_text()
+    system.write_text(text.replace("k * x**2 / 2", "k * x**2 / 2 * sp.cos(TIME)"))
+    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 1
+    records = {record["subject"]: record for record in json.loads((tmp_path / "out.json").read_text())["records"]}
+    assert {record["verdict"] for subject, record in records.items() if subject != "lagrange"} == {"disagrees"}
+    assert records["lagrange"]["verdict"] == "agrees"
+    [moment] = records["mujoco/mjcf"]["worst_state"]["time"]
+    assert 0 < moment < 10
+    replayed = harness(*shlex.split(records["mujoco/mjcf"]["replay"])[1:], cwd=tmp_path)
+    assert replayed.returncode == 1 and "disagrees" in replayed.stdout

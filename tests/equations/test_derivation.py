@@ -17,6 +17,7 @@ from typing import Any
 
 import msgspec
 import pytest
+import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -290,6 +291,16 @@ def test_loading_leaves_no_bytecode(tmp_path: Path) -> None:
     assert sys.dont_write_bytecode == before
 
 
+def test_numbers_of_a_system_file_are_exact(tmp_path: Path) -> None:
+    """In 53 bits the product ends one ulp off."""
+    library = library_of(tmp_path / "library", own=SOURCE.replace("k * x**2 / 2", "k * 0.1 * 3.0 * 2 * x**2"))
+    system, _ = load_system(library.system_path("own"))
+    [k] = [symbol for symbol in system.parameters if symbol.name == "k"]
+    [x] = system.coordinates
+    assert system.potential.coeff(k * x**2) == sp.Rational(0.1) * 6 != sp.Rational(0.1 * 3.0 * 2)
+    assert (k * 0.1).atoms(sp.Float), "SymPy is as it was"
+
+
 def line_of(text: str, fragment: str) -> int:
     return text[: text.index(fragment)].count("\n") + 1
 
@@ -325,6 +336,7 @@ BROKEN: dict[str, tuple[str | bytes, int | None, str]] = {
         "cannot be derived: kinetic is not of second degree",
     ),
     "no kernel": (SOURCE.replace("k * x**2 / 2", "k * sp.besselj(0, x)"), DECLARED, "cannot be derived: no kernel can evaluate besselj"),
+    "value against its symbol": (SOURCE.replace("(1.5,", "(-1.5,"), DECLARED, "parameter m holds -1.5, and m is declared positive"),
     "complex": (SOURCE.replace("k * x**2 / 2", "sp.I * k * x"), DECLARED, "cannot be derived: no kernel can evaluate I"),
     "mass that grows": (SOURCE.replace("total_mass=m", "total_mass=m * TIME"), DECLARED, "cannot be derived"),
 }  # fmt: skip

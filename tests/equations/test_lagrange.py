@@ -250,6 +250,8 @@ def test_the_declaration_that_the_errors_vary_is_valid() -> None:
 
 
 f = sp.Function("f")
+outward = dynamicsymbols("outward", positive=True)
+MOVING_OUTWARD = {"coordinates": {outward: "slide"}, "kinetic": m * outward.diff(t) ** 2 / 2, "potential": m * g * sp.sqrt(outward**2)}
 BAD_DECLARATIONS: dict[str, tuple[dict[str, Any], str]] = {
     "no coordinates": ({"coordinates": {}}, "coordinates is empty"),
     "coordinate is a symbol": ({"coordinates": {sp.Symbol("x"): "slide"}}, "coordinate x is not a dynamicsymbols"),
@@ -266,6 +268,17 @@ BAD_DECLARATIONS: dict[str, tuple[dict[str, Any], str]] = {
     "value is a text": ({"parameters": {m: ("1", "kg"), g: (9.81, "m/s^2")}}, "parameter m has value '1'"),
     "value is a truth": ({"parameters": {m: (True, "kg"), g: (9.81, "m/s^2")}}, "parameter m has value True"),
     "value is not finite": ({"parameters": {m: (float("inf"), "kg"), g: (9.81, "m/s^2")}}, "expected a finite number"),
+    "value against its symbol": (
+        {"parameters": {m: (-0.5, "kg"), g: (9.81, "m/s^2")}},
+        "parameter m holds -0.5, and m is declared positive",
+    ),
+    "zero against its symbol": ({"parameters": {m: (0.0, "kg"), g: (9.81, "m/s^2")}}, "parameter m holds 0, and m is declared"),
+    "range against its coordinate": (
+        {**MOVING_OUTWARD, "ranges": {outward: (-1.0, 2.0)}},
+        r"the range of outward\(t\) holds -1, and outward\(t\) is declared positive",
+    ),
+    "no range against its coordinate": (MOVING_OUTWARD, "the range of outward.* is declared positive"),
+    "number that SymPy rounds": ({"kinetic": sp.Float(0.1) * m * x.diff(t) ** 2}, "kinetic contains 0.1.*, which SymPy rounds"),
     "two of one name": (
         {"parameters": {m: (1.0, "kg"), g: (9.81, "m/s^2"), sp.Symbol("m"): (1.0, "kg")}},
         "two parameters are named 'm'",
@@ -287,6 +300,10 @@ BAD_DECLARATIONS: dict[str, tuple[dict[str, Any], str]] = {
     "range without end": ({"ranges": {x: (0.0, float("inf"))}}, "both finite"),
     "range of three": ({"ranges": {x.diff(t): (0.0, 1.0, 2.0)}}, "expected"),
 }
+
+
+def test_a_value_that_is_what_its_symbol_is_declared_to_be_is_accepted() -> None:
+    derive(System(**declaration(**MOVING_OUTWARD, ranges={outward: (0.5, 2.0)})))
 
 
 @pytest.mark.parametrize("case", BAD_DECLARATIONS)
