@@ -45,7 +45,8 @@ def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     for place in reversed(mechanism.attitudes):
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
-    return States(*map(np.ascontiguousarray, (q, v, tau)), times[:, 0] if mechanism.feels_time else np.zeros(count))
+    time = times[:, 0] if mechanism.feels_time else np.zeros(count)
+    return States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), time)
 
 
 def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:

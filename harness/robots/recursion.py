@@ -1,0 +1,417 @@
+"""The equations of motion of a tree of bodies by recursion over it: M by composite bodies, forces by Newton and Euler.
+
+Everything is written in the frames of the bodies, with motions as (angular velocity, velocity of the frame's origin) and
+forces as (moment about it, force). It shares no expression with Lagrange's equations: no energy, no derivative.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Newton-Euler), 6.2 (composite rigid bodies) and
+2.8 to 2.13 (the vectors and their products).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from harness.equations.calculus import ProgramWriter
+from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
+from harness.models.model_file import JointSpring, PointSpring
+from harness.robots.tree import WORLD, Axes, Inertia, Joint, Placement, Pose, Quaternion, Tree, Turn
+
+# Places of instructions: a vector, a matrix by rows, and a motion or a force as its two vectors.
+Three = list[int]
+Matrix = list[Three]
+Pair = tuple[Three, Three]
+
+_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+
+
+def recursion_program(tree: Tree, joints: Sequence[str]) -> StraightLineProgram:
+    """The program of a tree; q, v and tau follow ``joints``, inputs and outputs are those of ``harness.equations.kernels``.
+
+    A rotation stands in q as a quaternion (w, x, y, z) of any length, its velocity in v in the body's frame, both behind the
+    position of a free joint, whose velocity is in the frame of the parent. There are no parameters: numbers are those of the file.
+
+    Raises:
+        ValueError: the tree has other joints.
+    """
+    return _Recursion(tree, joints).written()
+
+
+@dataclass
+class _Rigid:
+    """Mass, first moments and moments about the origin of a frame."""
+
+    mass: int
+    first: Three
+    second: Matrix
+
+
+@dataclass
+class _Node:
+    """One joint with what moves with it; its frame stands in the joint's anchor.
+
+    Attributes:
+        parent: index of the node before it, -1 for the world. turn, shift: its frame in that of the parent.
+        motions: the motion of the frame for each velocity; columns: their places in v.
+        bias: the part of the acceleration of those motions that is due to their turning in the frame, for free joints.
+    """
+
+    parent: int
+    turn: Matrix
+    shift: Three
+    joint: Joint
+    motions: list[Pair]
+    columns: list[int]
+    bias: Pair
+    rigid: _Rigid
+    children: list[int] = field(default_factory=list)
+
+
+class _Recursion(ProgramWriter):
+    """Writes the program of one tree."""
+
+    def __init__(self, tree: Tree, joints: Sequence[str]) -> None:
+        order = list(dict.fromkeys(joints))
+        kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints}
+        if sorted(order) != sorted(kinds):
+            raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
+        sizes = [_SIZES[kinds[name]] for name in order]
+        nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
+        names = [f"{kind}{i}" for kind, count in (("q", nq), ("v", self.nv), ("tau", self.nv)) for i in range(count)]
+        super().__init__(StraightLineProgram((*names, "t"), (), {}))
+        self._first_rate = nq
+        self._places: dict[str, tuple[list[int], list[int]]] = {}
+        q = v = 0
+        for name, (positions, velocities) in zip(order, sizes, strict=True):
+            self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
+            q, v = q + positions, v + velocities
+        self.tree = tree
+        self.zero, self.one = self.number(0), self.number(1)
+        self.still: Three = [self.zero] * 3
+        self.identity: Matrix = [[self.one if i == j else self.zero for j in range(3)] for i in range(3)]
+        self.nodes: list[_Node] = []
+        # Node, and the body's frame in that of the node.
+        self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
+        for body in tree.bodies:
+            self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
+            if body.inertia is not None and self.frames[body.name][0] >= 0:
+                self._load(self.frames[body.name], body.inertia)
+
+    # Vectors and matrices.
+
+    def added(self, first: Three, second: Three) -> Three:
+        return [self.sum(a, b) for a, b in zip(first, second, strict=True)]
+
+    def times(self, factor: int, values: Three) -> Three:
+        return [self.product(factor, value) for value in values]
+
+    def minus(self, values: Three) -> Three:
+        return [self.negative(value) for value in values]
+
+    def turned(self, matrix: Matrix, values: Three) -> Three:
+        return [self.dot(row, values) for row in matrix]
+
+    def turned_back(self, matrix: Matrix, values: Three) -> Three:
+        return self.turned(transposed(matrix), values)
+
+    def multiplied(self, first: Matrix, second: Matrix) -> Matrix:
+        return [[self.dot(row, column) for column in transposed(second)] for row in first]
+
+    def numbers(self, values: Iterable[Fraction]) -> Three:
+        return [self.number(value) for value in values]
+
+    def skew(self, values: Three) -> Matrix:
+        """The matrix of the vector product with ``values``."""
+        x, y, z = values
+        return [[self.zero, self.negative(z), y], [z, self.zero, self.negative(x)], [self.negative(y), x, self.zero]]
+
+    def unit(self, values: Three) -> Three:
+        """A vector at length 1."""
+        length = self.dot(values, values)
+        return values if self._value(length) == 1 else [self.quotient(value, self.add("sqrt", length)) for value in values]
+
+    # Rotations.
+
+    def about(self, axis: Three, angle: int) -> Matrix:
+        """The rotation about a unit axis, by Rodrigues' formula."""
+        sine, cosine = (self.add(name, angle) for name in ("sin", "cos"))
+        skew = self.skew(self.times(sine, axis))
+        rows = []
+        for i in range(3):
+            row = []
+            for j in range(3):
+                along = self.product(axis[i], axis[j])
+                across = self.difference(self.identity[i][j], along)
+                row.append(self.sum(self.sum(along, self.product(cosine, across)), skew[i][j]))
+            rows.append(row)
+        return rows
+
+    def of_quaternion(self, quaternion: Sequence[int]) -> Matrix:
+        """The rotation by a quaternion of any length."""
+        w, *rest = quaternion
+        scale = self.quotient(self.number(2), self.dot(quaternion, quaternion))
+        skew = self.skew(self.times(self.product(scale, w), rest))
+        size = self.dot(rest, rest)
+        rows = []
+        for i in range(3):
+            products = [self.product(rest[i], value) for value in rest]
+            products[i] = self.difference(products[i], size)
+            rows.append([self.sum(self.identity[i][j], self.sum(self.product(scale, products[j]), skew[i][j])) for j in range(3)])
+        return rows
+
+    def angle(self, value: Fraction, in_degrees: bool) -> int:
+        """An angle of a file in radians."""
+        return self.product(self.number(value / 180), self.add("pi")) if in_degrees and value else self.number(value)
+
+    def rotation(self, placement: Placement) -> Matrix:
+        """The orientation of a frame, as its file gives it."""
+        found = self.identity
+        for part in placement.rotation:
+            if isinstance(part, Turn):
+                axis = self.unit(self.numbers(part.axis))
+                turn = self.about(axis, self.angle(part.angle, part.in_degrees)) if part.angle else self.identity
+            elif isinstance(part, Quaternion):
+                turn = self.of_quaternion(self.numbers(part.components))
+            elif isinstance(part, Axes):
+                first, second = self.unit(self.numbers(part.x)), self.numbers(part.y)
+                second = self.unit(self.added(second, self.minus(self.times(self.dot(first, second), first))))
+                turn = transposed([first, second, self.cross(first, second)])
+            else:
+                x, y, z = direction = self.numbers(part.z)
+                # Twice the angle of this quaternion, and of all directions only the opposite one has none.
+                w = self.sum(self.add("sqrt", self.dot(direction, direction)), z)
+                turn = self.of_quaternion([w, self.negative(y), x, self.zero])
+            found = self.multiplied(found, turn)
+        return found
+
+    def placed(self, turn: Matrix, shift: Three, pose: Pose) -> tuple[Matrix, Three]:
+        """A pose in a frame, in what that frame stands in."""
+        for placement in pose:
+            position = self.numbers(placement.position)
+            turn, shift = self.multiplied(turn, self.rotation(placement)), self.added(shift, self.turned(turn, position))
+        return turn, shift
+
+    # The tree.
+
+    def _grow(self, parent: str, pose: Pose, joints: Iterable[Joint]) -> tuple[int, Matrix, Three]:
+        """Add the nodes of a body's joints; the body's frame in the last of them."""
+        node, turn, shift = self.frames[parent]
+        turn, shift = self.placed(turn, shift, pose)
+        for joint in joints:
+            frame, offset = self.placed(self.identity, self.still, joint.pose)
+            anchor = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
+            axis = self.turned(frame, self.unit(self.numbers(joint.axis))) if any(joint.axis) else self.still
+            self._add(node, turn, self.added(shift, self.turned(turn, anchor)), joint, axis)
+            node, turn, shift = len(self.nodes) - 1, self.identity, self.minus(anchor)
+        return node, turn, shift
+
+    def _add(self, parent: int, turn: Matrix, shift: Three, joint: Joint, axis: Three) -> None:
+        positions, columns = self._places[joint.name]
+        about = [(row, self.still) for row in self.identity]
+        bias: Pair = (self.still, self.still)
+        if joint.kind in ("hinge", "slide"):
+            moved = self.difference(positions[0], self.angle(joint.reference, joint.in_degrees))
+            if joint.kind == "hinge":
+                turn, motions = self.multiplied(turn, self.about(axis, moved)), [(axis, self.still)]
+            else:
+                shift, motions = self.added(shift, self.turned(turn, self.times(moved, axis))), [(self.still, axis)]
+        elif joint.kind == "ball":
+            turn, motions = self.multiplied(turn, self.of_quaternion(positions)), about
+        else:
+            shift = self.added(shift, self.turned(turn, positions[:3]))
+            own = self.of_quaternion(positions[3:])
+            turn = self.multiplied(turn, own)
+            motions = [(self.still, self.turned_back(own, row)) for row in self.identity] + about
+            rates = [self._first_rate + column for column in columns]
+            # The velocity is given in the parent's frame, which turns in the body's.
+            bias = (self.still, self.minus(self.cross(rates[3:], self.turned_back(own, rates[:3]))))
+        empty = _Rigid(self.zero, self.still, [self.still] * 3)
+        self.nodes.append(_Node(parent, turn, shift, joint, motions, columns, bias, empty))
+
+    def _load(self, frame: tuple[int, Matrix, Three], inertia: Inertia) -> None:
+        """Add a body's inertia to that of its node."""
+        number, turn, shift = frame
+        turn, centre = self.placed(turn, shift, inertia.pose)
+        xx, yy, zz, xy, xz, yz = (self.number(moment) for moment in inertia.moments)
+        second = self.multiplied(self.multiplied(turn, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), transposed(turn))
+        mass = self.number(inertia.mass)
+        about_centre = _Rigid(mass, self.still, second)
+        node = self.nodes[number]
+        node.rigid = self._joined(node.rigid, self._moved(about_centre, self.identity, centre))
+
+    def _joined(self, one: _Rigid, other: _Rigid) -> _Rigid:
+        second = [self.added(a, b) for a, b in zip(one.second, other.second, strict=True)]
+        return _Rigid(self.sum(one.mass, other.mass), self.added(one.first, other.first), second)
+
+    def _moved(self, rigid: _Rigid, turn: Matrix, shift: Three) -> _Rigid:
+        """The same about the origin of the frame in which its own stands at ``shift``, turned by ``turn``."""
+        first = self.turned(turn, rigid.first)
+        second = self.multiplied(self.multiplied(turn, rigid.second), transposed(turn))
+        half = self.added(first, self.times(self.product(rigid.mass, self.number(Fraction(1, 2))), shift))
+        # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
+        trace = self.product(self.number(2), self.dot(shift, half))
+        rows = []
+        for i in range(3):
+            row = []
+            for j in range(3):
+                mixed = self.sum(self.product(shift[i], half[j]), self.product(half[i], shift[j]))
+                row.append(self.sum(second[i][j], self.difference(trace if i == j else self.zero, mixed)))
+            rows.append(row)
+        return _Rigid(rigid.mass, self.added(first, self.times(rigid.mass, shift)), rows)
+
+    # Motions and forces.
+
+    def _down(self, node: _Node, motion: Pair) -> Pair:
+        """A motion of the parent's frame, as one of the node's."""
+        angular, linear = motion
+        return self.turned_back(node.turn, angular), self.turned_back(node.turn, self.added(linear, self.cross(angular, node.shift)))
+
+    def _up(self, node: _Node, force: Pair) -> Pair:
+        """A force on the node's frame, as one on the parent's."""
+        moment, linear = self.turned(node.turn, force[0]), self.turned(node.turn, force[1])
+        return self.added(moment, self.cross(node.shift, linear)), linear
+
+    def _momentum(self, rigid: _Rigid, motion: Pair) -> Pair:
+        angular, linear = motion
+        moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
+        return moment, self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
+
+    def _power(self, motion: Pair, force: Pair) -> int:
+        return self.sum(self.dot(motion[0], force[0]), self.dot(motion[1], force[1]))
+
+    def _both(self, one: Pair, other: Pair) -> Pair:
+        return self.added(one[0], other[0]), self.added(one[1], other[1])
+
+    def _of_joint(self, node: _Node) -> Pair:
+        """The motion that the joint's velocities give its frame."""
+        found: Pair = (self.still, self.still)
+        for (angular, linear), column in zip(node.motions, node.columns, strict=True):
+            rate = self._first_rate + column
+            found = self._both(found, (self.times(rate, angular), self.times(rate, linear)))
+        return found
+
+    def _velocities(self) -> list[Pair]:
+        found: list[Pair] = []
+        for node in self.nodes:
+            before = found[node.parent] if node.parent >= 0 else (self.still, self.still)
+            found.append(self._both(self._down(node, before), self._of_joint(node)))
+        return found
+
+    def _generalised(self, forces: list[Pair]) -> Three:
+        """The generalised forces that hold the given forces on the nodes."""
+        found, carried = [self.zero] * self.nv, list(forces)
+        for number in reversed(range(len(self.nodes))):
+            node = self.nodes[number]
+            for motion, column in zip(node.motions, node.columns, strict=True):
+                found[column] = self._power(motion, carried[number])
+            if node.parent >= 0:
+                carried[node.parent] = self._both(carried[node.parent], self._up(node, carried[number]))
+        return found
+
+    def _velocity_terms(self, velocities: list[Pair]) -> Three:
+        accelerations: list[Pair] = []
+        forces = []
+        for node, velocity in zip(self.nodes, velocities, strict=True):
+            angular, linear = velocity
+            of_joint = self._of_joint(node)
+            before = accelerations[node.parent] if node.parent >= 0 else (self.still, self.still)
+            turning = (
+                self.cross(angular, of_joint[0]),
+                self.added(self.cross(angular, of_joint[1]), self.cross(linear, of_joint[0])),
+            )
+            accelerations.append(self._both(self._both(self._down(node, before), turning), node.bias))
+            moment, momentum = self._momentum(node.rigid, velocity)
+            gyroscopic = (self.added(self.cross(angular, moment), self.cross(linear, momentum)), self.cross(angular, momentum))
+            forces.append(self._both(self._momentum(node.rigid, accelerations[-1]), gyroscopic))
+        return self._generalised(forces)
+
+    def _gravity_terms(self) -> Three:
+        upward = self.minus(self.numbers(self.tree.gravity))
+        accelerations: list[Pair] = []
+        for node in self.nodes:
+            before = accelerations[node.parent] if node.parent >= 0 else (self.still, upward)
+            accelerations.append(self._down(node, before))
+        return self._generalised([self._momentum(node.rigid, one) for node, one in zip(self.nodes, accelerations, strict=True)])
+
+    def _mass_matrix(self) -> Three:
+        composite = [node.rigid for node in self.nodes]
+        entries: dict[tuple[int, int], int] = {}
+        for number in reversed(range(len(self.nodes))):
+            node = self.nodes[number]
+            if node.parent >= 0:
+                composite[node.parent] = self._joined(composite[node.parent], self._moved(composite[number], node.turn, node.shift))
+            for motion, column in zip(node.motions, node.columns, strict=True):
+                force, at = self._momentum(composite[number], motion), number
+                while at >= 0:
+                    for other, row in zip(self.nodes[at].motions, self.nodes[at].columns, strict=True):
+                        entries[min(row, column), max(row, column)] = self._power(other, force)
+                    force, at = self._up(self.nodes[at], force), self.nodes[at].parent
+            for column in node.columns:
+                entries[column, column] = self.sum(entries[column, column], self.number(node.joint.armature))
+        return [entries.get(pair, self.zero) for pair in upper_triangle(self.nv)]
+
+    # Springs and dampers.
+
+    def _passive_forces(self, velocities: list[Pair]) -> Three:
+        found = [self.zero] * self.nv
+        on_nodes: list[Pair] = [(self.still, self.still)] * len(self.nodes)
+        for element in self.tree.forces:
+            if isinstance(element, PointSpring):
+                self._pull(element, velocities, on_nodes)
+                continue
+            positions, columns = self._places[element.joint]
+            if isinstance(element, JointSpring):
+                factor = element.stiffness
+                moved = [self.difference(position, self.number(Fraction(element.reference))) for position in positions]
+            else:
+                factor, moved = element.damping, [self._first_rate + column for column in columns]
+            for column, value in zip(columns, moved, strict=True):
+                found[column] = self.difference(found[column], self.product(self.number(Fraction(factor)), value))
+        return self.added(found, self._generalised(on_nodes))
+
+    def _pull(self, spring: PointSpring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
+        """Add the forces of a spring between two points to those on their nodes."""
+        ends = [self._end(*end, velocities) for end in ((spring.body_a, spring.point_a), (spring.body_b, spring.point_b))]
+        (first, rate_of_first), (second, rate_of_second) = ((position, rate) for _, _, position, rate, _ in ends)
+        between = self.added(second, self.minus(first))
+        length = self.add("sqrt", self.dot(between, between))
+        along = [self.quotient(value, length) for value in between]
+        rate = self.dot(along, self.added(rate_of_second, self.minus(rate_of_first)))
+        stretch = self.difference(length, self.number(Fraction(spring.free_length)))
+        tension = self.sum(
+            self.product(self.number(Fraction(spring.stiffness)), stretch), self.product(self.number(Fraction(spring.damping)), rate)
+        )
+        for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
+            if node >= 0:
+                force = self.turned_back(turn, self.times(self.product(self.number(sign), tension), along))
+                on_nodes[node] = self._both(on_nodes[node], (self.cross(arm, force), force))
+
+    def _end(self, body: str, point: Sequence[float], velocities: list[Pair]) -> tuple[int, Three, Three, Three, Matrix]:
+        """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
+        node, turn, shift = self.frames[body]
+        arm = self.added(shift, self.turned(turn, self.numbers(Fraction(value) for value in point)))
+        if node < 0:
+            return node, arm, arm, self.still, self.identity
+        angular, linear = velocities[node]
+        rate, position, orientation, at = self.added(linear, self.cross(angular, arm)), arm, self.identity, node
+        while at >= 0:
+            above = self.nodes[at]
+            position = self.added(above.shift, self.turned(above.turn, position))
+            orientation, at = self.multiplied(above.turn, orientation), above.parent
+        return node, arm, position, self.turned(orientation, rate), orientation
+
+    def written(self) -> StraightLineProgram:
+        """The program of what the tree says."""
+        velocities = self._velocities()
+        outputs: Mapping[str, Three] = {
+            "mass": self._mass_matrix(),
+            "velocity": self._velocity_terms(velocities),
+            "gravity": self._gravity_terms(),
+            "passive": self._passive_forces(velocities),
+        }
+        return without_unused(self.program(outputs))
+
+
+def transposed(matrix: Matrix) -> Matrix:
+    return [list(column) for column in zip(*matrix, strict=True)]

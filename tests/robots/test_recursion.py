@@ -1,0 +1,188 @@
+"""The recursion over a model file against Lagrange's equations of the energies that somebody wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from catalogue import BUILT_IN
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import sample
+from harness.engines import load_engine
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.library import MODEL_SUFFIXES
+from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.robots import mjcf, urdf
+from harness.robots.recursion import recursion_program
+
+STATES = 10
+SEED = 7
+MODELS = [(name, form) for name in BUILT_IN.system_names() for form in MODEL_SUFFIXES if BUILT_IN.has_model(name, form)]
+
+
+def by_recursion(mechanism: Mechanism, model: ModelFile) -> Mechanism:
+    tree = mjcf.read_tree(model) if model.format == "mjcf" else urdf.read_tree(model, mechanism.gravity)
+    program = recursion_program(tree, mechanism.joints)
+    return replace(mechanism, program=program, parameters=(), other_charts=(), charts_in_body=(), energy_programs=())
+
+
+def largest_error(name: str, text: Callable[[str], str], model_format: str) -> float:
+    """Between the recursion over a model, whose text is changed first, and the energies [data roundoffs]."""
+    mechanism = load_mechanism(BUILT_IN, name)
+    path = BUILT_IN.model_path(name, model_format)
+    model = parse_model(path, text(read_model(path, model_format).text), model_format)
+    states = sample(mechanism, STATES, SEED)
+    recursion = ReferenceKernel(by_recursion(mechanism, model)).evaluate(states)
+    assert recursion.certified.all()
+    return float(compare(ReferenceKernel(mechanism).evaluate(states), recursion.high).backward_error.max())
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize(("name", "model_format"), MODELS)
+def test_recursion_and_energies_agree_to_the_rounding_of_the_decimals(name: str, model_format: str) -> None:
+    """An inertia such as m L^2 / 12 is rounded once where it is written, and half an ulp of every number is one data roundoff."""
+    assert largest_error(name, lambda text: text, model_format) < 4
+
+
+@pytest.mark.parametrize(
+    ("name", "model_format", "old", "new"),
+    [
+        ("arm_2r", "mjcf", 'mass="3"', 'mass="3.0000000001"'),
+        ("cart_pendulum", "mjcf", 'damping="0.2"', 'damping="0.19999999999"'),
+        ("collar", "mjcf", 'springlength="2.5"', 'springlength="2.50000000001"'),
+        (
+            "collar",
+            "urdf",
+            '<drake:linear_spring_damper_free_length value="2.5"',
+            '<drake:linear_spring_damper_free_length value="2.50000000001"',
+        ),
+        ("free_body", "urdf", 'ixx="0.25"', 'ixx="0.25000000001"'),
+    ],
+)
+def test_a_number_that_is_not_that_of_the_energies_is_seen(name: str, model_format: str, old: str, new: str) -> None:
+    assert old in read_model(BUILT_IN.model_path(name, model_format), model_format).text
+    assert largest_error(name, lambda text: text.replace(old, new, 1), model_format) > 50
+
+
+EVERYTHING = """
+<mujoco>
+  <compiler angle="degree" eulerseq="zyx"/>
+  <option gravity="1 -2 -9.5"/>
+  <default>
+    <joint armature="0.05"/>
+    <default class="heavy"><joint damping="0.3" armature="0.2" axis="0 1 0"/></default>
+  </default>
+  <worldbody>
+    <frame pos="0.1 0.2 0.3" axisangle="1 2 3 40">
+      <body name="base" pos="0.3 0 0.1" euler="20 -30 50" childclass="heavy">
+        <joint name="first" pos="0.02 0.03 -0.1" ref="15" stiffness="3" springref="10"/>
+        <joint name="second" class="main" type="slide" axis="0.6 0 0.8" ref="0.2"/>
+        <inertial pos="0.1 0 0.05" mass="2" fullinertia="0.03 0.04 0.05 0.002 -0.003 0.004"/>
+        <body name="bracket" pos="0 0.2 0" quat="0.9 0.1 -0.3 0.2">
+          <inertial pos="0 0.1 0" quat="1 2 -1 0.5" mass="0.7" diaginertia="0.01 0.012 0.015"/>
+          <body name="ring" pos="0.1 0 0" xyaxes="1 1 0 0 1 0.5">
+            <frame zaxis="1 -2 3"><joint name="third" type="ball" pos="0 0 0.1"/></frame>
+            <inertial pos="0.05 -0.02 0.1" euler="10 20 30" mass="1.5" diaginertia="0.02 0.03 0.04"/>
+            <body name="tip" pos="0 0 0.4" zaxis="0.3 0.2 -1">
+              <joint name="fourth" class="heavy" axis="0 0.6 0.8"/>
+              <inertial pos="0.1 0.1 0.1" axisangle="0 1 1 77" mass="0.4" diaginertia="0.001 0.002 0.0025"/>
+              <site name="end" pos="0.05 0 0.1"/>
+            </body>
+          </body>
+        </body>
+      </body>
+    </frame>
+    <site name="wall" pos="1 1 1"/>
+  </worldbody>
+  <tendon><spatial name="band" stiffness="20" damping="0.5" springlength="0.3"><site site="wall"/><site site="end"/></spatial></tendon>
+</mujoco>
+"""
+
+
+URDF_WITH_EVERYTHING = """
+<robot name="everything">
+  <link name="world"/>
+  <link name="base">
+    <inertial>
+      <origin xyz="0.1 0.02 0.05" rpy="0.3 -0.2 0.5"/>
+      <mass value="2"/>
+      <inertia ixx="0.03" iyy="0.04" izz="0.05" ixy="0.002" ixz="-0.003" iyz="0.004"/>
+    </inertial>
+  </link>
+  <link name="bracket">
+    <inertial><origin xyz="0 0.1 0"/><mass value="0.7"/><inertia ixx="0.01" iyy="0.012" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <link name="slider">
+    <inertial>
+      <origin xyz="0.05 0 0.1" rpy="1 0.4 -2"/>
+      <mass value="1.5"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="tip">
+    <inertial>
+      <origin xyz="0.1 0.1 0.1"/>
+      <mass value="0.4"/>
+      <inertia ixx="0.001" iyy="0.002" izz="0.0025" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <joint name="first" type="revolute">
+    <origin xyz="0.3 0 0.1" rpy="0.2 -0.3 0.5"/><parent link="world"/><child link="base"/><axis xyz="0 0.6 0.8"/>
+    <limit lower="-9" upper="9" effort="9" velocity="9"/><dynamics damping="0.3"/>
+  </joint>
+  <joint name="weld" type="fixed"><origin xyz="0 0.2 0" rpy="-1 0.5 2"/><parent link="base"/><child link="bracket"/></joint>
+  <joint name="second" type="prismatic">
+    <origin xyz="0.1 0 0" rpy="0 0.7 0"/><parent link="bracket"/><child link="slider"/><axis xyz="0.28 0 0.96"/>
+    <limit lower="-9" upper="9" effort="9" velocity="9"/>
+  </joint>
+  <joint name="third" type="revolute">
+    <origin xyz="0 0 0.4" rpy="0.1 0.2 0.3"/><parent link="slider"/><child link="tip"/><axis xyz="1 0 0"/>
+    <limit lower="-9" upper="9" effort="9" velocity="9"/>
+  </joint>
+</robot>
+"""
+
+
+def accelerations(model: ModelFile, joints: tuple[str, ...], gravity: float, states: States) -> tuple[Array, Array]:
+    """By recursion, and by the engine whose format it is."""
+    tree = mjcf.read_tree(model) if model.format == "mjcf" else urdf.read_tree(model, gravity)
+    nothing = {"parameters": (), "other_charts": (), "charts_in_body": (), "energy_programs": ()}
+    attitudes = tuple(place for place, joint in enumerate(joints) if joints.count(joint) == 3 and joint not in joints[:place])
+    mechanism = replace(
+        load_mechanism(BUILT_IN, "heavy_top"), coordinates=joints, joints=joints, attitudes=attitudes, rotating=(True,) * len(joints),
+        program=recursion_program(tree, joints), **nothing,
+    )  # fmt: skip
+    reference = ReferenceKernel(mechanism).evaluate(states)
+    assert reference.certified.all()
+    engine = load_engine(BUILT_IN, {"mjcf": "mujoco", "urdf": "pinocchio"}[model.format])
+    return reference.high, engine.load(model, joints, gravity).forward_dynamics(states.q, states.v, states.tau)
+
+
+def test_every_way_of_placing_a_frame_is_that_of_mujoco(tmp_path: Path) -> None:
+    model = parse_model(tmp_path / "everything.xml", EVERYTHING, "mjcf")
+    random = np.random.default_rng(SEED)
+    q, v, tau = random.normal(size=(STATES, 7)), random.normal(size=(STATES, 6)), random.normal(size=(STATES, 6))
+    q[:, 2:6] /= np.linalg.norm(q[:, 2:6], axis=1, keepdims=True)
+    mine, theirs = accelerations(model, ("first", "second", "third", "third", "third", "fourth"), 0.0, States.at(q, v, tau))
+    np.testing.assert_allclose(theirs, mine, rtol=0, atol=1e-13 * np.abs(mine).max())
+
+
+def test_every_way_of_placing_a_link_is_that_of_pinocchio(tmp_path: Path) -> None:
+    model = parse_model(tmp_path / "everything.urdf", URDF_WITH_EVERYTHING, "urdf")
+    states = States.at(*np.random.default_rng(SEED).normal(size=(3, STATES, 3)))
+    mine, theirs = accelerations(model, ("first", "second", "third"), 9.81, states)
+    np.testing.assert_allclose(theirs, mine, rtol=0, atol=1e-13 * np.abs(mine).max())
+
+
+def test_other_joints_than_those_of_the_tree_are_refused(tmp_path: Path) -> None:
+    tree = mjcf.read_tree(parse_model(tmp_path / "everything.xml", EVERYTHING, "mjcf"))
+    with pytest.raises(ValueError, match=r"the tree has the joints .*'third'.*; expected .*'last'"):
+        recursion_program(tree, ("first", "second", "last"))
