@@ -23,6 +23,7 @@ class Comparison(Rows):
     Attributes:
         backward_error: (n,) error in units of data roundoff; NaN where the answer is not finite or the
             reference is not certified.
+        granted: (n,) bool; whether the answer passes only with the share of the motion, with which its backward error is taken.
         relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing. NaN beside a zero or
             subnormal answer too.
         verdicts: (n,) ``Verdict`` values as strings.
@@ -30,6 +31,7 @@ class Comparison(Rows):
 
     backward_error: Array
     relative_error: Array
+    granted: np.ndarray[Any, np.dtype[np.bool_]]
     verdicts: np.ndarray[Any, np.dtype[np.str_]]
 
     def known(self, name: str) -> Array:
@@ -52,7 +54,9 @@ def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.flo
     with np.errstate(all="ignore"):
         difference = (accelerations - reference.high) - reference.low
         error = energy_norm(reference.norm_factor, difference)
-        backward = error / reference.sensitivity / UNIT_ROUNDOFF
+        backward, in_motion = error / reference.data_roundoff, error / reference.roundoff_in_motion
+        granted = ~(backward <= AGREEMENT) & (in_motion <= AGREEMENT) & reference.certified
+        backward = np.where(granted, in_motion, backward)
         # Beside a subnormal answer a relative error says nothing.
         relative = np.where(reference.size >= np.finfo(np.float64).tiny, error / reference.size, np.nan)
     finite = np.isfinite(np.ascontiguousarray(accelerations.T)).all(axis=0)
@@ -62,4 +66,4 @@ def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.flo
         Verdict.DISAGREES.value,
     )
     judged = finite & reference.certified
-    return Comparison(np.where(judged, backward, np.nan), np.where(judged, relative, np.nan), verdicts)
+    return Comparison(np.where(judged, backward, np.nan), np.where(judged, relative, np.nan), granted & finite, verdicts)

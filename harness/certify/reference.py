@@ -4,10 +4,11 @@ M and the right-hand side are evaluated in balls and solved rigorously; precisio
 radius is negligible beside the data roundoff. Data roundoff comes from M dqdd = d(rhs) - dM qdd with
 exact derivatives, compiled to float64.
 
-To it is added half an ulp of twice the kinetic energy, as a torque on every rotating coordinate. Engines
-work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the equations
-have lost these terms to algebra, so no derivative shows them. Without this share a wheel that is carried
-along at 10 m/s, or a pendulum at its dead centre, would condemn every general algorithm.
+Beside it stands the share of the motion: half an ulp of twice the kinetic energy, as a torque on every rotating
+coordinate. Engines work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the
+equations have lost these terms to algebra, so no derivative shows them. Without this share a wheel that is carried
+along at 10 m/s, or a pendulum at its dead centre, would condemn every general algorithm. It depends on the observer, and
+``compare`` grants it only to an answer that would fail without it.
 
 Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
 not depend on the choice of coordinates.
@@ -65,8 +66,8 @@ class Reference(Rows):
         high, low: (n, nv); the certified midpoint is high + low.
         radius: (n,) energy norm of the radius [sqrt(J)/s].
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
-        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M, and over rotating coordinates i of
-            2 T |M^-1 e_i|_M; the data roundoff is UNIT_ROUNDOFF times it.
+        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M; the data roundoff is UNIT_ROUNDOFF times it.
+        motion: (n,) sum over rotating coordinates i of 2 T |M^-1 e_i|_M; the share of the motion is UNIT_ROUNDOFF times it.
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
@@ -78,6 +79,7 @@ class Reference(Rows):
     radius: Array
     norm_factor: Array
     sensitivity: Array
+    motion: Array
     instability: Array
     certified: np.ndarray[Any, np.dtype[np.bool_]]
     bits: Indices
@@ -99,6 +101,11 @@ class Reference(Rows):
     def data_roundoff(self) -> Array:
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
         return UNIT_ROUNDOFF * self.sensitivity
+
+    @property
+    def roundoff_in_motion(self) -> Array:
+        """(n,) data roundoff with the share of the motion [sqrt(J)/s]."""
+        return UNIT_ROUNDOFF * (self.sensitivity + self.motion)
 
 
 class ReferenceKernel:
@@ -160,13 +167,13 @@ class ChartKernel:
                 results = self._certify(states[pending], parameters[pending], precision)
                 high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
                 bits[pending] = precision
-                norm_factor, sensitivity, instability = self._norms(states, parameters, high, scale, factor)
+                norm_factor, sensitivity, motion, instability = self._norms(states, parameters, high, scale, factor)
                 radius = energy_norm(np.abs(norm_factor), radii)
                 pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
                 if not len(pending):
                     break
             certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, instability, certified, bits)
+        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, certified, bits)
 
     def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array]:
         """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``."""
@@ -196,8 +203,10 @@ class ChartKernel:
             bind = functools.partial(self._balls.bind, values_of_parameters)
             yield row, self._bound.get((flint.ctx.prec, values_of_parameters), bind)(*row)
 
-    def _norms(self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Array, Array]:
-        """``norm_factor``, ``sensitivity`` and ``instability`` at the given accelerations and factors of M."""
+    def _norms(
+        self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """``norm_factor``, ``sensitivity``, ``motion`` and ``instability`` at the given accelerations and factors of M."""
         nv = self.mechanism.nv
         inputs = self.mechanism.inputs(states, parameters)
         terms = self.float64.terms(inputs)
@@ -207,11 +216,11 @@ class ChartKernel:
         norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
         torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
         of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
-        sensitivity = sensitivity + energy_norm(norm_factor, states.v) ** 2 * of_torques
+        motion = energy_norm(norm_factor, states.v) ** 2 * of_torques
         separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
         of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
         instability = 16 * nv * condition_number(factor) * (energy_norm(norm_factor, accelerations) + of_terms)
-        return norm_factor, sensitivity, instability
+        return norm_factor, sensitivity, motion, instability
 
 
 def parts_of(ball: Any) -> tuple[float, float, float]:

@@ -43,7 +43,7 @@ class Evidence:
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
     """The record of ``evidence``: gravest verdict, worst error, and the state that shows it best."""
     parts = evidence.parts
-    nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.str_))
+    nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.str_))
     comparison = Comparison.concatenate([nothing, *(part for _, part in parts)])
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
     counts = Counter(comparison.verdicts.tolist())

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram
+from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, without_unused
 from harness.equations.states import States
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ class Mechanism:
     def feels_time(self) -> bool:
         """True if the equations depend on time explicitly."""
         time = ("input", self.nq + 2 * self.nv)
-        return any(time in program.instructions for program in self.charts(linear_velocity_in_body=False))
+        # Every input is an instruction; one on which no output rests is left out.
+        return any(time in without_unused(program).instructions for program in self.charts(linear_velocity_in_body=False))
 
     @property
     def parameter_values(self) -> tuple[float, ...]:

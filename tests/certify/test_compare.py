@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
+from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import Float64Kernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.library import Library
+from harness.models.model_file import read_model
 from harness.verdict import AGREEMENT, SEVERITY, Verdict, gravest
 
 
@@ -33,6 +36,7 @@ def made_up(high: Any, sensitivity: float = 1.0, instability: float = 1e6, certi
         radius=np.zeros(n),
         norm_factor=np.broadcast_to(np.eye(nv), (n, nv, nv)).copy(),
         sensitivity=np.full(n, sensitivity),
+        motion=np.zeros(n),
         instability=np.full(n, instability),
         certified=np.full(n, certified),
         bits=np.full(n, 128),
@@ -115,7 +119,7 @@ def test_answers_of_another_shape_are_refused() -> None:
 
 def comparison_of(rows: list[tuple[str, float]]) -> Comparison:
     errors = np.array([error for _, error in rows])
-    return Comparison(errors, errors, np.array([verdict for verdict, _ in rows]))
+    return Comparison(errors, errors, np.zeros(len(rows), dtype=bool), np.array([verdict for verdict, _ in rows]))
 
 
 def test_worst_is_the_gravest_then_the_largest() -> None:
@@ -162,6 +166,9 @@ def test_the_correctly_rounded_answer_is_within_half_a_roundoff_or_so(built_in_m
 @pytest.mark.parametrize("multiple", [30.0, 1000.0])
 def test_a_known_multiple_of_the_data_roundoff_is_found_again(built_in_mechanism: Mechanism, multiple: float) -> None:
     states = sample(built_in_mechanism, 32, 7)
+    if multiple > AGREEMENT:
+        # At rest nothing is granted to an answer that fails.
+        states.v[:] = 0.0
     reference = ReferenceKernel(built_in_mechanism).evaluate(states)
     direction = np.ones_like(reference.high)
     direction *= (multiple * reference.data_roundoff / energy_norm(reference.norm_factor, direction))[:, None]
@@ -170,6 +177,43 @@ def test_a_known_multiple_of_the_data_roundoff_is_found_again(built_in_mechanism
     # Two roundings on the way to the answer, each as the rounding of the correctly rounded answer.
     slack = 2 * np.sqrt(scaled_condition(mass)) + multiple * 1e-9
     assert (np.abs(compare(reference, answer).backward_error - multiple) <= slack).all()
+
+
+@pytest.mark.parametrize(("name", "columns"), [("cart_double_pendulum", [0]), ("free_body", [0, 1, 2])])
+def test_a_moving_base_changes_no_verdict_and_no_sensitivity(name: str, columns: list[int]) -> None:
+    """No force depends on the velocity of the base, and engines work in the frame in which it moves."""
+    mechanism = load_mechanism(BUILT_IN, name)
+    states = sample(mechanism, 64, 3)
+    kernel = ReferenceKernel(mechanism)
+    at_rest = kernel.evaluate(states)
+    for speed in (1.0, 100.0, 1e4):
+        moving = States(states.q, states.v.copy(), states.tau, states.time)
+        moving.v[:, columns] += speed
+        reference = kernel.evaluate(moving)
+        assert (reference.sensitivity < 2 * at_rest.sensitivity).all() and (at_rest.sensitivity < 2 * reference.sensitivity).all()
+        for engine, model_format in (("mujoco", "mjcf"), ("pinocchio", "urdf")):
+            model = read_model(BUILT_IN.model_path(name, model_format), model_format)
+            frame = linear_velocity_in_body(load_engine(BUILT_IN, engine))
+            if frame and mechanism.charts_in_body:
+                continue
+            answers = load_engine(BUILT_IN, engine).load(model, mechanism.joints, mechanism.gravity)
+            comparison = compare(reference, answers.forward_dynamics(moving.q, moving.v, moving.tau))
+            assert set(comparison.verdicts.tolist()) == {"agrees"}, (engine, speed)
+
+
+def test_the_share_of_the_motion_is_granted_to_what_fails_without_it_alone() -> None:
+    mechanism = load_mechanism(BUILT_IN, "arm_2r")
+    states = sample(mechanism, 64, 3)
+    reference = ReferenceKernel(mechanism).evaluate(states)
+    direction = np.ones_like(reference.high) / energy_norm(reference.norm_factor, np.ones_like(reference.high))[:, None]
+    for size, granted in ((0.9 * AGREEMENT * reference.data_roundoff, False), (0.9 * AGREEMENT * reference.roundoff_in_motion, True)):
+        comparison = compare(reference, reference.high + (direction * size[:, None] + reference.low))
+        assert set(comparison.verdicts.tolist()) == {"agrees"}
+        needed = granted & (0.8 * reference.motion > 0.2 * reference.sensitivity)
+        assert comparison.granted[needed].all() and not (comparison.granted.any() and not granted)
+    beyond = compare(reference, reference.high + direction * (1.2 * AGREEMENT * reference.roundoff_in_motion)[:, None])
+    assert not beyond.granted.any()
+    assert beyond.backward_error == pytest.approx(1.2 * AGREEMENT * reference.roundoff_in_motion / reference.data_roundoff, rel=0.05)
 
 
 def straight_pendulum() -> System:

@@ -193,7 +193,7 @@ def test_parts_are_selected_joined_and_printed_exactly() -> None:
     again = States.concatenate([states[:1], states[1:]])
     assert all(np.array_equal(getattr(again, name), getattr(states, name)) for name in FIELDS)
     assert states[np.array([2, 0])].time.tolist() == [3.0, 1.0]
-    assert states.as_json(1) == {"q": [2.0, 3.0], "v": [1 / 3, 1 / 3], "tau": [0.0, 0.0]}
+    assert states.as_json(1) == {"q": [2.0, 3.0], "v": [1 / 3, 1 / 3], "tau": [0.0, 0.0], "time": [2.0]}
 
 
 def test_tiny_values_reach_the_smallest_number() -> None:
