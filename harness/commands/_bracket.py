@@ -11,9 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from harness.commands import _options as options
+from harness.commands._terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
@@ -97,7 +96,6 @@ class Bracket:
 
         ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
-        from harness.commands._terminal import progress
         from harness.study import run_study
 
         with progress(study.steps, study.title) as advance:
@@ -142,7 +140,7 @@ class Bracket:
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))
-            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            say(f"report: {self.directory / 'index.html'}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""

@@ -10,15 +10,18 @@ from typing import Any
 
 import click
 
+from harness.commands._terminal import say
+
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
 
 def report_errors(problems: Sequence[Exception]) -> None:
-    """Print each problem; exit with status 2 if there is one."""
+    """Print each problem, further lines of it indented; exit with status 2 if there is one."""
     for problem in problems:
-        click.echo(f"harness: {problem}", err=True)
+        first, *others = str(problem).split("\n")
+        say(f"harness: {first}", *(f"  {line.strip()}" for line in others), err=True)
     if problems:
         sys.exit(INVALID)
 

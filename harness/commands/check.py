@@ -27,7 +27,12 @@ def command(
 ) -> None:
     """Cross-check NAMEs, or every mechanism, and print a table.
 
-    Example: harness check double_pendulum --mjcf edited.xml
+    \b
+    Examples:
+      harness check
+      harness check double_pendulum arm_7r --states 10000
+      harness check double_pendulum --mjcf edited.xml
+      harness check --library mine --subject mujoco/mjcf --json out.json
     """
     from harness.crosscheck.settings import Settings
 

@@ -26,9 +26,12 @@ def command(
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
 
-    Example: harness diagnose double_pendulum --mjcf edited.xml
+    \b
+    Examples:
+      harness diagnose double_pendulum --mjcf edited.xml
+      harness diagnose arm_2r --library mine --subject pinocchio/urdf
     """
-    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table
+    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table, say
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
@@ -50,7 +53,7 @@ def command(
     if causes:
         print_diagnoses(causes, held)
     else:
-        click.echo(f"\n{infer_from_records(found.records)[name].sentence}")
+        say("", infer_from_records(found.records)[name].sentence)
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]
