@@ -12,6 +12,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
+from harness.commands._model_files import refuse_alone
 from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
@@ -36,6 +37,7 @@ def command(
     """
     from harness.crosscheck.settings import Settings
 
+    refuse_alone(bracket, "check", names, stand_ins)
     settings = Settings(
         library=bracket.library,
         names=names,

@@ -9,6 +9,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import causes_of
+from harness.commands._model_files import refuse_alone
 from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
@@ -38,6 +39,7 @@ def command(
     from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput
 
+    refuse_alone(bracket, "diagnose", [name], stand_ins)
     settings = Settings(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._model_files import refuse_alone
 from harness.commands._terminal import say
 
 
@@ -24,6 +25,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     """
     from harness.show.exhibit import Exhibition, as_text
 
+    refuse_alone(bracket, "check", [name])
     bracket.library.select([name])
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
