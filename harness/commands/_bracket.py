@@ -38,7 +38,7 @@ class Bracket:
     json_path: str | None = None
     workers: int | None = None
     scheduler: Scheduler | None = None
-    time_limit: float = 60.0
+    time_limit: float | None = None
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
@@ -78,6 +78,7 @@ class Bracket:
         """
         from harness.workers import Workers
 
+        assert self.time_limit is not None, "a command with workers has a time limit"
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
     @cached_property

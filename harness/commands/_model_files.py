@@ -34,9 +34,7 @@ def refuse_alone(bracket: Bracket, command: str, names: Sequence[str], stand_ins
         except InvalidModel as error:
             problem = str(error)
         similar = [name for name in library.system_names() if joints and joints == _joints_of(library, name, model_format)]
-        which = (
-            f"its joints have the names of those of {', '.join(similar)}" if similar else "if it is a model of a mechanism in harness list"
-        )
+        which = f"its joints are called as those of {', '.join(similar)}" if similar else "if its mechanism is one of harness list"
         words = ["harness", command, similar[0] if similar else "NAME", *bracket.replay_options, f"--{model_format}", str(path)]
         raise InvalidRequest(f"{problem}\n{which}: {shlex.join(words)}\nto write a mechanism of your own: harness new NAME")
 

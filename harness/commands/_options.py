@@ -65,7 +65,9 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     ),
     "json": click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file."),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
-    "workers": click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default."),
+    "workers": click.option(
+        "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
+    ),
     "scheduler": scheduler_option,
     "directory": click.option(
         "--out",
@@ -82,13 +84,13 @@ states_option = click.option(
 )
 
 
-def time_limit_option(seconds: float) -> Callable[..., Any]:
-    """--time-limit with its default [s]."""
+def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:
+    """--time-limit with its default [s], which is None where the command finds it; ``shown`` says then what it finds."""
     return click.option(
         "--time-limit",
         type=click.FloatRange(min=0, min_open=True),
         default=seconds,
-        show_default=True,
+        show_default=shown,
         help="Seconds that one task of a worker process may take.",
     )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._options import time_limit_option
 from harness.commands._terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 )
 @click.option("--motion", is_flag=True, help="Measure integrators too.")
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
+@time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True)
 def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, profile: str) -> None:
     """Measure cost against error of every method.
@@ -42,7 +44,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
 
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
-    bracket.time_limit = settings.thoroughness.time_limit
+    bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     run, measured = bracket.begin(settings.thoroughness.states, profile, Benchmark), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)

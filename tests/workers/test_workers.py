@@ -94,7 +94,7 @@ def test_healthy_engines_lose_nothing(crashing: tuple[int, dict[str, dict[str, o
         ("aborting/mjcf", "crashed by signal 6 (SIGABRT)"),
         ("aborting/mjcf", "the cow jumped over the moon"),
         ("aborting_later/mjcf", "crashed by signal 6 (SIGABRT)"),
-        ("sleeping/mjcf", "exceeded its time limit of 4 s"),
+        ("sleeping/mjcf", "exceeded its time limit of 4 s; --time-limit (pytest: --harness-time-limit) allows more"),
         ("raising/mjcf", "RuntimeError: no can do"),
         ("silent/mjcf", "answers are not finite"),
         ("exiting/mjcf", "ended its process with status 7"),
@@ -196,12 +196,13 @@ def test_a_certificate_without_a_cluster_is_bad_usage(tmp_path: Path) -> None:
     assert "belong to --scheduler" in done.output
 
 
+KILLED = "crashed by signal 9 (SIGKILL); if memory ran out, fewer --workers (pytest: --harness-workers) leave each of them more"
 CONTAINED = {
     work.segfault: "crashed by signal 11 (SIGSEGV)",
-    work.hang_holding_the_lock: "exceeded its time limit of 3 s",
+    work.hang_holding_the_lock: "exceeded its time limit of 3 s; --time-limit (pytest: --harness-time-limit) allows more",
     work.exit_at_once: "ended its process with status 3",
     work.exit_by_exception: "ended its process with status 3",
-    work.be_killed: "crashed by signal 9 (SIGKILL)",
+    work.be_killed: KILLED,
     work.raise_peculiar: "Peculiar: 1 beside 2",
     work.raise_with_a_function: "ValueError: no can do",
     work.return_a_generator: "TypeError: cannot pickle 'generator' object",
@@ -236,7 +237,7 @@ def test_a_crash_has_its_note_and_standard_error_and_no_others() -> None:
         tasks = [Task(0, work.chatter, ()), Task(1, work.abort, (1,)), Task(2, work.be_killed, ())]
         outcomes = {outcome.task.key: outcome for outcome in workers.run(tasks)}
     assert outcomes[1].crash == Crash("crashed by signal 6 (SIGABRT)", "at 1", "the cow jumped over the moon")
-    assert outcomes[2].crash == Crash("crashed by signal 9 (SIGKILL)", "", "")
+    assert outcomes[2].crash == Crash(KILLED, "", "")
 
 
 def test_a_task_that_cannot_be_sent_costs_its_own_outcome() -> None:
