@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from harness.results.cross_check import Cause, SuperfluousPart
 
 _PIPE_WIDTH = 160
+SECONDS_BETWEEN_LINES, LOOK_SECONDS = 10.0, 0.5
 # Below it, rich drops columns.
 _LEAST_WIDTH = 40
 
@@ -36,9 +39,16 @@ def say(*lines: str, err: bool = False) -> None:
         click.echo(printable(line), err=err)
 
 
-@contextmanager
-def progress(total: int, what: str = "cross-check") -> Iterator[Callable[[str], None]]:
-    """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
+@contextlib.contextmanager
+def progress(total: int, what: str, clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str], None]]:
+    """Progress on standard error: a bar on a terminal, else a plain line every ten seconds of ``clock``.
+
+    Yields a function that marks one more as done; its argument says what that was.
+    """
+    if not sys.stderr.isatty():
+        with _progress_lines(total, what, clock) as advance:
+            yield advance
+        return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     with Progress(
@@ -49,10 +59,37 @@ def progress(total: int, what: str = "cross-check") -> Iterator[Callable[[str], 
         TextColumn("{task.description}", markup=False),
         console=console(stderr=True),
         transient=True,
-        disable=not sys.stderr.isatty(),
     ) as bar:
         task = bar.add_task("", total=total)
         yield lambda description: bar.update(task, advance=1, description=printable(description))
+
+
+@contextlib.contextmanager
+def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+    started, done, last, ended = clock(), 0, "", threading.Event()
+
+    def advance(description: str) -> None:
+        nonlocal done, last
+        done, last = done + 1, description
+
+    def tell() -> None:
+        told = started
+        # A task may take minutes, so that it is not the end of one that brings a line.
+        while not ended.wait(LOOK_SECONDS):
+            now = clock()
+            if now - told >= SECONDS_BETWEEN_LINES:
+                told = now
+                # Whoever closed the stream wants no lines.
+                with contextlib.suppress(OSError, ValueError):
+                    say(f"harness: {what}: {done} of {total} after {now - started:.0f} s{last and '; last '}{last[:60]}", err=True)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield advance
+    finally:
+        ended.set()
+        teller.join()
 
 
 def console(stderr: bool = False) -> Console:

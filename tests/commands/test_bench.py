@@ -257,7 +257,7 @@ def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     command += ["--methods", "pinocchio aba", "--methods", "heyoka float64"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, env=os.environ, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stderr == ""
+    assert [line for line in done.stderr.splitlines() if not line.startswith("harness: benchmark: ")] == []
     document = json.loads((tmp_path / "out.json").read_text(), parse_constant=pytest.fail)
     assert {"harness", "pin", "mujoco"} <= set(document["harness"])
     measured = {entry["method"]: entry for entry in document["benchmark"]["accelerations"]}

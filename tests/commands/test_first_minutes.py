@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 def test_a_robot_without_a_mechanism_is_answered_with_what_to_do(folder: Path, arguments: tuple[str, ...]) -> None:
     done = harness(*arguments, cwd=folder)
     assert done.returncode == 2 and done.stdout == ""
-    for words in ("robot.urdf is a model file", "NAME --urdf robot.urdf", "harness list", "harness new NAME"):
+    for words in ("robot.urdf is a model file", "harness check NAME --urdf robot.urdf", "harness list", "harness new NAME"):
         assert words in done.stderr
     # Not with the whole catalogue.
     assert sum(name in done.stderr for name in BUILT_IN.system_names()) == 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -156,7 +158,7 @@ def test_markup_in_the_label_of_a_progress_bar_is_text(monkeypatch: pytest.Monke
     monkeypatch.setattr(stream, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", stream)
     monkeypatch.setattr(_terminal, "console", lambda stderr=False: Console(file=stream, force_terminal=True, width=120))
-    with _terminal.progress(2) as advance:
+    with _terminal.progress(2, "cross-check") as advance:
         advance(EVIL)
     assert "[red]x[/blue]" in stream.getvalue()
     assert "\x1b]0;" not in stream.getvalue() and "\x1b[31m" not in stream.getvalue()
@@ -174,3 +176,70 @@ def test_a_library_with_a_hostile_file_name_is_checked_listed_and_shown(tmp_path
         assert done.returncode == status, done.stdout + done.stderr
         shown = done.stdout + done.stderr
         assert "[red]x" in shown and [letter for letter in shown if not letter.isprintable() and letter != "\n"] == []
+
+
+class Clock:
+    """A clock that stands still until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def _lines_until(count: int, stream: io.StringIO) -> list[str]:
+    """The lines of a stream that another thread writes, as soon as there are so many."""
+    deadline = time.monotonic() + 10
+    while stream.getvalue().count("\n") < count and time.monotonic() < deadline:
+        time.sleep(0.001)
+    return stream.getvalue().splitlines()
+
+
+def piped(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """Standard error from now on, which is no terminal; progress looks at its clock often."""
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr(_terminal, "LOOK_SECONDS", 0.001)
+    return stream
+
+
+def test_without_a_terminal_a_line_tells_every_ten_seconds_how_far_it_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipe, clock = piped(monkeypatch), Clock()
+    with _terminal.progress(180, "cross-check", clock) as advance:
+        advance("arm_2r lagrange")
+        clock.now = 10.5
+        assert _lines_until(1, pipe) == ["harness: cross-check: 1 of 180 after 10 s; last arm_2r lagrange"]
+        for _ in range(11):
+            advance(EVIL)
+        clock.now = 20.5
+        assert len(_lines_until(2, pipe)[1]) < 160 and pipe.getvalue().count("\n") == 2
+        # Nothing was completed, which is worth a line too.
+        clock.now = 95.0
+        assert _lines_until(3, pipe)[2].startswith("harness: cross-check: 12 of 180 after 95 s; last [red]x[/blue]\\x1b")
+    clock.now = 1000.0
+    time.sleep(0.01)
+    assert pipe.getvalue().count("\n") == 3
+    assert capsys.readouterr().out == ""
+
+
+def test_short_work_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe, clock = piped(monkeypatch), Clock()
+    with _terminal.progress(2, "cross-check", clock) as advance:
+        advance("a")
+        clock.now = 9.9
+        time.sleep(0.02)
+        advance("b")
+    assert pipe.getvalue() == ""
+
+
+def test_progress_ends_with_what_it_is_about_and_outlives_a_closed_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe, clock, before = piped(monkeypatch), Clock(), threading.active_count()
+    with pytest.raises(KeyboardInterrupt), _terminal.progress(2, "cross-check", clock):
+        pipe.close()
+        clock.now = 30.0
+        time.sleep(0.02)
+        raise KeyboardInterrupt
+    assert threading.active_count() == before
