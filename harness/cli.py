@@ -1,6 +1,6 @@
 """Command line: ``harness COMMAND``, each command a file in ``harness/commands``.
 
-Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so; 2 bad usage or an
+Exit status: 0 all verdicts as expected and nothing superfluous in a model of the built-in library; 1 not so; 2 bad usage or an
 invalid model or system file; 3 an engine crashed or timed out.
 """
 

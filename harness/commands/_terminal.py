@@ -137,11 +137,14 @@ def print_unexpected(records: Sequence[Record]) -> None:
 
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
-    """A line for each part of a model that its scene does not need."""
-    if findings:
-        say("", "1 superfluous part of a model:" if len(findings) == 1 else f"{len(findings)} superfluous parts of models:")
-    for part in sorted(findings, key=attrgetter("path", "subject", "line")):
-        say(f"  {part}")
+    """A line for each part of a model that its scene does not need, those that fail the check first."""
+    for fails in (True, False):
+        parts = [part for part in findings if part.fails == fails]
+        if parts:
+            what, warning = ("part of a model", "is a warning") if len(parts) == 1 else ("parts of models", "are warnings")
+            say("", f"{len(parts)} superfluous {what}{'' if fails else f', which {warning}'}:")
+        for part in sorted(parts, key=attrgetter("path", "subject", "line")):
+            say(f"  {part}")
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
