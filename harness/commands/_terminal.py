@@ -102,21 +102,21 @@ def console(stderr: bool = False) -> Console:
     return made
 
 
-def print_rows(table: Table) -> None:
+def _print(table: Table) -> None:
     """A table on standard output; a terminal that is too narrow for its numbers wraps the lines, and loses none."""
     console().print(table.terminal(), crop=False)
 
 
 def print_table(records: Sequence[Record]) -> None:
     """One row per record on standard output."""
-    print_rows(Records(records).brief())
+    _print(Records(records).brief())
 
 
 def print_titled(title: str, table: Table) -> None:
     """A table under its title; nothing without rows."""
     if table.rows:
         say("", title)
-        print_rows(table)
+        _print(table)
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
@@ -196,7 +196,7 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
             Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
         },
     )
-    print_rows(table)
+    _print(table)
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
@@ -214,7 +214,7 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
     columns[Column("blamed", "count")] = "blamed"
     columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
-    print_rows(Table.of(kinds, columns))
+    _print(Table.of(kinds, columns))
     judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""

@@ -10,7 +10,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import report_errors
-from harness.commands._terminal import print_rows, say
+from harness.commands._terminal import say
 from harness.errors import InvalidInput
 from harness.results.table import Table, printable
 
@@ -18,7 +18,11 @@ from harness.results.table import Table, printable
 def _cases() -> Table:
     from harness.hard.cases import hard_cases
 
-    return Table.of(hard_cases().values(), {"case": "name", "title": "title", "knob": lambda case: " ".join(case.knob).strip()})
+    def knob(case: Any) -> str:
+        name, unit = case.knob
+        return f"{name} [{unit}]" if unit else name
+
+    return Table.of(hard_cases().values(), {"case": "name", "title": "title", "knob": knob})
 
 
 def _faults() -> Table:
@@ -72,8 +76,7 @@ def command(bracket: Bracket, kind: str | None) -> None:
     rows, taker = _KINDS[kind]
     table = rows()
     _write(bracket, {kind: [dict(zip((head.title for head in table.heads), row, strict=True)) for row in table.rows]})
-    print_rows(table)
-    say("", f"for: {taker}")
+    say(*str(table).split("\n"), "", f"for: {taker}")
 
 
 def _write(bracket: Bracket, listed: Mapping[str, Any]) -> None:

@@ -167,7 +167,7 @@ class Table:
         for place, head in enumerate(self.heads):
             widest = max((len(line) for row in rows for line in row[place].split("\n")), default=0)
             justify: Literal["left", "right"] = "right" if head.is_number else "left"
-            least = widest if head.is_number else min(widest, _LEAST_WIDTH)
+            least = min(widest, _LEAST_WIDTH) if head.kind in ("text", "plain") else widest
             table.add_column(Text(printable(head.title)), justify=justify, overflow="fold", min_width=least)
         for row, texts in zip(self.rows, rows, strict=True):
             tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]

@@ -31,6 +31,7 @@ from harness.report.hard_cases import HardSummary
 from harness.results import benchmark as bench
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
 from harness.results.cross_check import Cause, SuperfluousPart
+from harness.results.pareto import with_cheapest
 from harness.results.table import Column, Table
 
 # Markup of rich, colours, a title, a carriage return, a line of its own, and a reversal of what follows.
@@ -49,6 +50,18 @@ MEASURED = bench.Benchmark(
             system="", method="", threads=1, states=10, seconds_per_state=1e-6, backward_error=1.0, relative_error=1e-15, note="-"
         ))
     ],
+    growth=[
+        hostile(bench.Growth(
+            family="", method="", sizes=[1, 2], seconds_per_state=[1e-6, 2e-6], backward_errors=[1.0, 1.0], exponent=1.0, expected=""
+        ))
+    ],
+    truths=[hostile(bench.Truth(system="", start={EVIL: [0.5]}, horizon=2.0, trusted=2.0, error=1e-15, precision="", seconds=1.0))],
+    drifts=[
+        hostile(bench.Drift(
+            system="", integrator="", step=0.1, steps=10, seconds=1.0, largest=1.0, growth=1.0, verdict="", expected=""
+        ))
+    ],
+    stationarity=[hostile(bench.Stationarity(system="", path="", step=0.1, residual=1e-3, slope=2.0, first_variation=1e-3))],
     orders=[hostile(bench.Order(system="", integrator="", measured=0.5, expected=1.0, verdict=""), but=("verdict",))],
     motion=[
         hostile(bench.MotionCost(
@@ -110,7 +123,7 @@ PRINTED: dict[str, Callable[[], None]] = {
     "superfluous": lambda: _terminal.print_superfluous([SuperfluousPart(EVIL, EVIL, EVIL, 1, EVIL, EVIL, EVIL, EVIL)]),
     "causes": lambda: _terminal.print_causes([CAUSE, replace(CAUSE, diagnosed="")], Settings(library=Library.built_in())),
     "diagnoses": lambda: _terminal.print_diagnoses([CAUSE, replace(CAUSE, diagnosed="")], [DIFFERENCE]),
-    "benchmark": lambda: _print_benchmark(BenchmarkSummary(RUN, MEASURED)),
+    "benchmark": lambda: _print_benchmark(BenchmarkSummary(RUN, with_cheapest(MEASURED))),
     "atlas": _atlas,
     "faults": lambda: _print_faults([FAULT]),
     "left out": lambda: _print_left_out({(EVIL, EVIL): EVIL}),
@@ -131,6 +144,16 @@ def test_no_name_or_message_commands_the_terminal(what: str, capsys: pytest.Capt
     assert [character for character in shown if not character.isprintable() and character != "\n"] == []
     # Nothing that is no line of ours begins one.
     assert not re.search(r"^9 of 9", shown, re.MULTILINE)
+
+
+def test_every_table_of_a_benchmark_is_among_them(capsys: pytest.CaptureFixture[str]) -> None:
+    PRINTED["benchmark"]()
+    printed = capsys.readouterr().out
+    titles = [
+        "accelerations", "growth: exponent of the cost over the number of bodies", "true motion", "motion", "energy over long runs",
+        "stationary action", "figures of the text", "the cheapest way: accelerations", "the cheapest way: motion",
+    ]  # fmt: skip
+    assert [title for title in titles if f"\n{title}\n" not in printed] == []
 
 
 @pytest.mark.parametrize("width", [1, 30, 60, 80, 160])
