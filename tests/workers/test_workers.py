@@ -23,7 +23,7 @@ from support import make_library
 from harness import cli
 from harness.errors import InvalidRequest
 from harness.workers import Crash, Outcome, Scheduler, Task, Workers
-from harness.workers.tasks import TaskQueue
+from harness.workers.tasks import MORE_MEMORY, MORE_TIME, TaskQueue
 
 ENGINE = """
 import math, os, time
@@ -196,10 +196,10 @@ def test_a_certificate_without_a_cluster_is_bad_usage(tmp_path: Path) -> None:
     assert "belong to --scheduler" in done.output
 
 
-KILLED = "crashed by signal 9 (SIGKILL); if memory ran out, fewer --workers (pytest: --harness-workers) leave each of them more"
+KILLED = f"crashed by signal 9 (SIGKILL); if memory ran out, {MORE_MEMORY}"
 CONTAINED = {
     work.segfault: "crashed by signal 11 (SIGSEGV)",
-    work.hang_holding_the_lock: "exceeded its time limit of 3 s; --time-limit (pytest: --harness-time-limit) allows more",
+    work.hang_holding_the_lock: f"exceeded its time limit of 3 s; {MORE_TIME}",
     work.exit_at_once: "ended its process with status 3",
     work.exit_by_exception: "ended its process with status 3",
     work.be_killed: KILLED,
@@ -273,7 +273,7 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
 def test_a_process_that_hangs_gets_no_further_task() -> None:
     with Workers(1, time_limit=0.5) as workers:
         hanging, after = workers.run([Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ())])
-    assert str(hanging.crash) == "exceeded its time limit of 0.5 s"
+    assert str(hanging.crash) == f"exceeded its time limit of 0.5 s; {MORE_TIME}"
     assert after.value is not None
 
 
