@@ -23,20 +23,24 @@ def refuse_alone(bracket: Bracket, command: str, names: Sequence[str], stand_ins
     Raises:
         InvalidRequest: there is such a file; the message gives the mechanisms whose joints have its names.
     """
-    library = bracket.library
     given = [(_FORMATS[Path(name).suffix], Path(name)) for name in names if Path(name).suffix in _FORMATS]
-    for model_format, path in given or ([] if names else stand_ins.items()):
-        from harness.models.joint_table import moving_joints
+    files = dict(given) or ({} if names else stand_ins)
+    if not files:
+        return
+    from harness.models.joint_table import moving_joints
 
-        problem, joints = f"{path} is a model file, and a check holds a model against the energies of a mechanism", frozenset[str]()
-        try:
-            joints = moving_joints(path, model_format)
-        except InvalidModel as error:
-            problem = str(error)
-        similar = [name for name in library.system_names() if joints and joints == _joints_of(library, name, model_format)]
-        which = f"its joints are called as those of {', '.join(similar)}" if similar else "if its mechanism is one of harness list"
-        words = ["harness", command, similar[0] if similar else "NAME", *bracket.replay_options, f"--{model_format}", str(path)]
-        raise InvalidRequest(f"{problem}\n{which}: {shlex.join(words)}\nto write a mechanism of your own: harness new NAME")
+    model_format, path = next(iter(files.items()))
+    problem, joints = f"{path} is a model file, and a check holds a model against the energies of a mechanism", frozenset[str]()
+    try:
+        joints = moving_joints(path, model_format)
+    except InvalidModel as error:
+        problem = str(error)
+    library = bracket.library
+    similar = [name for name in library.system_names() if joints and joints == _joints_of(library, name, model_format)]
+    which = f"its joints are named like those of {', '.join(similar)}" if similar else "if its mechanism is one of harness list"
+    options = [word for name, file in files.items() for word in (f"--{name}", str(file))]
+    words = ["harness", command, similar[0] if similar else "NAME", *bracket.replay_options, *options]
+    raise InvalidRequest(f"{problem}\n{which}: {shlex.join(words)}\nto write a mechanism of your own: harness new NAME")
 
 
 def _joints_of(library: Library, name: str, model_format: str) -> frozenset[str]:

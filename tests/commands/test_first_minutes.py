@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -55,6 +56,12 @@ def test_a_mechanism_whose_joints_have_the_names_of_the_file_is_named(folder: Pa
     for arguments in ([file], ["--mjcf" if file.endswith("xml") else "--urdf", file]):
         done = harness("check", *arguments, cwd=folder)
         assert done.returncode == 2 and command in done.stderr
+
+
+def test_both_files_of_a_mechanism_are_kept(folder: Path) -> None:
+    done = harness("check", "--urdf", "own.urdf", "--mjcf", "own.xml", cwd=folder)
+    assert done.returncode == 2
+    assert re.search(r"harness check (cart|double)_pendulum --mjcf own.xml --urdf own.urdf$", done.stderr, re.MULTILINE), done.stderr
 
 
 def test_the_library_and_the_command_of_the_user_are_kept(folder: Path) -> None:
