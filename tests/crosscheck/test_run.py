@@ -223,3 +223,9 @@ def test_energies_that_depend_on_time_are_compared_at_other_times(tmp_path: Path
     assert 0 < moment < 10
     replayed = harness(*shlex.split(records["mujoco/mjcf"]["replay"])[1:], cwd=tmp_path)
     assert replayed.returncode == 1 and "disagrees" in replayed.stdout
+
+
+def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> None:
+    planted = library(tmp_path, hungry="raise MemoryError")
+    records, _ = cross_checked(Settings(library=planted, states=40, examples=None))
+    assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: fewer --workers (pytest: --harness-workers)")
