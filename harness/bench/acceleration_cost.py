@@ -61,7 +61,7 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
     try:
         prepared = method.prepare(scene, states)
     except Unsupported as reason:
-        return AccelerationCost(system=name, method=method.name, states=0, seconds_per_state=None, note=str(reason))
+        return AccelerationCost(system=name, method=method.name, states=0, seconds_per_state=None, loop=method.loop, note=str(reason))
     times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
     comparison = compare(reference, prepared.accelerations())
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
@@ -83,6 +83,7 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
+        loop=method.loop,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -65,7 +66,8 @@ class Bracket:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
         from harness.crosscheck.description import describe_run
 
-        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        workers = "of a cluster" if self.scheduler else str(self.workers or os.cpu_count())
+        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]], workers)
         if kept_as is not None:
             self.number = self.history.begin(self.run, kept_as)
         return self.run
@@ -144,9 +146,13 @@ class Bracket:
             write(self.directory, build(**given))
             click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
 
-    def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
-        """End with the status that was earned: invalid input first, then a death, then a verdict."""
+    def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
+        """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""
         options.report_errors(problems)
+        for fault in faults:
+            click.echo(fault, err=True)
+        if faults:
+            options.report_own_fault()
         sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
 
 

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from harness.results.records import Record, Records
+from harness.results.records import Record, Records, Run
 from harness.results.table import Cell, Column, Table
 from harness.verdict import AGREEMENT
 
@@ -51,9 +51,12 @@ def console(stderr: bool = False) -> Console:
     return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
 
 
-def print_table(records: Sequence[Record]) -> None:
-    """One row per record on standard output."""
-    console().print(Records(records).brief().terminal())
+def print_table(records: Sequence[Record], run: Run) -> None:
+    """One row per record on standard output, where their states come from, and under which load they were timed."""
+    shown = Records(records)
+    console().print(shown.brief().terminal())
+    if any(record.seconds_per_state is not None for record in shown):
+        click.echo("\n".join(filter(None, ["", shown.origins, f"times: median and fastest call, {run.load}"])))
 
 
 def print_titled(title: str, table: Table) -> None:
@@ -72,18 +75,26 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
-    """Each unexpected record, and the number of expected ones."""
-    unexpected = [record for record in records if not record.as_expected]
-    for record in unexpected:
+    """Each unexpected record."""
+    for record in Records(records).unexpected:
         click.echo("\n" + record.explanation)
-    agreeing = len(records) - len(unexpected)
-    click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart]) -> None:
+    """The number of records that are as expected, of all records and all superfluous parts, none of which is."""
+    good, all_of_them = sum(record.as_expected for record in records), len(records) + len(findings)
+    parts = f": {superfluous_parts(findings)} {'is' if len(findings) == 1 else 'are'} not" if findings else ""
+    click.echo(f"\n{good} of {all_of_them} as expected{parts}; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def superfluous_parts(findings: Sequence[SuperfluousPart]) -> str:
+    return "1 superfluous part of a model" if len(findings) == 1 else f"{len(findings)} superfluous parts of models"
 
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     """A line for each part of a model that its scene does not need."""
     if findings:
-        click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
+        click.echo(f"\n{superfluous_parts(findings)}:")
     for part in sorted(findings, key=attrgetter("path", "subject", "line")):
         click.echo(f"  {part}")
 

@@ -25,9 +25,9 @@ def command(bracket: Bracket, profile: str) -> None:
 
     states = STATES_OF_PROFILE[profile]
     settings = Settings(library=bracket.library, states=states, seed=bracket.seed, replay_options=bracket.replay_options)
-    run = bracket.begin(states, profile, CrossCheckResult)
+    bracket.begin(states, profile, CrossCheckResult)
     study = cross_check(bracket, settings)
-    ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
+    ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     bracket.write_page(bracket.number)
     finish(bracket, study)

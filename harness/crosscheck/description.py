@@ -17,8 +17,8 @@ from harness.results.records import Run, SystemCard
 from harness.version import __version__
 
 
-def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str]) -> Run:
-    """Versions, machine and settings of a run that starts now."""
+def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
+    """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = importlib.metadata.version(distribution)
@@ -27,7 +27,9 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
         version = installed_version(engine)
         if version is not None:
             versions[engine.requires[1]] = version
-    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count())}
+    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
+    # Of other programs: at the start none of the run's own is at work.
+    machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}
     return Run(
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions,

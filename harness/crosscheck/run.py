@@ -29,6 +29,7 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.models.model_file import ModelFile
 from harness.results.cross_check import CrossCheckResult
+from harness.results.hard_states import replay_command
 from harness.results.records import Record
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -76,6 +77,7 @@ class CrossCheck(Rounds):
     """One cross-check of a library, system by system and subject by subject; a ``harness.study.Study``.
 
     Attributes:
+        faults: what failed in the harness itself, each with its system.
         crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
 
     Raises:
@@ -98,6 +100,7 @@ class CrossCheck(Rounds):
         if not settings.names:
             for path in settings.library.orphaned_models():
                 self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
+        self.faults: list[str] = []
         self.crashes: set[tuple[str, str | None]] = set()
         self._found = CrossCheckResult()
         self._systems = {name: _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}) for name in self.names}
@@ -115,17 +118,25 @@ class CrossCheck(Rounds):
 
     def _load(self, system: _System) -> None:
         library, name, pairs = self.settings.library, system.name, list(system.pairs.values())
+        stand_ins = self.settings.stand_ins
+        # Before anything that takes long: a file that was named and cannot be used ends the run.
+        for model_format, path in stand_ins.items():
+            self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
         self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
-        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format != EQUATIONS):
+        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format not in (EQUATIONS, *stand_ins)):
             if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in self.subjects):
-                path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
+                path = library.model_path(name, model_format)
                 self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
 
     def _loaded(self, outcome: Outcome, system: _System, pairs: Pairs, about: tuple[str | None, Path]) -> None:
         (model_format, path), failure = about, self.failure(outcome)
         if outcome.crash is not None:
             self.crashes.add((system.name, model_format))
+        if failure and not isinstance(outcome.exception, InvalidInput):
+            # Whatever a file makes the harness do, it is the file that has to be mended.
             self.report(InvalidInput(path, None, failure))
+        if failure and model_format in self.settings.stand_ins:
+            raise self.problems[-1]
         if model_format is not None:
             system.models[model_format] = failure or outcome.value
         elif failure:
@@ -151,6 +162,7 @@ class CrossCheck(Rounds):
             return
         system.batches = [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
         for pair in system.pairs.values():
+            pair.stored = 0 if state is not None else len(states) - self.settings.states + self.settings.searched
             self._assign(system, mechanism, pair)
         self._compare(system, 0, answering(system.pairs.values()))
 
@@ -202,9 +214,9 @@ class CrossCheck(Rounds):
             self.report(answers.problem)
         if answers.failure:
             pair.fail(answers.failure, answers.unsupported)
-        if answers.comparison is not None and answers.seconds is not None:
+        if answers.comparison is not None:
             pair.bulk[index] = states, answers.comparison
-            pair.seconds.append(answers.seconds)
+            pair.seconds += answers.seconds
 
     def _go_on(self, system: _System) -> None:
         """After the first batch: everything else, for the subjects that answered."""
@@ -276,6 +288,8 @@ class CrossCheck(Rounds):
         if outcome.crash is not None:
             self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
         if culprit is None:
+            if outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
+                self.faults.append(f"{system.name}: {what} failed: {failure}")
             for pair in pairs:
                 pair.fail(f"{what} failed: {failure}")
             return False
@@ -310,9 +324,15 @@ class CrossCheck(Rounds):
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
             record = judge(name, str(pair.subject), pair, AGREES)
-        command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
+
+        def replay(state: dict[str, list[float]]) -> str:
+            return replay_command(name, record.subject, state, self.settings.replay_options)
+
         if record.worst_state is not None:
-            command += ["--state", json.dumps(record.worst_state)]
+            again = replay(record.worst_state)
         else:
-            command += ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
-        return replace(record, replay=shlex.join(command))
+            command = ["harness", "check", name, "--subject", record.subject, *self.settings.replay_options]
+            again = shlex.join([*command, "--states", str(self.settings.states), "--seed", str(self.settings.seed)])
+        shown = record.representative and replace(record.representative, replay=replay(record.representative.state))
+        origins = record.origins if self.settings.state is None else {}
+        return replace(record, replay=again, representative=shown, origins=origins)

@@ -7,7 +7,6 @@ answers are held against it. What was loaded or compiled stays in the process fo
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -22,7 +21,9 @@ from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
 
-# A timing shorter than this is repeated, so that the set-up for the size of a batch is not charged to the engine.
+# Timings of a batch, unless all of them together take longer than that.
+TIMINGS, ENOUGH_SECONDS = 5, 0.02
+# A first call that is shorter is no timing: it includes the set-up for the size of a batch.
 REPEATED_BELOW_SECONDS = 0.25
 
 
@@ -32,13 +33,13 @@ class Answers:
 
     Attributes:
         comparison: the judgement of each answer; None where there is none.
-        seconds: cost per state [s]; None where there is no answer.
+        seconds: cost per state of each timing [s]; none where there is no answer.
         failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
         unsupported: whether the failure is that the engine cannot express the mechanism.
     """
 
     comparison: Comparison | None = None
-    seconds: float | None = None
+    seconds: Sequence[float] = ()
     failure: str = ""
     problem: InvalidInput | None = None
     unsupported: bool = False
@@ -95,18 +96,20 @@ def ask(assignment: Assignment, states: States, reference: Reference) -> Answers
         return Answers.missing(error)
 
 
-def timed_accelerations(model: Model, states: States) -> tuple[Array, float]:
-    """The accelerations at ``states``, (n, nv), and seconds per state."""
+def timed_accelerations(model: Model, states: States) -> tuple[Array, list[float]]:
+    """The accelerations at ``states``, (n, nv), and seconds per state of each timing."""
     # What is compiled or allocated on first use is not charged to the engine.
     model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
-    elapsed = math.inf
-    for _ in range(2):
+    seconds: list[float] = []
+    for call in range(1 + TIMINGS):
         started = time.perf_counter()
         accelerations = model.forward_dynamics(states.q, states.v, states.tau)
-        elapsed = min(elapsed, time.perf_counter() - started)
-        if elapsed > REPEATED_BELOW_SECONDS:
+        elapsed = time.perf_counter() - started
+        if call or elapsed > REPEATED_BELOW_SECONDS:
+            seconds.append(elapsed / len(states))
+        if sum(seconds) * len(states) > ENOUGH_SECONDS:
             break
-    return accelerations, elapsed / len(states)
+    return accelerations, seconds
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:

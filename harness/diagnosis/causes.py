@@ -77,7 +77,8 @@ class Diagnoses(Rounds):
         for record, alike in chosen.values():
             subject = subject_named(record.subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
-            worst = [] if record.worst_state is None else [record.worst_state]
+            shown = record.representative
+            worst = [state for state in (record.worst_state, shown.state if shown is not None else None) if state is not None]
             suspects_textbook = inferences[record.system].party == "equations"
             scope = Scope(settings.seed, share, tolerance, worst)
             arguments = (settings.library, record.system, subject, settings.stand_ins.get(subject.format), scope)

@@ -53,8 +53,8 @@ class Float64Kernel:
     def accelerations(self, inputs: Array) -> Array:
         """qdd, (nv, n), by L D L' factorisation without pivoting."""
         if self.nv <= MOST_UNROLLED:
-            return np.asarray(self._accelerations(inputs))
-        entries = list(np.asarray(self._terms(inputs)))
+            return _evaluated(self._accelerations, inputs)
+        entries = list(_evaluated(self._terms, inputs))
         first = position_count(self.program) + self.nv
         sizes = [len(entries) - 3 * self.nv, *[self.nv] * 3]
         outputs = {name: [entries.pop(0) for _ in range(size)] for name, size in zip(OUTPUTS, sizes, strict=True)}
@@ -62,7 +62,7 @@ class Float64Kernel:
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
-        flat = np.asarray(self._terms(inputs))
+        flat = _evaluated(self._terms, inputs)
         pairs = upper_triangle(self.nv)
         mass = np.empty((inputs.shape[1], self.nv, self.nv))
         for row, (i, j) in enumerate(pairs):
@@ -74,7 +74,7 @@ class Float64Kernel:
         """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (nv, number of inputs, n)."""
         if self._in_coordinates is not None:
             return self._derivatives_in_joints(self._in_coordinates, inputs, accelerations)
-        flat = np.asarray(self._derivatives(np.ascontiguousarray(np.vstack([inputs, accelerations]))))
+        flat = _evaluated(self._derivatives, np.ascontiguousarray(np.vstack([inputs, accelerations])))
         return flat.reshape(self.nv, len(self.program.inputs), -1)
 
     def _derivatives_in_joints(self, kernel: Float64Kernel, inputs: Array, accelerations: Array) -> Array:
@@ -145,6 +145,19 @@ class Float64Kernel:
         import heyoka
 
         return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
+
+
+def _evaluated(function: Any, inputs: Array) -> Array:
+    """``function`` of every column, each in a full SIMD vector, so that a state alone is rounded as it is among others.
+
+    heyoka evaluates what is left over one by one, with other sines and cosines.
+    """
+    import heyoka
+
+    states = inputs.shape[1]
+    missing = -states % heyoka.recommended_simd_size()
+    filled = np.pad(inputs, ((0, 0), (0, missing)), mode="edge") if missing and states else inputs
+    return np.ascontiguousarray(np.asarray(function(filled))[:, :states])
 
 
 _KERNELS: Kept[Float64Kernel] = Kept(64)

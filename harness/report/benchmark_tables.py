@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
-from harness.results.benchmark import AccelerationCost, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.benchmark import AccelerationCost, Cheapest, Drift, Figure, MotionCost, Order, Stationarity
 from harness.results.pareto import cost_of, error_of
 from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
 
@@ -25,13 +25,14 @@ def accelerations(costs: Iterable[AccelerationCost]) -> Table:
             "system": "system",
             "method": "method",
             Column("threads", "count"): "threads",
+            "loop over states": "loop",
             Column("time per state", "seconds"): "seconds_per_state",
             Column("fastest", "seconds"): "fastest",
             Column("slowest", "seconds"): "slowest",
             Column("timed", "plain"): lambda cost: counted(cost.repetitions, "time"),
             Column("worst backward error", "error"): "backward_error",
             Column("median backward error", "error"): "median_backward_error",
-            Column("worst relative error", "error"): "relative_error",
+            Column("worst relative error", "relative"): "relative_error",
             Column("states", "count"): "states",
             "remark": "note",
         },
@@ -176,10 +177,14 @@ def cheapest(summary: BenchmarkSummary, kind: str, anchors: Mapping[str, str] | 
     heads = [f"error at most {entry.error:g}" for entry in found[0][1]] if found else []
     rows = [
         [Cell(system, link=f"#{anchors[system]}" if anchors else "")]
-        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}"]) if e.way else Cell("none reaches it") for e in entries]
+        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}{_fastest(e)}"]) if e.way else Cell("none reaches it") for e in entries]
         for system, entries in found
     ]
     return Table(["system", *heads], rows, caption=_CAPTIONS[kind])
+
+
+def _fastest(way: Cheapest) -> str:
+    return f", fastest {seconds_text(way.fastest)}" if way.fastest is not None else ""
 
 
 def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], Cell]) -> Table:

@@ -17,7 +17,7 @@ from harness.report import benchmark_charts, benchmark_tables, charts, hard_char
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import embed, styles
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changed_versions, changes_table, state_lines
+from harness.report.summary import Summary, changed_versions, changes_table, state_lines, states_of
 from harness.results.pareto import way_of
 from harness.results.records import Record, Run
 from harness.results.table import counted, error_text, seconds_text
@@ -73,6 +73,7 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
         motion_front=motion_front,
         way_of=way_of,
         counted=counted,
+        states_of=states_of,
         changed_versions=changed_versions,
         changes_table=changes_table,
         style=Markup(package.joinpath("style.css").read_text("utf-8")),

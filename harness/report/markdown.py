@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from harness.report import benchmark_tables, hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, state_lines
+from harness.report.summary import Summary, changes_table, states_of
 from harness.results.records import Record
 from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line
 from harness.verdict import AGREEMENT
@@ -97,14 +97,14 @@ def _volatile(summary: Summary) -> Iterator[str]:
         changes = [*summary.changed_verdicts(), *summary.changed_versions()]
         yield changes_table("what", changes).markdown() or "Neither a verdict nor a version."
     yield "### Cost and relative error"
-    yield summary.records.table().only("system", "subject", "time per state", "worst relative error").markdown()
+    yield summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown()
     yield "### Time to derive and to compile"
     costs = [[card.name, card.derivation_seconds, card.compilation_seconds] for _, card in sorted(summary.cards.items())]
     yield Table(["system", Column("derivation", "seconds"), Column("compilation", "seconds")], costs).markdown()
     yield "### Worst states"
     for record in summary.records:
-        if lines := "\n".join(filter(None, [state_lines(record.worst_state), record.replay])):
-            yield f"{_pair(record)}:\n\n{_fenced(lines)}"
+        for what, *lines in states_of(record):
+            yield f"{what} {_pair(record)}:\n\n{_fenced(chr(10).join(filter(None, lines)))}"
 
 
 def _stable_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:

@@ -93,7 +93,7 @@ class Summary:
         if self.missing:
             verb = "has" if len(self.missing) == 1 else "have"
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
-        return remarks
+        return [*remarks, *([f"{self.records.origins.capitalize()}."] if self.records.origins else [])]
 
     def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""
@@ -186,6 +186,16 @@ def worst(records: Iterable[Record]) -> Record | None:
     """The record with the largest backward error, NaN counting as largest; None where none has any."""
     compared = [(record.backward_error, record) for record in records if record.backward_error is not None]
     return max(compared, key=lambda pair: math.inf if math.isnan(pair[0]) else pair[0], default=(None, None))[1]
+
+
+def states_of(record: Record) -> list[tuple[str, str, str]]:
+    """The states of a record: what each is, with its error; its lines; and the command that computes it again."""
+    error = f" ({error_text(record.backward_error)} data roundoffs)" if record.backward_error is not None else ""
+    found = [(f"Worst state{error} of", record.worst_state, record.replay)]
+    if (shown := record.representative) is not None:
+        error = "no backward error" if shown.backward_error is None else f"{error_text(shown.backward_error)} data roundoffs"
+        found.append((f"Simplest state that shows the verdict ({error}) of", shown.state, shown.replay))
+    return [(what, state_lines(state), replay) for what, state, replay in found if state or replay]
 
 
 def state_lines(state: Mapping[str, Sequence[float]] | None) -> str:

@@ -23,6 +23,11 @@ def error_text(value: float | None) -> str:
     return "-" if value is None else f"{value:#.3g}".removesuffix(".") if value else "0"
 
 
+def relative_text(value: float | None) -> str:
+    """Three significant digits; beyond 1, where no digit is right and the size says nothing, that alone."""
+    return "> 1" if value is not None and value > 1 else error_text(value)
+
+
 def seconds_text(value: float | None) -> str:
     """Three significant digits in the unit that suits; a dash for None."""
     if value is None:
@@ -47,6 +52,7 @@ def counted(number: int, noun: str) -> str:
 _KINDS: Mapping[str, Callable[[Any], str]] = {
     "text": str,
     "error": error_text,
+    "relative": relative_text,
     "seconds": seconds_text,
     "count": "{:,}".format,
     "rounded": "{:.2f}".format,
@@ -61,8 +67,9 @@ class Column:
     """A column of a table.
 
     Attributes:
-        title: its heading. kind: of its values: "text", "error", "seconds", "count", "rounded" (two decimals), "given" (as
-            somebody wrote it), "figure" (five digits) or "plain" (a text at the right). unit: stands behind each number.
+        title: its heading. unit: stands behind each number.
+        kind: of its values: "text", "error", "relative" (an error of which more than 1 says nothing), "seconds", "count", "rounded"
+            (two decimals), "given" (as somebody wrote it), "figure" (five digits) or "plain" (a text at the right).
     """
 
     title: str

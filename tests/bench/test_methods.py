@@ -89,6 +89,16 @@ def test_the_frame_of_a_free_joint_matters(frame: bool) -> None:
     assert wrong.backward_error is not None and wrong.backward_error > 1e9
 
 
+def test_it_is_said_who_goes_from_state_to_state() -> None:
+    """A cost of Python's loop must not be taken for one of the engine."""
+    loops = {name: method.loop for name, method in METHODS.items()}
+    assert all(loops.values())
+    assert {loops[name] for name in ("pinocchio aba", "mujoco mj_forward", "lambdify, one state at a time")} == {"Python"}
+    assert (loops["mujoco batch"], loops["pinocchio abaInParallel"], loops["heyoka float64"]) == ("MuJoCo", "Pinocchio", "machine code")
+    (cost,) = costs("arm_2r", METHODS["pinocchio aba"])
+    assert cost.loop == "Python"
+
+
 def test_long_double_is_judged_beyond_float64() -> None:
     (cost,) = costs("arm_2r", METHODS["heyoka long double"])
     assert cost.backward_error is not None and cost.backward_error < 0.1

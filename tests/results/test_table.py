@@ -75,3 +75,8 @@ def test_anything_can_be_shown(rows: list[tuple[str, float | None, int | None]])
     table = Table(["a", Column("b", "seconds"), Column("c", "count")], rows)
     assert len(str(table).split("\n")) == len(table.markdown().split("\n")) - 1 == len(rows) + 1
     assert table.html().count("<tr>") == len(rows) + 1 and printed(table)
+
+
+def test_a_relative_error_beyond_one_has_no_size() -> None:
+    table = Table([Column("there", "relative")], [[value] for value in (1e-16, 0.5, 1.0, 5e203, float("inf"), None)])
+    assert [text for [text] in table.texts()] == ["1.00e-16", "0.500", "1.00", "> 1", "> 1", "-"]

@@ -33,5 +33,7 @@ def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: last[0], CHECKED)
 
 
-MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), growth="up to 3")
-PINOCCHIO = Method("harness check of pinocchio", "urdf", partial(_check, "pinocchio", "urdf"), growth="1", linear_velocity_in_body=True)
+MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), loop="MuJoCo", growth="up to 3")
+PINOCCHIO = Method(
+    "harness check of pinocchio", "urdf", partial(_check, "pinocchio", "urdf"), loop="Python", growth="1", linear_velocity_in_body=True
+)
