@@ -6,11 +6,13 @@ import functools
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
+# As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
+INTERNAL, INTERRUPTED = 70, 130
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
@@ -21,6 +23,14 @@ def report_errors(problems: Sequence[Exception]) -> None:
         click.echo(f"harness: {problem}", err=True)
     if problems:
         sys.exit(INVALID)
+
+
+def report_own_fault() -> NoReturn:
+    """Say that the harness is to blame for what was printed, and exit with status 70."""
+    blame = "internal error: this is a fault of the harness, not of your files"
+    report = "report it where you have the harness from, with the lines above, the command and what `harness list` prints"
+    click.echo(f"harness: {blame}; please {report}", err=True)
+    sys.exit(INTERNAL)
 
 
 _PEM_FILE = click.Path(exists=True, dir_okay=False)

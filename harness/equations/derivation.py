@@ -114,6 +114,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
+    except Exception as error:
+        raise InvalidSystem(file, line, f"cannot be derived: {type(error).__name__}: {error}") from error
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
     return Mechanism(
