@@ -21,9 +21,9 @@ from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
 
-# Timings of a batch, unless all of them together take longer than that.
-TIMINGS, ENOUGH_SECONDS = 5, 0.02
-# A first call that is shorter is no timing: it includes the set-up for the size of a batch.
+# Timings of a batch: that many at least, and more until they take that long, up to the most.
+LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
+# A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
 REPEATED_BELOW_SECONDS = 0.25
 
 
@@ -101,15 +101,13 @@ def timed_accelerations(model: Model, states: States) -> tuple[Array, list[float
     # What is compiled or allocated on first use is not charged to the engine.
     model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
     seconds: list[float] = []
-    for call in range(1 + TIMINGS):
+    while len(seconds) <= MOST_TIMINGS:
         started = time.perf_counter()
         accelerations = model.forward_dynamics(states.q, states.v, states.tau)
-        elapsed = time.perf_counter() - started
-        if call or elapsed > REPEATED_BELOW_SECONDS:
-            seconds.append(elapsed / len(states))
-        if sum(seconds) * len(states) > ENOUGH_SECONDS:
+        seconds.append(time.perf_counter() - started)
+        if seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS):
             break
-    return accelerations, seconds
+    return accelerations, [one / len(states) for one in seconds[1:] or seconds]
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:

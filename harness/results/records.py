@@ -141,7 +141,7 @@ class Records(UserList[Record]):
         if not known:
             return ""
         sampled, searched, stored = (_range([origins.get(name, 0) for origins in known]) for name in ("sampled", "searched", "stored"))
-        search = f"{searched} searched for by hypothesis (fewer where it has nothing new to try, more where it simplifies what fails)"
+        search = f"{searched} searched for by hypothesis (less what it would repeat, plus what it simplified)"
         return f"states: {sampled} sampled, {search}, {stored} stored with the system"
 
     def table(self) -> Table:
