@@ -81,7 +81,7 @@ class CrossCheck(Rounds):
         crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
 
     Raises:
-        InvalidInput: the library or its expected verdicts cannot be used at all.
+        InvalidInput: the library or its expected verdicts cannot be used at all; from ``take``, a stand-in cannot.
         InvalidRequest: a system or subject that does not exist.
     """
 
@@ -164,7 +164,18 @@ class CrossCheck(Rounds):
         for pair in system.pairs.values():
             pair.stored = 0 if state is not None else len(states) - self.settings.states + self.settings.searched
             self._assign(system, mechanism, pair)
-        self._compare(system, 0, answering(system.pairs.values()))
+        pairs = answering(system.pairs.values())
+        stand_ins = [pair.assignment for pair in pairs if pair.subject.format in self.settings.stand_ins]
+        if stand_ins:
+            self._ask(self._accepted, system, pairs, tasks.accept, stand_ins)
+        else:
+            self._compare(system, 0, pairs)
+
+    def _accepted(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
+        if isinstance(outcome.exception, InvalidInput):
+            raise outcome.exception
+        # Whatever else an engine does there it does again, and it costs its own record.
+        self._compare(system, 0, pairs)
 
     def _states(self, mechanism: Mechanism) -> States:
         if self.settings.state is not None:

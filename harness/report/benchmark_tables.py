@@ -80,8 +80,8 @@ def motions(costs: Iterable[MotionCost]) -> Table:
             Column("evaluations", "count"): "evaluations",
             Column("time", "seconds"): "seconds",
             Column("time per second of motion", "seconds"): cost_of,
-            Column("error of the end state", "error"): "state_error",
-            Column("error of the energy balance", "error"): "energy_error",
+            Column("error of the end state", "relative"): "state_error",
+            Column("error of the energy balance", "relative"): "energy_error",
             "remark": "note",
         },
     )
@@ -99,7 +99,7 @@ def best_motions(summary: BenchmarkSummary) -> Table:
             about = [order.measured, order.expected, order.verdict] if order else [None, None, ""]
             rows.append([system, integrator, *about, error, cost_of(best) if best else None])
     orders_shown = Column("order", "rounded"), Column("expected", "rounded"), "verdict"
-    costs_shown = Column("smallest error", "error"), Column("time per second of motion", "seconds")
+    costs_shown = Column("smallest error", "relative"), Column("time per second of motion", "seconds")
     return Table(["system", "integrator", *orders_shown, *costs_shown], rows)
 
 
@@ -118,7 +118,7 @@ def drifts(found: Iterable[Drift]) -> Table:
             "integrator": "integrator",
             Column("step", "given", "s"): "step",
             Column("steps", "count"): "steps",
-            Column("largest error", "error"): "largest",
+            Column("largest error", "relative"): "largest",
             Column("grows as time to the", "rounded"): "growth",
             "energy is": lambda drift: Cell(drift.verdict, tone="" if drift.as_expected else "disagrees"),
             "expected": lambda drift: drift.expected or "-",

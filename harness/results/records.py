@@ -137,7 +137,7 @@ class Records(UserList[Record]):
     @property
     def origins(self) -> str:
         """Where the states of a record come from, in a sentence over all records; "" where none says."""
-        known = [record.origins for record in self if record.origins]
+        known = [record.origins for record in self if any(record.origins.values())]
         if not known:
             return ""
         sampled, searched, stored = (_range([origins.get(name, 0) for origins in known]) for name in ("sampled", "searched", "stored"))

@@ -14,6 +14,7 @@ import pytest
 from support import harness, make_library
 
 from harness.commands import check
+from harness.library import Library
 
 RECURSIONS = {
     "calls_itself": "def again():\n    return again()\n\n\nagain()\n",
@@ -140,6 +141,21 @@ def test_a_model_file_that_cannot_be_used_ends_the_run_at_once(
         done = harness(command, "bar_pendulum", "--mjcf", str(path), "--subject", subject, cwd=tmp_path)
         assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
         assert len(done.stderr.splitlines()) == 1 and fragment in done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose"])
+def test_a_model_file_that_an_engine_refuses_ends_the_run_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    def never(*arguments: object) -> None:
+        raise AssertionError("something was computed")
+
+    monkeypatch.setattr("harness.crosscheck.run.compare_all", never)
+    path = tmp_path / "stand_in.xml"
+    path.write_text(
+        Library.built_in().model_path("bar_pendulum", "mjcf").read_text().replace("0.5 0.5 1e-15", "0.5 0.5 1.0000000000000002")
+    )
+    done = harness(command, "bar_pendulum", "--mjcf", str(path), cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
+    assert f"{path}: mujoco refuses it" in done.stderr and "at fault" not in done.stderr
 
 
 def test_a_model_file_that_cannot_be_opened_ends_the_run_at_once(tmp_path: Path) -> None:
