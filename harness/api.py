@@ -209,10 +209,11 @@ def diagnose(
 ) -> list[Cause]:
     """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
 
-    What an engine refuses of a file is in the causes.
+    What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
 
     Raises:
-        harness.errors.InvalidInput: the library or the system file cannot be used. harness.errors.InvalidRequest: as ``check``.
+        harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
+        harness.errors.InvalidRequest: as ``check``.
     """
     from harness.diagnosis.causes import find_causes
 

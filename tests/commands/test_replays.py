@@ -147,3 +147,11 @@ def test_the_terminal_shows_both_states_with_their_numbers(reported: Path) -> No
     commands = [line.partition("replay: ")[2] for line in done.stdout.splitlines() if "replay: " in line]
     for number, command in zip((worst, simplest), commands, strict=True):
         assert f"{replayed(command, reported)['backward_error']:.3g}" == number
+
+
+@pytest.mark.nightly
+def test_every_worst_case_of_the_catalogue_gives_its_number_again(tmp_path: Path) -> None:
+    assert harness("report", "--out", "out", cwd=tmp_path).returncode == 0
+    for case in json.loads((tmp_path / "out" / "report.json").read_text())["worst_cases"]:
+        again = replayed(case["replay"], tmp_path)
+        assert same(case["backward_error"], again["backward_error"]) and case["verdict"] == again["verdict"], case
