@@ -1,7 +1,8 @@
 """Command line: ``harness COMMAND``, each command a file in ``harness/commands``.
 
-Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so, and nothing else; 2 bad usage or an
-invalid model or system file; 3 an engine crashed or timed out; 70 the harness itself is at fault; 130 an interrupt.
+Exit status: 0 all verdicts as expected and nothing superfluous in a model of the built-in library; 1 not so, and nothing else;
+2 bad usage or an invalid model or system file; 3 an engine crashed or timed out; 70 the harness itself is at fault; 130 an
+interrupt.
 """
 
 from __future__ import annotations
@@ -32,20 +33,42 @@ class Commands(click.Group):
         assert isinstance(command, click.Command)
         return command
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def main(self, *arguments: Any, **options: Any) -> Any:
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("harness: interrupted", err=True)
-            sys.exit(INTERRUPTED)
-        except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
+            return super().main(*arguments, **options)
+        except (click.ClickException, click.Abort):
             raise
         except Exception:
             traceback.print_exc()
             report_own_fault()
 
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            # Click's own status for it is 1.
+            click.echo("harness: interrupted", err=True)
+            sys.exit(INTERRUPTED)
+
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="harness")
 def main() -> None:
-    """Cross-check physics engines against certified accelerations of textbook mechanisms."""
+    """Cross-check physics engines against certified accelerations of textbook mechanisms.
+
+    \b
+    Examples:
+      harness list
+      harness check double_pendulum
+      harness check double_pendulum --urdf edited.urdf
+      harness new my_arm --library mine
+
+    \b
+    Exit status:
+      0    every verdict is as expected
+      1    at least one is not
+      2    bad usage, or an invalid model or system file
+      3    an engine crashed or timed out
+      70   a fault of the harness itself
+      130  an interrupt
+    """

@@ -12,9 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from harness.commands import _options as options
+from harness.commands._terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ class Bracket:
     json_path: str | None = None
     workers: int | None = None
     scheduler: Scheduler | None = None
-    time_limit: float = 60.0
+    time_limit: float | None = None
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
@@ -81,6 +80,7 @@ class Bracket:
         """
         from harness.workers import Workers
 
+        assert self.time_limit is not None, "a command with workers has a time limit"
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
     @cached_property
@@ -99,7 +99,6 @@ class Bracket:
 
         ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
-        from harness.commands._terminal import progress
         from harness.study import run_study
 
         with progress(study.steps, study.title) as advance:
@@ -144,13 +143,13 @@ class Bracket:
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))
-            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            say(f"report: {self.directory / 'index.html'}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
         """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""
         options.report_errors(problems)
         for fault in faults:
-            click.echo(fault, err=True)
+            say(fault, err=True)
         if faults:
             options.report_own_fault()
         sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)

@@ -10,6 +10,8 @@ from typing import Any, NoReturn
 
 import click
 
+from harness.commands._terminal import say
+
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
 INTERNAL, INTERRUPTED = 70, 130
@@ -18,9 +20,10 @@ STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
 
 def report_errors(problems: Sequence[Exception]) -> None:
-    """Print each problem; exit with status 2 if there is one."""
+    """Print each problem, further lines of it indented; exit with status 2 if there is one."""
     for problem in problems:
-        click.echo(f"harness: {problem}", err=True)
+        first, *others = str(problem).split("\n")
+        say(f"harness: {first}", *(f"  {line.strip()}" for line in others), err=True)
     if problems:
         sys.exit(INVALID)
 
@@ -29,7 +32,7 @@ def report_own_fault() -> NoReturn:
     """Say that the harness is to blame for what was printed, and exit with status 70."""
     blame = "internal error: this is a fault of the harness, not of your files"
     report = "report it where you have the harness from, with the lines above, the command and what `harness list` prints"
-    click.echo(f"harness: {blame}; please {report}", err=True)
+    say(f"harness: {blame}; please {report}", err=True)
     sys.exit(INTERNAL)
 
 
@@ -72,7 +75,9 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     ),
     "json": click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file."),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
-    "workers": click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default."),
+    "workers": click.option(
+        "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
+    ),
     "scheduler": scheduler_option,
     "directory": click.option(
         "--out",
@@ -89,13 +94,13 @@ states_option = click.option(
 )
 
 
-def time_limit_option(seconds: float) -> Callable[..., Any]:
-    """--time-limit with its default [s]."""
+def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:
+    """--time-limit with its default [s], which is None where the command finds it; ``shown`` says then what it finds."""
     return click.option(
         "--time-limit",
         type=click.FloatRange(min=0, min_open=True),
         default=seconds,
-        show_default=True,
+        show_default=shown,
         help="Seconds that one task of a worker process may take.",
     )
 

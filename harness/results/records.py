@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
 from typing import Any
 
-from harness.results.table import Cell, Column, Table
+from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
 _VERDICTS = [verdict.value for verdict in Verdict]
@@ -114,7 +114,7 @@ class Record:
             size = "no backward error" if error is None else f"backward error {error:.3g} data roundoffs"
             lines.append(f"the simplest state that shows it: {size}")
             lines += _shown(self.representative.state, self.representative.replay)
-        return "\n  ".join(lines)
+        return "\n  ".join(map(printable, lines))
 
 
 def _shown(state: Mapping[str, list[float]] | None, replay: str) -> list[str]:
