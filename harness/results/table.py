@@ -5,6 +5,7 @@ A cell holds plain data. Its column says what kind of number that is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 # Classes of the page's style sheet to styles of the terminal.
 _STYLES = {"surprise": "bold red", "expected": "green"}
+# Characters that Markdown takes for markup; an underscore within a word is none.
+_MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
 
 
 def error_text(value: float | None) -> str:
@@ -108,7 +111,7 @@ class Table:
 
     Attributes:
         columns: a bare text is a column of text. rows: a value or a ``Cell`` for each column.
-        caption: stands above the rows. style: class of the page's style sheet; in a "matrix" the first column is a heading too.
+        caption: stands above the rows of a page. style: class of the page's style sheet; in a "matrix" the first column is a heading too.
     """
 
     columns: Sequence[Column | str]
@@ -121,10 +124,14 @@ class Table:
         self.heads = [column if isinstance(column, Column) else Column(column) for column in self.columns]
 
     @classmethod
-    def of(cls, items: Iterable[Any], columns: Mapping[Column | str, str | Callable[[Any], object]]) -> Table:
+    def of(cls, items: Iterable[Any], columns: Mapping[Column | str, str | Callable[[Any], object]], caption: str = "") -> Table:
         """A row for each item; a column maps to the name of the item's attribute, or to a function of the item."""
         getters = [attrgetter(value) if isinstance(value, str) else value for value in columns.values()]
-        return cls(list(columns), [[getter(item) for getter in getters] for item in items])
+        return cls(list(columns), [[getter(item) for getter in getters] for item in items], caption)
+
+    def captioned(self, caption: str) -> Table:
+        """The same rows under another caption."""
+        return Table(self.columns, self.rows, caption, self.style)
 
     def only(self, *titles: str) -> Table:
         """The columns of these titles, in this order.
@@ -146,7 +153,7 @@ class Table:
 
     def __str__(self) -> str:
         """Lines of plain text, none of them wrapped; the headings come first."""
-        lines = [[_printable(text).replace("\n", " ") for text in line] for line in ([head.title for head in self.heads], *self.texts())]
+        lines = [[printable(text).replace("\n", " ") for text in line] for line in ([head.title for head in self.heads], *self.texts())]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         sides = [str.rjust if head.is_number else str.ljust for head in self.heads]
         padded = ([side(text, width) for side, text, width in zip(sides, line, widths, strict=True)] for line in lines)
@@ -159,11 +166,11 @@ class Table:
 
         table = RichTable(box=None, header_style="bold", pad_edge=False)
         for head in self.heads:
-            table.add_column(Text(_printable(head.title)), justify="right" if head.is_number else "left", overflow="fold")
+            table.add_column(Text(printable(head.title)), justify="right" if head.is_number else "left", overflow="fold")
         for row, texts in zip(self.rows, self.texts("\n"), strict=True):
             tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]
             styles = [next((_STYLES[tone] for tone in own if tone in _STYLES), "") for own in tones]
-            table.add_row(*(Text(_printable(text), style) for text, style in zip(texts, styles, strict=True)))
+            table.add_row(*(Text(printable(text), style) for text, style in zip(texts, styles, strict=True)))
         return table
 
     def markdown(self) -> str:
@@ -178,9 +185,11 @@ class Table:
         if not self.rows:
             return ""
         caption = f"<caption>{escape(self.caption)}</caption>\n" if self.caption else ""
-        heads = "".join(f"<th{_attributes(_class(head))}>{escape(head.title)}</th>" for head in self.heads)
+        heads = "".join(f"<th{_attributes(_class(head), scope='col')}>{escape(head.title)}</th>" for head in self.heads)
         rows = "\n".join(f"<tr>{self._html_row(row)}</tr>" for row in self.rows)
-        opening = f'<div class="wide">\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>'
+        # What scrolls must be reached by keyboard, and says its name there.
+        scrolling = _attributes("wide", role="group", tabindex="0", **{"aria-label": self.caption})
+        opening = f"<div{scrolling}>\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>"
         return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
 
     # For templates, which do not escape it again, and for notebooks.
@@ -188,18 +197,19 @@ class Table:
 
     def _html_row(self, row: Sequence[object]) -> str:
         is_matrix = "matrix" in self.style.split()
-        tags = ["th" if is_matrix and place == 0 else "td" for place in range(len(row))]
-        return "".join(_html_cell(tag, head, cell) for tag, head, cell in zip(tags, self.heads, row, strict=True))
+        scopes = ["row" if is_matrix and place == 0 else "" for place in range(len(row))]
+        return "".join(_html_cell(scope, head, cell) for scope, head, cell in zip(scopes, self.heads, row, strict=True))
 
 
 def markdown_line(text: str) -> str:
-    """``text`` on one line, without tags."""
-    return " ".join(text.split()).replace("<", "&lt;")
+    """``text`` as a paragraph of Markdown: on one line, no character of it taken for markup."""
+    return re.sub(r"^(\d*)(?=[-#>+=.)])", r"\1\\", markdown_cell(text))
 
 
 def markdown_cell(text: str) -> str:
-    """``text`` as a cell of a Markdown table."""
-    return markdown_line(text).replace("|", "\\|")
+    """``text`` within a line or a table of Markdown."""
+    marked = _MARKUP.sub(r"\\\g<0>", printable(" ".join(text.split())))
+    return re.sub(r"&(?=#?\w+;)", "&amp;", marked).replace("<", "&lt;")
 
 
 def _text(head: Column, cell: object, between: str) -> str:
@@ -208,7 +218,7 @@ def _text(head: Column, cell: object, between: str) -> str:
     return head.text(cell)
 
 
-def _html_cell(tag: str, head: Column, cell: object) -> str:
+def _html_cell(scope: str, head: Column, cell: object) -> str:
     look = cell if isinstance(cell, Cell) else Cell(cell)
     inner = escape(head.text(look.value)) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
     alone = "" if look.fills else f"verdict {look.tone}" if look.tone else ""
@@ -216,7 +226,8 @@ def _html_cell(tag: str, head: Column, cell: object) -> str:
         inner = f"<a{_attributes(look.tone if look.fills else alone, href=look.link)}>{inner}</a>"
     elif alone or look.fills:
         inner = f"<span{_attributes(alone)}>{inner}</span>"
-    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), title=look.hint)}>{inner}</{tag}>"
+    tag = "th" if scope else "td"
+    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), scope=scope, title=look.hint)}>{inner}</{tag}>"
 
 
 def _class(head: Column) -> str:
@@ -228,6 +239,6 @@ def _attributes(kind: str, **others: str) -> str:
     return "".join(f' {name}="{escape(value)}"' for name, value in known.items() if value)
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """``text`` without control characters other than the ends of lines."""
     return "".join(character if character == "\n" or character.isprintable() else "?" for character in text)
