@@ -91,7 +91,7 @@ class Cell:
     """A value with its looks.
 
     Attributes:
-        value: as a bare cell has it. notes: further lines, smaller where the medium can.
+        value: as a bare cell has it; on a page, one with ``__html__`` is drawn by that. notes: further lines, smaller where the medium can.
         tone: classes of the page's style sheet, as "agrees" or "disagrees surprise".
         fills: whether the tone colours the whole cell of a page and not the value alone.
         link: address on the page. hint: shown beside the pointer.
@@ -220,7 +220,8 @@ def _text(head: Column, cell: object, between: str) -> str:
 
 def _html_cell(scope: str, head: Column, cell: object) -> str:
     look = cell if isinstance(cell, Cell) else Cell(cell)
-    inner = escape(head.text(look.value)) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
+    drawn = getattr(look.value, "__html__", None)
+    inner = (drawn() if drawn else escape(head.text(look.value))) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
     alone = "" if look.fills else f"verdict {look.tone}" if look.tone else ""
     if look.link:
         inner = f"<a{_attributes(look.tone if look.fills else alone, href=look.link)}>{inner}</a>"
