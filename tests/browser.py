@@ -5,7 +5,6 @@ Chromium is spoken to in the DevTools protocol through two pipes, so that it lis
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -19,6 +18,9 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--remote-debugging-pipe",
 )  # fmt: skip
+# True in a page whose charts are all drawn.
+DRAWN = """(places => !places.length || window.Bokeh && Object.keys(Bokeh.index).length >= places.length)(
+    document.querySelectorAll("[data-root-id]"))"""
 
 
 class Browser:
@@ -68,12 +70,6 @@ class Browser:
         found = self._call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
-
-    def picture(self, path: Path, top: int = 0, height: int = 900) -> None:
-        """A PNG of a part of the page."""
-        width = self.run("innerWidth")
-        clip = {"x": 0, "y": top, "width": width, "height": height, "scale": 1}
-        path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot", clip=clip, captureBeyondViewport=True)["data"]))
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1

@@ -14,6 +14,7 @@ import importlib.metadata
 import math
 import sys
 import time
+import tokenize
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -173,12 +174,18 @@ def _start(system: System) -> tuple[tuple[float, float], ...]:
 
 def _energies_text(path: Path) -> str:
     """The statements of a system's file after its docstring, and the helpers in its folder that it imports."""
-    source = path.read_text(encoding="utf-8")
+    source = _source(path)
     body = ast.parse(source).body
     imported = [node.module for node in body if isinstance(node, ast.ImportFrom) and node.module]
+    imported += [alias.name for node in body if isinstance(node, ast.Import) for alias in node.names]
     helpers = [path.with_name(f"{name}.py") for name in imported if path.with_name(f"{name}.py").is_file()]
-    own = "".join(source.splitlines(keepends=True)[body[0].end_lineno :]).strip()
-    return "\n\n\n".join([own, *(f"# {helper.name}\n{helper.read_text(encoding='utf-8').strip()}" for helper in helpers)])
+    own = "\n".join(source.splitlines()[body[0].end_lineno :]).strip()
+    return "\n\n\n".join([own, *(f"# {helper.name}\n{_source(helper).strip()}" for helper in helpers)])
+
+
+def _source(path: Path) -> str:
+    with tokenize.open(path) as stream:
+        return stream.read()
 
 
 def _is_short(program: StraightLineProgram) -> bool:

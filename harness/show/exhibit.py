@@ -197,7 +197,7 @@ def joint_table(exhibit: Exhibit) -> Table:
     ]
     filled = {name for place, name in enumerate(COLUMNS[1:], start=2) if any(row[place] for row in rows)}
     titles = [COLUMNS[0], "model", *COLUMNS[1:]]
-    return Table(titles, rows, style="plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
+    return Table(titles, rows, "Joints in the models", "plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
 
 
 def as_text(exhibit: Exhibit) -> Iterator[str]:

@@ -11,11 +11,15 @@ from typing import Any
 
 import lxml.html
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from report import test_benchmark_report, test_hard_report, test_report
 from report.test_report import CARDS, CAUSE, SYSTEMS, night, run_on
 
 from harness import report
+from harness.report.figures import COLOURS, _bokeh
 from harness.report.html import equations, picture, sentence_case
+from harness.report.sparkline import Sparkline
 from harness.results.cross_check import CrossCheckResult, Picture, SuperfluousPart
 
 SVG = (
@@ -150,8 +154,6 @@ def test_text_stands_out_from_what_it_stands_on(scheme: str) -> None:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_marks_of_charts_and_pictures_stand_out(scheme: str) -> None:
-    from harness.report.figures import COLOURS
-
     for colour in COLOURS:
         assert contrast(colour, palettes()[scheme]["paper"]) >= 3.0, colour
 
@@ -207,3 +209,35 @@ def test_only_a_drawing_passes_as_one() -> None:
         shown = picture(rest) or ""
         assert not re.search("script|onclick|url", shown)
     assert equations(SVG) is None
+
+
+def test_the_trend_of_each_pair_is_shown() -> None:
+    history = [(run_on(day), [replace(entry, backward_error=10.0**day) for entry in night(day)]) for day in range(3)]
+    page = lxml.html.fromstring(test_report.build(run_on(3), CARDS, night(3), history)["index.html"])
+    trends = page.xpath("//section//*[local-name()='svg'][@class='trend']")
+    assert len(trends) == len(SYSTEMS) * len(test_report.SUBJECTS)
+    labels = [trend.get("aria-label") for trend in trends]
+    assert labels.count("1.00 to 100 in 4 runs") == 6 and "1.00 to 654 in 4 runs" in labels and "1.00 to inf in 4 runs" in labels
+    assert not lxml.html.fromstring(test_report.build(run_on(0), CARDS, night(0))["index.html"]).xpath("//*[@class='trend']")
+
+
+@given(st.lists(st.floats(), max_size=5))
+def test_any_trend_can_be_drawn(values: list[float]) -> None:
+    shown = lxml.html.fromstring(f"<div>{Sparkline(values).__html__()}</div>")
+    coordinates = [float(number) for place in shown.xpath("//polyline/@points") for number in re.split("[ ,]", place) if number]
+    assert all(0 <= number <= 80 for number in coordinates)
+    assert shown.xpath("//svg/@aria-label") == [str(Sparkline(values))]
+
+
+def test_equations_too_long_to_be_read_are_shown_as_the_energies_they_follow_from() -> None:
+    long = replace(CARDS[0], equations_mathml="", equations_text="", energies_text="kinetic = m * v**2 / 2", operations=2263)
+    page = lxml.html.fromstring(test_report.build(run_on(0), [long], [])["index.html"])
+    [equations] = [part for part in page.xpath("//details") if part[0].text_content().startswith("Equations of motion")]
+    assert equations.get("open") is None
+    assert "kinetic = m * v**2 / 2" in equations.text_content() and "2,263 operations" in equations.text_content()
+
+
+def test_the_chart_library_leaves_room_on_the_page() -> None:
+    """A page of the built-in library with everything has 2 MB; the chart library takes most of a quarter of that."""
+    assert len(_bokeh()) < 550_000
+    assert whole()["index.html"].count(_bokeh()) == 1
