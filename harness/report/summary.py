@@ -99,6 +99,14 @@ class Summary:
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
         return remarks
 
+    @property
+    def expectations(self) -> dict[tuple[str, str, str], list[Record]]:
+        """(expected verdict, reason, link) to the records that are expected to differ for it."""
+        found: dict[tuple[str, str, str], list[Record]] = {}
+        for record in self.listed:
+            found.setdefault((record.expected, record.expected_reason, record.expected_link), []).append(record)
+        return found
+
     def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""
         return Records(record for record in self.records if record.system == system)

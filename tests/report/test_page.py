@@ -211,6 +211,15 @@ def test_only_a_drawing_passes_as_one() -> None:
     assert equations(SVG) is None
 
 
+def test_a_reason_why_several_pairs_differ_is_given_once() -> None:
+    about = {"verdict": "unstable", "expected": "unstable", "expected_reason": "small pivots", "expected_link": "a book"}
+    entries = [test_report.record(name, "lagrange", **about) for name in SYSTEMS]
+    page = lxml.html.fromstring(test_report.build(run_on(0), CARDS, entries)["index.html"])
+    [listed] = page.xpath("//h2[@id='expected']/following-sibling::ul[1]/li")
+    assert " ".join(listed.text_content().split()).startswith("unstable Small pivots. Source: a book.")
+    assert [link.text_content() for link in listed.xpath(".//a")] == [f"{name}, lagrange" for name in SYSTEMS]
+
+
 def test_the_trend_of_each_pair_is_shown() -> None:
     history = [(run_on(day), [replace(entry, backward_error=10.0**day) for entry in night(day)]) for day in range(3)]
     page = lxml.html.fromstring(test_report.build(run_on(3), CARDS, night(3), history)["index.html"])
