@@ -30,6 +30,6 @@ def command(bracket: Bracket, profile: str) -> None:
     study = cross_check(bracket, settings)
     ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
-    bracket.complete(Gallery(bracket.library, study.names))
+    bracket.complete(Gallery(bracket.library, study.names, study.crashes))
     bracket.write_page(bracket.number)
     finish(bracket, study)
