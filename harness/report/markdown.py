@@ -168,7 +168,7 @@ def _bullets(items: Iterable[str]) -> str:
 
 def _fenced(text: str) -> str:
     """``text`` as it is, whatever it holds, but for control characters."""
-    text = printable("\n".join(text.expandtabs().splitlines()))
+    text = "\n".join(map(printable, text.expandtabs().splitlines()))
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
     return f"{fence}text\n{text}\n{fence}"
 
