@@ -47,7 +47,6 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
 
     ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
     """
-    free = ("input", "rational", "pi")
     return SystemCard(
         name=mechanism.name,
         description=mechanism.description,
@@ -56,7 +55,8 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
         parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
         equations_mathml=mechanism.equations_mathml,
         equations_text=mechanism.equations_text,
-        operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
+        energies_text=mechanism.energies_text,
+        operations=mechanism.operations,
         derivation_seconds=mechanism.derivation_seconds,
         reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
         compilation_seconds=compilation_seconds,

@@ -14,6 +14,7 @@ import importlib.metadata
 import math
 import sys
 import time
+import tokenize
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -136,6 +137,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         charts_in_body=in_body,
         energy_programs=energies,
         start=_start(system),
+        energies_text="" if text else _energies_text(file),
         program=program,
         equations_text=text,
         equations_mathml=mathml,
@@ -170,6 +172,22 @@ def _start(system: System) -> tuple[tuple[float, float], ...]:
         return ()
     pairs = zip(system.coordinates, system.rates, strict=True)
     return tuple((float(system.start.get(q, 0.0)), float(system.start.get(rate, 0.0))) for q, rate in pairs)
+
+
+def _energies_text(path: Path) -> str:
+    """The statements of a system's file after its docstring, and the helpers in its folder that it imports."""
+    source = _source(path)
+    body = ast.parse(source).body
+    imported = [node.module for node in body if isinstance(node, ast.ImportFrom) and node.module]
+    imported += [alias.name for node in body if isinstance(node, ast.Import) for alias in node.names]
+    helpers = [path.with_name(f"{name}.py") for name in imported if path.with_name(f"{name}.py").is_file()]
+    own = "\n".join(source.splitlines()[body[0].end_lineno :]).strip()
+    return "\n\n\n".join([own, *(f"# {helper.name}\n{_source(helper).strip()}" for helper in helpers)])
+
+
+def _source(path: Path) -> str:
+    with tokenize.open(path) as stream:
+        return stream.read()
 
 
 def _is_short(program: StraightLineProgram) -> bool:

@@ -197,7 +197,7 @@ class SystemCard:
         description: first line of the system file's docstring; source: its reference.
         coordinates: {"name", "joint"} each; parameters: {"name", "value", "unit"} each.
         equations_mathml: one or more presentation ``<math>`` elements; equations_text: the same in words
-            of SymPy.
+            of SymPy. Both are "" where they are too long to be read; then ``energies_text`` has the energies they follow from.
         operations: number of operations of one evaluation.
         derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
         compilation_seconds: of the certified kernel, where a process compiles it for the first time.
@@ -214,12 +214,13 @@ class SystemCard:
     derivation_seconds: float | None = None
     reference_seconds_per_state: float | None = None
     compilation_seconds: float | None = None
+    energies_text: str = ""
 
     def tables(self) -> tuple[Table, Table]:
         """Coordinates with their joints, and parameters with their values."""
-        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates])
+        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates], "Coordinates")
         rows = [[entry["name"], entry["value"], entry["unit"]] for entry in self.parameters]
-        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows)
+        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,6 @@ from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
 
-TOO_LONG = "too long to read"
-
 
 @dataclass(frozen=True)
 class Holding:
@@ -169,7 +167,7 @@ def audit_table(exhibit: Exhibit) -> Table:
             # An engine that feels none may say so by a negative zero.
             held = [_joints(loaded.joints), " ".join(number_text(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
         rows.append([str(holding.subject), *held, holding.remark])
-    return Table(["", "joints with nq/nv", "gravity", "moving mass", ""], rows, style="plain")
+    return Table(["who", "joints with nq/nv", "gravity", "moving mass", "remark"], rows, "Held after loading", "plain")
 
 
 def _joints(sizes: Mapping[str, tuple[int, int]]) -> str:
@@ -199,7 +197,7 @@ def joint_table(exhibit: Exhibit) -> Table:
     ]
     filled = {name for place, name in enumerate(COLUMNS[1:], start=2) if any(row[place] for row in rows)}
     titles = [COLUMNS[0], "model", *COLUMNS[1:]]
-    return Table(titles, rows, style="plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
+    return Table(titles, rows, "Joints in the models", "plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
 
 
 def as_text(exhibit: Exhibit) -> Iterator[str]:
@@ -207,7 +205,9 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     mechanism = exhibit.mechanism
     yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
     yield "\nEquations of motion (' is d/dt, tau the applied force):"
-    yield from _indented(mechanism.equations_text or TOO_LONG)
+    yield from _indented(
+        mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from T and V:\n\n{mechanism.energies_text}"
+    )
     yield "\nParameters:"
     yield from _indented(str(parameter_table(mechanism)))
     yield "\nCoordinates:"
@@ -230,7 +230,7 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
 def parameter_table(mechanism: Mechanism) -> Table:
     """Symbol, value and unit of each parameter."""
     rows = [[symbol, number_text(value), unit] for symbol, value, unit in mechanism.parameters]
-    return Table(["parameter", Column("value", "plain"), "unit"], rows)
+    return Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
 
 
 def coordinate_table(mechanism: Mechanism) -> Table:
@@ -239,7 +239,7 @@ def coordinate_table(mechanism: Mechanism) -> Table:
         [coordinate, joint, "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}"]
         for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
     ]
-    return Table(["coordinate", "joint", "sampled"], rows)
+    return Table(["coordinate", "joint", "sampled"], rows, "Coordinates")
 
 
 def _indented(text: str) -> Iterator[str]:

@@ -33,7 +33,7 @@ def test_each_medium_escapes_what_would_break_it() -> None:
     lines = table.markdown().splitlines()
     assert len(lines) == 4 and {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {3} and "<" not in table.markdown()
     page = table.html()
-    assert "<b>" not in page and html.unescape(page).count(EVIL) == 12
+    assert "<b>" not in page and html.unescape(page).count(EVIL) == 13
     assert set(Page(page).tags) == {"div", "table", "caption", "thead", "tbody", "tr", "th", "td", "a", "small", "span"}
 
 
@@ -61,7 +61,7 @@ def test_looks_of_a_cell() -> None:
     cells = [Cell("x", ["y"], "agrees", link="#z"), Cell("x", [], "empty", fills=True), Cell("x", tone="disagrees surprise")]
     table = Table(["1", "2", "3"], [cells], style="matrix")
     assert table.texts() == [["x, y", "x", "x"]]
-    assert '<th><a class="verdict agrees" href="#z">x<small> y</small></a></th>' in table.html()
+    assert '<th scope="row"><a class="verdict agrees" href="#z">x<small> y</small></a></th>' in table.html()
     assert '<td class="empty"><span>x</span></td><td><span class="verdict disagrees surprise">x</span></td>' in table.html()
     assert "\x1b[1;31mx" in printed(table)
 
