@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import pkgutil
 from importlib import import_module
+from typing import Any
 
 import click
 
 from harness import commands
+from harness.commands._surroundings import surroundings
 from harness.version import __version__
 
 
@@ -27,6 +29,10 @@ class Commands(click.Group):
         command = import_module(f"{commands.__name__}.{cmd_name}").command
         assert isinstance(command, click.Command)
         return command
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        with surroundings():
+            return super().main(*arguments, **options)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
