@@ -229,7 +229,7 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
     except ValueError as error:
         if model is None:
             raise
-        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {' '.join(str(error).split())}") from error
+        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
 
 
 def linear_velocity_in_body(engine: Engine) -> bool:

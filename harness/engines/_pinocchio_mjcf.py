@@ -46,7 +46,7 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
         try:
             model = pinocchio.buildModelFromMJCF(f"/dev/fd/{content.fileno()}")
         except Exception as error:
-            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured() or ' '.join(str(error).split())}") from error
+            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {' '.join((captured() or str(error)).split())}") from error
     return model, _composites(document)
 
 
