@@ -65,7 +65,7 @@ def peak(states: int) -> int:
 
 def test_memory_hardly_grows_with_the_states() -> None:
     cross_check(6000)
-    assert (peak(36_000) - peak(12_000)) / 24_000 < ALLOWED / 4
+    assert (peak(24_000) - peak(12_000)) / 12_000 < ALLOWED / 4
 
 
 MEASURED = """
