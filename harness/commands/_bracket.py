@@ -11,9 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from harness.commands import _options as options
+from harness.commands._terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ class Bracket:
     json_path: str | None = None
     workers: int | None = None
     scheduler: Scheduler | None = None
-    time_limit: float = 60.0
+    time_limit: float | None = None
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
@@ -79,6 +78,7 @@ class Bracket:
         """
         from harness.workers import Workers
 
+        assert self.time_limit is not None, "a command with workers has a time limit"
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
     @cached_property
@@ -97,7 +97,6 @@ class Bracket:
 
         ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
-        from harness.commands._terminal import progress
         from harness.study import run_study
 
         with progress(study.steps, study.title) as advance:
@@ -142,7 +141,7 @@ class Bracket:
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))
-            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            say(f"report: {self.directory / 'index.html'}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""
