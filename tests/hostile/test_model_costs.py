@@ -5,10 +5,15 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from catalogue import BUILT_IN
 
+from harness.crosscheck.superfluous import MOST_PARTS, superfluous
+from harness.crosscheck.tasks import Assignment
+from harness.engines import Subject
 from harness.errors import InvalidModel
 from harness.models.model_file import parse_model
 from harness.models.text import find_elements
@@ -80,3 +85,13 @@ def test_classes_around_themselves_or_without_a_name_are_read_or_refused(classes
         parse_model(Path("model.xml"), text, "mjcf")
     except InvalidModel as refusal:
         assert refusal.line == 1
+
+
+def test_a_model_of_too_many_parts_is_superfluous_as_a_whole() -> None:
+    """Each part costs a loading of all of them, so that the cost would grow with the square of the size."""
+    subject, path = Subject("mujoco", "mjcf"), BUILT_IN.model_path("bar_pendulum", "mjcf")
+    classes = "".join(f'<default class="c{i}"><joint damping="1"/></default>' for i in range(MOST_PARTS // 2))
+    text = path.read_text().replace("<worldbody>", f"<default>{classes}</default><worldbody>", 1)
+    large = replace(Assignment.of(BUILT_IN, "bar_pendulum", subject), model=parse_model(path, text, "mjcf"))
+    [part] = superfluous(large)
+    assert part.element == "mujoco" and f"expected at most {MOST_PARTS}" in part.why
