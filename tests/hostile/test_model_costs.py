@@ -62,7 +62,7 @@ def cost(text: str) -> float:
 
 @pytest.mark.parametrize("written", [many_classes, long_class, long_lines, empty_bodies])
 def test_twice_the_size_costs_at_most_three_times(written: Callable[[int], str]) -> None:
-    assert cost(written(800)) < 3 * cost(written(400))
+    assert cost(written(600)) < 3 * cost(written(300))
 
 
 def test_more_elements_than_any_mechanism_needs_are_refused_early() -> None:

@@ -226,7 +226,7 @@ def run(names: list[str], count: int, folder: Path) -> Counter[str]:
 
 
 def test_two_hundred_mutants_are_refused_or_judged(tmp_path: Path) -> None:
-    found = run(["bar_pendulum", "collar", "heavy_top"], 200, tmp_path)
+    found = run(["bar_pendulum", "collar"], 200, tmp_path)
     assert found.total() == 200
     assert found["refused"] > 80 and found["red"] > 10 and found["agrees"] > 5
 
