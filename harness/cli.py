@@ -17,6 +17,7 @@ import click
 
 from harness import commands
 from harness.commands._options import INTERRUPTED, report_own_fault
+from harness.commands._surroundings import surroundings
 from harness.version import __version__
 
 
@@ -35,7 +36,8 @@ class Commands(click.Group):
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         try:
-            return super().main(*arguments, **options)
+            with surroundings():
+                return super().main(*arguments, **options)
         except (click.ClickException, click.Abort):
             raise
         except Exception:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import importlib.metadata
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +21,15 @@ from harness.storage import cache_directory, read_entry, write_entry
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
+    from scipy.stats import qmc
 
 # Sampled angles of an unbounded coordinate; the special values go much further.
 ANGLES = (-math.pi, math.pi)
 HUGE_ANGLES = (1e3, 1e8, 1e15)
 # Exponent of 2 of the largest sample that is kept between runs; what takes long to certify need not be found quickly.
 MOST_KEPT = 12
+# States of a block; a power of two, as balanced parts of the sequence have.
+BLOCK = 2048
 TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
 _HALF = math.sqrt(0.5)
 # (w, x, y, z) of no turn and half turns about the axes, then of quarter turns.
@@ -35,15 +38,33 @@ SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for u
 
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
+    blocks = list(sample_in_blocks(mechanism, count, seed))
+    return States.concatenate(blocks) if blocks else _states(mechanism, np.empty((0, 3 * len(mechanism.rate_ranges))))
+
+
+def sample_in_blocks(mechanism: Mechanism, count: int, seed: int) -> Iterator[States]:
+    """The states of ``sample``, at most ``BLOCK`` at a time, so that a long sample need not be held at once."""
+    dimensions, exponent = 3 * len(mechanism.rate_ranges), max(0, math.ceil(math.log2(max(count, 1))))
+    if exponent <= MOST_KEPT:
+        points = sobol_points(dimensions, exponent, seed)
+        blocks = (points[start : start + BLOCK] for start in range(0, count, BLOCK))
+    else:
+        sequence = _sobol(dimensions, seed)
+        blocks = (sequence.random(BLOCK) for _ in range(0, count, BLOCK))
+    for number, block in enumerate(blocks):
+        yield _states(mechanism, block[: count - number * BLOCK])
+
+
+def _states(mechanism: Mechanism, points: Array) -> States:
+    """The states that points of the unit cube, (n, 3 nv), stand for."""
     bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
     bounds += [*mechanism.rate_ranges, *mechanism.force_ranges]
     low, high = np.array(bounds).T
-    points = sobol_points(len(bounds), max(0, math.ceil(math.log2(max(count, 1)))), seed)[:count]
     q, v, tau = np.split(low + points * (high - low), 3, axis=1)
     for place in reversed(mechanism.attitudes):
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
-    return States.at(q, v, tau) if count else States(q, v, tau, np.zeros(0))
+    return States.at(q, v, tau) if len(points) else States(q, v, tau, np.zeros(0))
 
 
 def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
@@ -56,12 +77,16 @@ def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
     kept = read_entry(entry) if exponent <= MOST_KEPT else None
     if kept is not None:
         return np.frombuffer(base64.b64decode(kept), dtype="<f8").reshape(2**exponent, dimensions).astype(np.float64)
-    from scipy.stats import qmc
-
-    points: Array = qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(exponent)
+    points: Array = _sobol(dimensions, seed).random_base2(exponent)
     if exponent <= MOST_KEPT:
         write_entry(entry, base64.b64encode(points.astype("<f8").tobytes()).decode())
     return points
+
+
+def _sobol(dimensions: int, seed: int) -> qmc.Sobol:
+    from scipy.stats import qmc
+
+    return qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
 
 
 def _uniform_rotations(points: Array) -> Array:

@@ -8,6 +8,7 @@ else: where a process dies, the subject that was being asked is set aside, and t
 
 from __future__ import annotations
 
+import itertools
 import json
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
 from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
@@ -35,8 +36,6 @@ from harness.results.records import Record
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
-
-STATES_PER_TASK = 2000
 
 
 @dataclass(kw_only=True)
@@ -69,7 +68,7 @@ class _System:
     pairs: dict[str, _Pair]
     mechanism: Mechanism | None = None
     models: dict[str, ModelFile | str] = field(default_factory=dict)
-    batches: list[States] = field(default_factory=list)
+    batches: Iterator[States] = field(default_factory=lambda: iter(()))
     seconds: list[float] = field(default_factory=list)
     compilation_seconds: float | None = None
 
@@ -155,35 +154,38 @@ class CrossCheck(Rounds):
             given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
             raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
         try:
-            states = self._states(mechanism)
+            system.batches = self._states(system, mechanism)
         except InvalidInput as error:
             self.report(error)
             for pair in system.pairs.values():
                 pair.fail(str(error))
             return
-        system.batches = [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
         for pair in system.pairs.values():
-            pair.stored = 0 if state is not None else len(states) - self.settings.states + self.settings.searched
             self._assign(system, mechanism, pair)
         pairs = answering(system.pairs.values())
         stand_ins = [pair.assignment for pair in pairs if pair.subject.format in self.settings.stand_ins]
         if stand_ins:
             self._ask(self._accepted, system, pairs, tasks.accept, stand_ins)
         else:
-            self._compare(system, 0, pairs)
+            self._compare(system, next(system.batches), pairs)
 
     def _accepted(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
         if isinstance(outcome.exception, InvalidInput):
             raise outcome.exception
         # Whatever else an engine does there it does again, and it costs its own record.
-        self._compare(system, 0, pairs)
+        self._compare(system, next(system.batches), pairs)
 
-    def _states(self, mechanism: Mechanism) -> States:
+    def _states(self, system: _System, mechanism: Mechanism) -> Iterator[States]:
+        """Batch by batch; what is stored stands before the first block of the sample."""
         if self.settings.state is not None:
-            return self.settings.state
-        sampled = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+            return iter([self.settings.state])
+        sampled = sample_in_blocks(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
         stored = stored_states(self.settings.library, mechanism)
-        return sampled if stored is None else States.concatenate([stored, sampled])
+        if stored is None:
+            return sampled
+        for pair in system.pairs.values():
+            pair.stored = len(stored)
+        return itertools.chain([States.concatenate([stored, next(sampled)])], sampled)
 
     def _assign(self, system: _System, mechanism: Mechanism, pair: _Pair) -> None:
         """Give a pair what it is asked with, or the reason why it cannot be asked."""
@@ -204,37 +206,39 @@ class CrossCheck(Rounds):
             return ""
         return why_no_model(self.settings.library, name, subject, self.expectations)
 
-    # Comparing: a batch of states is certified once, and every subject is asked there.
+    # Comparing: a batch of states is certified once, and every subject is asked there. Each batch asks for the next one, so that
+    # of a long sample one batch is held at a time.
 
-    def _compare(self, system: _System, index: int, pairs: Pairs) -> None:
-        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], about=index)
+    def _compare(self, system: _System, states: States, pairs: Pairs) -> None:
+        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], states, about=states)
 
-    def _compared(self, outcome: Outcome, system: _System, pairs: Pairs, index: int) -> None:
-        if self._is_answered(outcome, system, pairs, "the reference", system.batches[index]):
-            seconds, compilation_seconds, answers = outcome.value
-            system.seconds.append(seconds)
-            system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
-            for pair in pairs:
-                self._take(pair, index, system.batches[index], answers[str(pair.subject)])
-            if index == 0:
-                self._go_on(system)
-        else:
-            self._compare(system, index, answering(pairs))
+    def _compared(self, outcome: Outcome, system: _System, pairs: Pairs, states: States) -> None:
+        if not self._is_answered(outcome, system, pairs, "the reference", states):
+            self._compare(system, states, answering(pairs))
+            return
+        seconds, compilation_seconds, answers = outcome.value
+        for pair in pairs:
+            self._take(pair, answers[str(pair.subject)], states)
+        if not system.seconds:
+            self._go_on(system)
+        system.seconds.append(seconds)
+        system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
+        following = next(system.batches, None)
+        if following is not None:
+            self._compare(system, following, answering(pairs))
 
-    def _take(self, pair: _Pair, index: int, states: States, answers: Answers) -> None:
+    def _take(self, pair: _Pair, answers: Answers, states: States | None = None) -> None:
         if answers.problem is not None:
             self.report(answers.problem)
         if answers.failure:
             pair.fail(answers.failure, answers.unsupported)
-        if answers.comparison is not None:
-            pair.bulk[index] = states, answers.comparison
+        if answers.comparison is not None and states is not None:
+            pair.add(states, answers.comparison)
             pair.seconds += answers.seconds
 
     def _go_on(self, system: _System) -> None:
         """After the first batch: everything else, for the subjects that answered."""
         pairs = answering(system.pairs.values())
-        for index in range(1, len(system.batches)):
-            self._compare(system, index, pairs)
         if self.settings.searched:
             self._search(system, pairs)
         for pair in pairs:
@@ -254,9 +258,10 @@ class CrossCheck(Rounds):
             for pair in pairs:
                 found = outcome.value[str(pair.subject)]
                 if isinstance(found, Answers):
-                    self._take(pair, 0, system.batches[0], found)
+                    self._take(pair, found)
                 else:
                     pair.found = found
+                    pair.add(found.states, found.comparison)
         else:
             self._search(system, answering(pairs))
 
@@ -329,7 +334,7 @@ class CrossCheck(Rounds):
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:
             self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
-            system.mechanism, system.batches = None, []
+            system.mechanism = None
 
     def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""

@@ -41,6 +41,8 @@ NOISE = 1e-10
 LEAST = 1e-15
 # As few as feel everything, for a long chain is asked a thousand times.
 STATES, SEED = 8, 7
+# Elements and numbers. Each costs at least one loading of the whole model; a chain of sixty links has 1700.
+MOST_PARTS = 3000
 # Elements that hold others together or say how to read them: never unused.
 _KEPT = {
     "mjcf": {"mujoco", "worldbody", "tendon", "compiler", "option", "flag"},
@@ -110,6 +112,11 @@ class _Examination:
 
     def parts(self) -> Iterator[Row]:
         """(line, element, attribute, value, why) of everything that is not needed."""
+        root, count = self._elements[0], sum(1 + sum(len(part.numbers) for part in element.attributes) for element in self._elements)
+        if count > MOST_PARTS:
+            many = f"holds {count} elements and numbers, too many to ask for each whether it is felt; expected at most {MOST_PARTS}"
+            yield root.line, root.tag, "", _named(root), many
+            return
         needed, dead = self._sorted_numbers()
         gone: list[Element] = []
         for element in self._elements:

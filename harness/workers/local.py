@@ -84,7 +84,15 @@ class LocalPool:
             run.done.append(Outcome(task, exception=error))
             return True
         if process is None:
-            process = _Process()
+            try:
+                process = _Process()
+            except OSError:
+                if not self._processes:
+                    raise
+                # The system has no room for more; those that run do the work.
+                self._count = len(self._processes)
+                run.queue.add([task])
+                return False
             self._processes.append(process)
         if task.affinity is not None:
             self._owners[task.affinity] = process
