@@ -234,11 +234,13 @@ def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, l
 def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iterator[tuple[CrossCheck, Workers]]:
     """A complete cross-check, and the workers that ran it."""
     from harness.crosscheck.run import CrossCheck
+    from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
-    study = CrossCheck(settings)
     with Workers(workers, time_limit=time_limit) as pool:
+        describe_engines(settings.library, lambda: pool)
+        study = CrossCheck(settings)
         for _ in run_study(study, pool):
             pass
         yield study, pool

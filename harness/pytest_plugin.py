@@ -127,6 +127,7 @@ class _Regression:
         self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
+        self._described = False
         self._wanted: tuple[list[str], list[str]] = ([], [])
         self.states = config.getoption("--harness-states") or _states_of_settings(config)
 
@@ -148,9 +149,11 @@ class _Regression:
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""
-        from harness.engines import select_subjects
+        from harness.engines import describe_engines, select_subjects
         from harness.errors import InvalidInput, InvalidRequest
 
+        if not self._described:
+            self._described = bool(describe_engines(self.library, lambda: self._workers("check")))
         try:
             return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
         except (InvalidInput, InvalidRequest) as error:

@@ -7,7 +7,6 @@ import json
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import report_errors
 from harness.errors import InvalidInput
 
 
@@ -18,36 +17,37 @@ def command(bracket: Bracket) -> None:
 
     Example: harness list --library mine
     """
-    from harness.engines import engine_names, installed_version, load_engine
-    from harness.equations.derivation import degrees_of_freedom
+    from harness.engines import engine_files
+    from harness.equations.derivation import degrees_of_freedom, kept_degrees_of_freedom
     from harness.library import installed_libraries
+    from harness.study import Rounds
+    from harness.workers import Task
 
     library = bracket.library
     installed = list(installed_libraries())
-    problems: list[InvalidInput] = []
-    systems: dict[str, tuple[int, str]] = {}
-    for name in library.select(()):
-        try:
-            systems[name] = degrees_of_freedom(library, name)
-        except InvalidInput as problem:
-            problems.append(problem)
-    engines = {name: load_engine(library, name) for name in engine_names(library)}
+    names, failures = library.select(()), Rounds()
+    systems = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
+    if missing := [Task(name, degrees_of_freedom, (library, name)) for name in names if name not in systems]:
+        for outcome in bracket.pool.run(missing):
+            if not failures.failure(outcome):
+                systems[outcome.task.key] = outcome.value
+            elif outcome.crash is not None:
+                failures.report(InvalidInput(library.system_path(outcome.task.key), None, str(outcome.crash)))
+    systems = {name: systems[name] for name in names if name in systems}
+    engines = engine_files(library)
     if bracket.json_path:
-        from harness.storage import write_atomically
-
         listed = {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
-            "engines": [
-                {"name": name, "formats": engine.formats, "version": installed_version(engine)} for name, engine in engines.items()
-            ],
+            "engines": [{"name": name, "formats": file.formats, "version": file.version} for name, file in engines.items()],
             "libraries": installed,
         }
-        write_atomically(bracket.json_path, json.dumps(listed, indent=2) + "\n")
+        bracket.write_text(json.dumps(listed, indent=2) + "\n")
     width = max(map(len, [*systems, *engines]))
     for name, (nv, text) in systems.items():
         click.echo(f"{name:<{width}}  {nv:>2} dof  {text}")
     click.echo()
-    for name, engine in engines.items():
-        click.echo(f"{name:<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
+    for name, file in engines.items():
+        state = failures.failure(file.outcome) or file.version or "not installed"
+        click.echo(f"{name:<{width}}  {state}  ({', '.join(file.formats)})")
     click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
-    report_errors(problems)
+    bracket.finish(failures.problems, failures.crashed, True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -36,8 +34,9 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
         replay_options=bracket.replay_options,
     )
     bracket.begin(settings.budget, "search")
-    result = bracket.complete(Search(settings))
+    study = Search(settings)
+    result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
     for line in as_lines(result):
         click.echo(line)
-    sys.exit(result.status)
+    bracket.finish(study.problems, study.crashed, result.status == 0)

@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
-from harness.engines import Model, Unsupported
+from harness.engines import Model, Unsupported, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -89,8 +89,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
     """The subject's accelerations at ``states``, timed and compared with the truth there."""
     try:
-        accelerations, seconds = timed_accelerations(load_audited(assignment), states)
-        return Answers(compare(reference, accelerations), seconds)
+        answer, seconds = timed_accelerations(load_audited(assignment), states)
+        return Answers(compare(reference, answer), seconds)
     except Exception as error:
         return Answers.missing(error)
 
@@ -98,15 +98,15 @@ def ask(assignment: Assignment, states: States, reference: Reference) -> Answers
 def timed_accelerations(model: Model, states: States) -> tuple[Array, float]:
     """The accelerations at ``states``, (n, nv), and seconds per state."""
     # What is compiled or allocated on first use is not charged to the engine.
-    model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
+    accelerations(model, states.q[:1], states.v[:1], states.tau[:1])
     elapsed = math.inf
     for _ in range(2):
         started = time.perf_counter()
-        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
+        answer = accelerations(model, states.q, states.v, states.tau)
         elapsed = min(elapsed, time.perf_counter() - started)
         if elapsed > REPEATED_BELOW_SECONDS:
             break
-    return accelerations, elapsed / len(states)
+    return answer, elapsed / len(states)
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
@@ -115,4 +115,4 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
         one = states[index : index + 1]
-        model.forward_dynamics(one.q, one.v, one.tau)
+        accelerations(model, one.q, one.v, one.tau)
