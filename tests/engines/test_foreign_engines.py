@@ -11,6 +11,8 @@ import psutil
 import pytest
 from support import Done, harness, harness_in_a_process, make_library
 
+from harness.commands._options import STATES_OF_PROFILE
+
 ENGINE = """
 import ctypes, os, subprocess, sys, time
 import numpy as np
@@ -79,7 +81,8 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     """Exit status, records by subject and standard error of a check of all, whose JSON goes to standard output."""
-    done = harness_in_a_process("check", "--library", str(library), "--states", "40", "--time-limit", "1.5", "--json", "-")
+    options = ["--library", ".", "--states", "40", "--time-limit", "1.5"]
+    done = harness_in_a_process("check", *options, "--json", "-", cwd=library)
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 
 
@@ -97,7 +100,7 @@ def test_what_engine_files_do_at_import_costs_their_own_records(checked: tuple[i
 def test_an_engine_file_that_is_invalid_is_named(checked: tuple[int, dict[str, Any], str], library: Path, name: str) -> None:
     _, records, errors = checked
     assert records[f"{name}/mjcf"]["verdict"] == "error"
-    assert records[f"{name}/mjcf"]["message"].startswith(str(library / "engines" / f"{name}.py"))
+    assert str(library / "engines" / f"{name}.py") in records[f"{name}/mjcf"]["message"]
     assert errors.count(records[f"{name}/mjcf"]["message"]) >= 1
 
 
@@ -133,23 +136,30 @@ def test_what_an_engine_file_starts_ends_with_its_time_limit(checked: tuple[int,
     assert all(map(gone, servers))
 
 
-def test_what_a_system_file_starts_and_prints_ends_with_its_process(tmp_path: Path) -> None:
+def test_what_a_system_file_starts_and_prints_stays_in_its_process(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"])
     file = root / "systems" / "bar_pendulum.py"
     file.write_text(f"{file.read_text()}\nimport ctypes, os, subprocess, sys\nserver = {SERVER}\n{KEEP_NUMBER}\n{CHATTER}\n")
-    for command in (["list"], ["show", "bar_pendulum"], ["check", "--states", "20", "--subject", "lagrange"]):
-        done = harness_in_a_process(*command, "--library", str(root), *(["--json", "-"] if command[0] != "show" else []))
+    for command in (["list", "--json", "-"], ["show", "bar_pendulum"]):
+        done = harness(*command, "--library", str(root), isolated=True)
         assert done.returncode == 0, done.stderr
-        assert "spoon" not in done.stdout
-        assert command[0] == "show" or json.loads(done.stdout)
+        assert "spoon" not in done.stdout + capfd.readouterr().out
+        assert command[0] == "show" or json.loads(done.stdout)["systems"][0]["name"] == "bar_pendulum"
     servers = [int(line) for line in (root / "systems" / "bar_pendulum.pid").read_text().split()]
-    assert servers
+    assert len(servers) == 2
     assert all(map(gone, servers))
 
 
-@pytest.mark.parametrize(("subject", "status"), [("exits/mjcf", 2), ("vanishes/mjcf", 3), ("absent/mjcf", 1)])
-def test_the_exit_status_is_that_of_the_subject_asked_for(library: Path, subject: str, status: int) -> None:
-    done = harness("check", "--library", str(library), "--states", "20", "--subject", subject, "--time-limit", "1.5", isolated=True)
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A library with an engine file that is invalid and one that ends its process."""
+    engines = {name: AT_IMPORT[name] for name in ("exits", "vanishes")}
+    return make_library(tmp_path_factory.mktemp("small") / "library", ["bar_pendulum"], engines)
+
+
+@pytest.mark.parametrize(("subject", "status"), [("exits/mjcf", 2), ("vanishes/mjcf", 3)])
+def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path, subject: str, status: int) -> None:
+    done = harness("check", "--library", str(small), "--states", "20", "--subject", subject, isolated=True)
     assert done.returncode == status, done.stderr
     assert subject in done.stdout
 
@@ -164,7 +174,9 @@ def nonsense(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def reported(nonsense: Path) -> Done:
     """A report of those engines."""
-    return harness("report", "--library", str(nonsense), "--out", str(nonsense / "out"), "--json", str(nonsense / "out.json"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(STATES_OF_PROFILE, "quick", 40)
+        return harness("report", "--library", ".", "--out", "out", "--json", "out.json", cwd=nonsense)
 
 
 def test_a_report_is_written_whatever_engines_answer(nonsense: Path, reported: Done) -> None:
@@ -181,28 +193,37 @@ def test_an_answer_that_is_no_array_of_accelerations_costs_its_own_record(nonsen
     assert records["mujoco/mjcf"]["verdict"] == "agrees"
 
 
-def test_atlas_and_search_say_what_was_answered(nonsense: Path, tmp_path: Path) -> None:
-    options = ["--library", str(nonsense), "--subject", "listing/mjcf"]
-    done = harness("atlas", "far_base", *options, "--out", str(tmp_path))
-    assert done.returncode == 1
-    done = harness("search", "bar_pendulum", *options, "--subject", "mujoco/mjcf", "--budget", "40", "--no-keep")
+def test_search_says_what_was_answered(nonsense: Path) -> None:
+    done = harness("search", "bar_pendulum", "--library", ".", "--subject", "listing/mjcf", "--budget", "8", "--no-keep", cwd=nonsense)
     assert done.returncode == 1
     assert "listing/mjcf: InvalidAnswer: forward_dynamics returned a list; expected" in done.stdout
-    assert "mujoco/mjcf: 40 states tried" in done.stdout
+
+
+def test_atlas_says_what_was_answered(nonsense: Path) -> None:
+    done = harness("atlas", "stiff_spring", "--library", ".", "--subject", "listing/mjcf", cwd=nonsense)
+    assert done.returncode == 1
+    assert "InvalidAnswer: forward_dynamics returned a list; expected" in done.stdout
 
 
 @pytest.mark.parametrize(
-    "command", [["list"], ["show", "bar_pendulum"], ["atlas", "far_base"], ["search", "bar_pendulum", "--budget", "8"]]
+    "command",
+    [
+        ["list"],
+        ["show", "bar_pendulum"],
+        ["search", "bar_pendulum", "--budget", "8", "--no-keep"],
+        pytest.param(["atlas", "far_base"], marks=pytest.mark.nightly),
+        pytest.param(["diagnose", "bar_pendulum"], marks=pytest.mark.nightly),
+        pytest.param(["bench", "bar_pendulum", "--methods", "mujoco batch"], marks=pytest.mark.nightly),
+        pytest.param(["faults", "bar_pendulum", "--kind", "axis"], marks=pytest.mark.nightly),
+    ],
+    ids=lambda command: command[0],
 )
-def test_every_command_survives_engine_files_and_names_them(library: Path, tmp_path: Path, command: list[str]) -> None:
-    out = ["--out", str(tmp_path)] if command[0] == "atlas" else ["--no-keep"] if command[0] == "search" else []
-    limit = [] if command[0] == "list" else ["--time-limit", "1.5"]
-    engines = Path(library) / "engines"
-    small = make_library(
-        tmp_path / "library", ["bar_pendulum"], {name: (engines / f"{name}.py").read_text() for name in ("exits", "vanishes")}
-    )
-    done = harness(*command, "--library", str(small), *limit, *out, isolated=True)
+def test_every_command_survives_engine_files_and_names_them(small: Path, tmp_path: Path, command: list[str]) -> None:
+    done = harness(*command, "--library", str(small), isolated=True, cwd=tmp_path)
+    if command[0] == "bench":
+        # It measures methods, which are the harness's own.
+        assert done.returncode == 0, done.stderr
+        return
     assert done.returncode == 2
     assert f"{small / 'engines' / 'exits.py'}" in done.stderr
-    assert "vanishes" in done.stdout
-    assert "ended its process with status 0" in done.stdout
+    assert "ended its process with status 0" in done.stdout or command[0] == "faults"
