@@ -34,6 +34,7 @@ def command(
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput
+    from harness.verdict import Verdict
 
     settings = Settings(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
@@ -47,6 +48,9 @@ def command(
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
     print_table(found.records)
     print_superfluous(found.superfluous)
+    for record in found.records:
+        if record.verdict == Verdict.ERROR:
+            click.echo(f"\n{record.subject}: {record.message}")
     if causes:
         print_diagnoses(causes, held)
     else:

@@ -200,9 +200,11 @@ def test_search_says_what_was_answered(nonsense: Path) -> None:
 
 
 def test_atlas_says_what_was_answered(nonsense: Path) -> None:
-    done = harness("atlas", "stiff_spring", "--library", ".", "--subject", "listing/mjcf", cwd=nonsense)
+    done = harness("atlas", "stiff_spring", "--library", ".", "--subject", "listing/mjcf", "--json", "-", cwd=nonsense)
     assert done.returncode == 1
-    assert "InvalidAnswer: forward_dynamics returned a list; expected" in done.stdout
+    [row] = json.loads(done.stdout)["atlas"]["rows"]
+    assert row["verdict"] == "error"
+    assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
 @pytest.mark.parametrize(
