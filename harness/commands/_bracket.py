@@ -84,7 +84,12 @@ class Bracket:
         Raises:
             InvalidRequest: the cluster cannot be reached.
         """
+        from harness.equations.machine_code import replace_damaged
         from harness.workers import Workers
+
+        # Where heyoka is loaded, it has the cache open.
+        if self.scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
+            click.echo(f"harness: {damaged}", err=True)
 
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 

@@ -17,6 +17,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
 from harness.engines import Model, Unsupported, accelerations
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -71,7 +72,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
     Seconds of compilation are 0 where this process had compiled already.
     """
     import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
-    import heyoka  # noqa: F401
+
+    load_heyoka()
 
     references, seconds, compilation_seconds = {}, 0.0, 0.0
     for in_body in sorted(frames):

@@ -29,6 +29,7 @@ class AccelerationCost:
         backward_error, median_backward_error: over the states; None where nothing was compared.
         relative_error: worst over the states, in the kinetic-energy norm; None where nothing was compared.
         note: what the number means where it is no plain cost of a plain answer, or why there is none.
+        failed: whether there is none although the method claims to do the system.
     """
 
     system: str
@@ -43,6 +44,7 @@ class AccelerationCost:
     median_backward_error: float | None = None
     relative_error: float | None = None
     note: str = ""
+    failed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -207,6 +207,17 @@ def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
+@pytest.mark.nightly
+def test_a_benchmark_loses_only_the_method_that_was_answered_nonsense(tmp_path: Path) -> None:
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"mujoco": engine("return v.tolist()")})
+    methods = ["--methods", "harness check of mujoco", "--methods", "heyoka float64"]
+    done = harness("bench", "bar_pendulum", "--library", str(root), *methods, "--json", "-", cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    costs = {cost["method"]: cost for cost in json.loads(done.stdout)["benchmark"]["accelerations"]}
+    assert "returned a list; expected" in costs["harness check of mujoco"]["note"]
+    assert costs["heyoka float64"]["states"] == 1000
+
+
 @pytest.mark.parametrize(
     "command",
     [
