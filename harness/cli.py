@@ -1,7 +1,7 @@
 """Command line: ``harness COMMAND``, each command a file in ``harness/commands``.
 
 Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so; 2 bad usage or an
-invalid model or system file; 3 an engine crashed or timed out.
+invalid model, system or engine file; 3 an engine crashed or timed out.
 """
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ class _Regression:
         from harness.errors import InvalidInput, InvalidRequest
 
         if not self._described:
-            self._described = bool(describe_engines(self.library, lambda: self._workers("check")))
+            self._described = bool(describe_engines(self.library, self._new_workers()))
         try:
             return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
         except (InvalidInput, InvalidRequest) as error:
@@ -214,16 +214,18 @@ class _Regression:
 
     def _workers(self, work: str) -> Workers:
         """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
+        if work not in self._started:
+            self._started[work] = self._exit.enter_context(self._new_workers())
+        return self._started[work]
+
+    def _new_workers(self) -> Workers:
         from harness.workers import Scheduler, Workers
 
-        if work in self._started:
-            return self._started[work]
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
         address = option("--harness-scheduler")
         scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
-        self._started[work] = self._exit.enter_context(Workers(count, scheduler, option("--harness-time-limit")))
-        return self._started[work]
+        return Workers(count, scheduler, option("--harness-time-limit"))
 
 
 class SystemFile(pytest.File):

@@ -51,16 +51,17 @@ class Bracket:
 
     @cached_property
     def library(self) -> Library:
-        """The library asked for, with its engines described by the worker processes.
+        """The library asked for, with its engines described by worker processes of their own.
 
         Raises:
             InvalidInput: there is no such library.
         """
         from harness.engines import describe_engines
         from harness.library import Library
+        from harness.workers import Workers
 
         library = Library.at(self.library_path)
-        describe_engines(library, lambda: self.pool)
+        describe_engines(library, Workers(self.workers, self.scheduler, self.time_limit))
         return library
 
     @property

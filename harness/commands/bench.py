@@ -26,14 +26,14 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
 
     Example: harness bench cart_pendulum --motion
     """
-    from harness.bench.study import THOROUGHNESS, BenchmarkSettings, BenchmarkStudy
+    from harness.bench.study import BenchmarkSettings, BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
-    bracket.time_limit = THOROUGHNESS[profile].time_limit
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
+    bracket.time_limit = settings.thoroughness.time_limit
     run, measured = bracket.begin(settings.thoroughness.states, profile, Benchmark), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)

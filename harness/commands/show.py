@@ -20,8 +20,8 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     """
     from harness.show.exhibit import Exhibition, as_text
 
-    bracket.workers = 1
     bracket.library.select([name])
+    bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
     exhibit = bracket.complete(study)
     for line in as_text(exhibit):

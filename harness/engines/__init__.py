@@ -15,8 +15,8 @@ import ast
 import contextlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 EQUATIONS = "equations"
 FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
+# Longest that an engine file may take to be loaded, which is an import and no more, however long a command's tasks may take.
+LOADING_SECONDS = 60.0
 
 
 class Unsupported(Exception):
@@ -224,17 +226,18 @@ def engine_paths(library: Library) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
-def describe_engines(library: Library, workers: Callable[[], Workers] = Workers) -> Mapping[str, EngineFile]:
+def describe_engines(library: Library, workers: Workers) -> Mapping[str, EngineFile]:
     """Every engine file by name, sorted; ``engine_files`` returns the same from then on.
 
-    A file of the library is loaded by a process of ``workers``: it may end, hang or print there. The harness's own are loaded here.
-    ``workers`` is called only where the library has engine files; its context is the caller's if that has entered it.
+    A file of the library is loaded by a process of ``workers``, whose context is not entered yet: it may end, hang or print there.
+    The harness's own are loaded here.
     """
     paths = engine_paths(library)
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
     outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
     if foreign := [task for name, task in tasks.items() if name not in outcomes]:
-        outcomes |= {outcome.task.key: outcome for outcome in workers().run(foreign)}
+        with replace(workers, time_limit=min(workers.time_limit, LOADING_SECONDS)) as loading:
+            outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
     files = {}
     for name, path in paths.items():
         requires, formats, version = outcomes[name].value or (("", ""), _spelt_formats(path), None)
@@ -249,8 +252,7 @@ _DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
 def engine_files(library: Library) -> Mapping[str, EngineFile]:
     """Every engine file of a library by name, as ``describe_engines`` found it in this process."""
     if library.engines not in _DESCRIBED:
-        with Workers() as workers:
-            describe_engines(library, lambda: workers)
+        describe_engines(library, Workers())
     return _DESCRIBED[library.engines]
 
 

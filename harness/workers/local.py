@@ -28,6 +28,8 @@ from harness.workers.tasks import Crash, Outcome, Task, TaskQueue
 POLL_SECONDS = 0.2
 # Allowed beside the task itself, to start a process and to import the task's function on a busy machine.
 START_SECONDS = 60.0
+# Of what a process wrote before it died, from its end.
+MOST_CHARACTERS = 2000
 # In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
 # the other's value before its own.
 MARK = "HARNESS_WORKER"
@@ -195,6 +197,8 @@ class _Process:
     def _crash(self, reason: str) -> Outcome:
         # What the interpreter adds is not the engine's.
         message = re.split(r"^Fatal Python error:", _text(self._errors), maxsplit=1, flags=re.MULTILINE)[0].strip()
+        if len(message) > MOST_CHARACTERS:
+            message = f"[...] {message[-MOST_CHARACTERS:]}"
         return Outcome(self._task, crash=Crash(reason, _text(self._notes), message))
 
     def _cause_of_death(self) -> str:

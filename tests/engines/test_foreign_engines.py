@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,9 @@ import psutil
 import pytest
 from support import Done, harness, harness_in_a_process, make_library
 
+from harness import check
 from harness.commands._options import STATES_OF_PROFILE
+from harness.errors import InvalidInput
 
 ENGINE = """
 import ctypes, os, subprocess, sys, time
@@ -58,7 +62,7 @@ AT_IMPORT = {
     "talking": engine(answer=f"{CHATTER}; return np.zeros_like(v)", top=CHATTER),
 }
 INVALID = ("exits", "raises", "misspelt", "nameless", "unknowing", "odd")
-DEAD = {"vanishes": "ended its process with status 0", "sleeps": "exceeded its time limit of 1.5 s", "serving": "exceeded its time limit"}
+DEAD = {"vanishes": "ended its process with status 0", "sleeps": "exceeded its time limit of 2.5 s", "serving": "exceeded its time limit"}
 ANSWERS = {
     "short": ("v[1:]", "(39, 1) of float64"),
     "narrow": ("v[:, :0]", "(40, 0) of float64"),
@@ -81,8 +85,9 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     """Exit status, records by subject and standard error of a check of all, whose JSON goes to standard output."""
-    options = ["--library", ".", "--states", "40", "--time-limit", "1.5"]
-    done = harness_in_a_process("check", *options, "--json", "-", cwd=library)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.engines.LOADING_SECONDS", 2.5)
+        done = harness("check", "--library", ".", "--states", "40", "--json", "-", isolated=True, cwd=library)
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 
 
@@ -116,9 +121,15 @@ def test_an_engine_that_is_not_installed_is_unsupported(checked: tuple[int, dict
     assert (record["verdict"], record["message"]) == ("unsupported", "drake is not installed")
 
 
-def test_what_an_engine_prints_is_not_in_the_records(checked: tuple[int, dict[str, Any], str]) -> None:
-    # The fixture has read standard output as JSON.
-    assert checked[1]["talking/mjcf"]["verdict"] == "disagrees"
+@pytest.mark.nightly
+def test_what_an_engine_prints_is_not_in_standard_output(tmp_path: Path) -> None:
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"talking": AT_IMPORT["talking"]})
+    options = ["--states", "40", "--subject", "talking/mjcf", "--library", str(root)]
+    done = harness_in_a_process("check", "bar_pendulum", *options, "--json", "-", cwd=tmp_path)
+    [record] = json.loads(done.stdout)["records"]
+    assert record["verdict"] == "disagrees"
+    assert "talking/mjcf" in done.stderr
+    assert "spoon" not in done.stderr
 
 
 def gone(process: int) -> bool:
@@ -157,11 +168,11 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_library(tmp_path_factory.mktemp("small") / "library", ["bar_pendulum"], engines)
 
 
-@pytest.mark.parametrize(("subject", "status"), [("exits/mjcf", 2), ("vanishes/mjcf", 3)])
-def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path, subject: str, status: int) -> None:
-    done = harness("check", "--library", str(small), "--states", "20", "--subject", subject, isolated=True)
-    assert done.returncode == status, done.stderr
-    assert subject in done.stdout
+def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path) -> None:
+    """The other, which is invalid, is not its affair."""
+    done = harness("check", "--library", str(small), "--states", "20", "--subject", "vanishes/mjcf", isolated=True)
+    assert done.returncode == 3, done.stderr
+    assert "vanishes/mjcf" in done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +218,25 @@ def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
+def test_the_python_interface_gives_records_and_names_an_invalid_file(small: Path) -> None:
+    [record] = check("bar_pendulum", library=small, subjects="vanishes/mjcf", states=20, workers=1)
+    assert (record.verdict, record.message) == ("error", "ended its process with status 0")
+    with pytest.raises(InvalidInput, match=r"exits\.py:\d+: raises SystemExit: 0"):
+        check("bar_pendulum", library=small, subjects="exits/mjcf", states=20, workers=1)
+
+
+@pytest.mark.nightly
+def test_pytest_fails_the_tests_of_an_engine_that_ends_its_process(small: Path, tmp_path: Path) -> None:
+    options = ["-p", "no:cacheprovider", "--harness-library", str(small), "--harness-states", "20"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *options], capture_output=True, text=True, timeout=120, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "2 failed, 5 passed" in done.stdout
+    assert "ended its process with status 0" in done.stdout
+    assert "raises SystemExit: 0" in done.stdout
+
+
 @pytest.mark.nightly
 def test_a_benchmark_loses_only_the_method_that_was_answered_nonsense(tmp_path: Path) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"mujoco": engine("return v.tolist()")})
@@ -223,7 +253,7 @@ def test_a_benchmark_loses_only_the_method_that_was_answered_nonsense(tmp_path: 
     [
         ["list"],
         ["show", "bar_pendulum"],
-        ["search", "bar_pendulum", "--budget", "8", "--no-keep"],
+        pytest.param(["search", "bar_pendulum", "--budget", "8", "--no-keep"], marks=pytest.mark.nightly),
         pytest.param(["atlas", "far_base"], marks=pytest.mark.nightly),
         pytest.param(["diagnose", "bar_pendulum"], marks=pytest.mark.nightly),
         pytest.param(["bench", "bar_pendulum", "--methods", "mujoco batch"], marks=pytest.mark.nightly),
