@@ -125,6 +125,8 @@ def growth(
         note(f"{FAMILY}_{size}: derivation")
         scene = Scene.of(library, f"{FAMILY}_{size}")
         measured.append(acceleration_costs(scene, methods, max(FEWEST_STATES, count // size), seed, minimum_seconds, note))
+        if failed := next((cost for cost in measured[-1] if cost.failed), None):
+            raise RuntimeError(f"{failed.method}: {failed.note}")
     return [
         Growth(
             family=FAMILY,

@@ -39,4 +39,4 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
     bracket.write_json(search=result.to_json())
     for line in as_lines(result):
         click.echo(line)
-    bracket.finish(study.problems, study.crashed, result.status == 0)
+    bracket.finish(study.problems, result.crashed, result.status == 0)
