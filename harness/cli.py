@@ -1,6 +1,6 @@
 """Command line: ``harness COMMAND``, each command a file in ``harness/commands``.
 
-Exit status: 0 all verdicts as expected and nothing superfluous in a model; 1 not so; 2 bad usage or an
+Exit status: 0 all verdicts as expected and nothing superfluous in a model of the built-in library; 1 not so; 2 bad usage or an
 invalid model, system or engine file; 3 an engine crashed or timed out.
 """
 
@@ -32,4 +32,19 @@ class Commands(click.Group):
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="harness")
 def main() -> None:
-    """Cross-check physics engines against certified accelerations of textbook mechanisms."""
+    """Cross-check physics engines against certified accelerations of textbook mechanisms.
+
+    \b
+    Examples:
+      harness list
+      harness check double_pendulum
+      harness check double_pendulum --urdf edited.urdf
+      harness new my_arm --library mine
+
+    \b
+    Exit status:
+      0  every verdict is as expected
+      1  at least one is not
+      2  bad usage, or an invalid model, system or engine file
+      3  an engine crashed or timed out
+    """

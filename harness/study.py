@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from harness.errors import InvalidInput
 from harness.workers import Outcome, Task, Workers
+from harness.workers.tasks import MORE_MEMORY
 
 
 @dataclass(frozen=True)
@@ -101,5 +102,6 @@ class Rounds:
 
 
 def sentence(exception: BaseException) -> str:
-    """An exception as a sentence: kind and message."""
-    return f"{type(exception).__name__}: {exception}"
+    """An exception as a sentence: kind and message, and what leaves more memory where that ran out."""
+    remedy = MORE_MEMORY if isinstance(exception, MemoryError) else ""
+    return f"{type(exception).__name__}: {'; '.join(filter(None, [str(exception), remedy]))}"

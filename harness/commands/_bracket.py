@@ -11,9 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from harness.commands import _options as options
+from harness.commands._terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class Bracket:
     json_path: str | None = None
     workers: int | None = None
     scheduler: Scheduler | None = None
-    time_limit: float = 60.0
+    time_limit: float | None = None
     directory: Path = Path("reports")
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
@@ -61,7 +60,7 @@ class Bracket:
         from harness.workers import Workers
 
         library = Library.at(self.library_path)
-        describe_engines(library, Workers(self.workers, self.scheduler, self.time_limit))
+        describe_engines(library, Workers(self.workers, self.scheduler, self.time_limit or Workers.time_limit))
         return library
 
     @property
@@ -88,9 +87,10 @@ class Bracket:
         from harness.equations.machine_code import replace_damaged
         from harness.workers import Workers
 
+        assert self.time_limit is not None, "a command with workers has a time limit"
         # Where heyoka is loaded, it has the cache open.
         if self.scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
-            click.echo(f"harness: {damaged}", err=True)
+            say(f"harness: {damaged}", err=True)
 
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
@@ -110,7 +110,6 @@ class Bracket:
 
         ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
         """
-        from harness.commands._terminal import progress
         from harness.study import run_study
 
         with progress(study.steps, study.title) as advance:
@@ -163,7 +162,7 @@ class Bracket:
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))
-            click.echo(f"report: {click.format_filename(self.directory / 'index.html')}")
+            say(f"report: {self.directory / 'index.html'}")
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
         """End with the status that was earned: invalid input first, then a death, then a verdict."""
@@ -190,7 +189,7 @@ def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[C
             with contextlib.ExitStack() as output:
                 if bracket.json_path == STANDARD_OUTPUT:
                     # Tables are for people: standard output is JSON and nothing else.
-                    output.callback(lambda: click.echo(bracket._document, nl=False))
+                    output.callback(lambda: print(bracket._document, end="", flush=True))
                     output.enter_context(contextlib.redirect_stdout(sys.stderr))
                 try:
                     with bracket._exit:

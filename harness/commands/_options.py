@@ -10,15 +10,18 @@ from typing import Any
 
 import click
 
+from harness.commands._terminal import say
+
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
 
 def report_errors(problems: Sequence[Exception]) -> None:
-    """Print each problem; exit with status 2 if there is one."""
+    """Print each problem, further lines of it indented; exit with status 2 if there is one."""
     for problem in problems:
-        click.echo(f"harness: {problem}", err=True)
+        first, *others = str(problem).split("\n")
+        say(f"harness: {first}", *(f"  {line.strip()}" for line in others), err=True)
     if problems:
         sys.exit(INVALID)
 
@@ -64,7 +67,9 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         "--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file; - is standard output."
     ),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
-    "workers": click.option("--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default."),
+    "workers": click.option(
+        "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
+    ),
     "scheduler": scheduler_option,
     "directory": click.option(
         "--out",
@@ -81,13 +86,13 @@ states_option = click.option(
 )
 
 
-def time_limit_option(seconds: float) -> Callable[..., Any]:
-    """--time-limit with its default [s]."""
+def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:
+    """--time-limit with its default [s], which is None where the command finds it; ``shown`` says then what it finds."""
     return click.option(
         "--time-limit",
         type=click.FloatRange(min=0, min_open=True),
         default=seconds,
-        show_default=True,
+        show_default=shown,
         help="Seconds that one task of a worker process may take.",
     )
 

@@ -1,23 +1,25 @@
-"""Output of the command line: a progress bar, the table of records, and what is not as expected."""
+"""Output of the command line: lines, progress, the table of records, and what is not as expected."""
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from harness.results.records import Record, Records
-from harness.results.table import Cell, Column, Table
+from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.faults.summary import KindOfFault, SmallestChange
     from harness.diagnosis.held import Difference
@@ -26,66 +28,123 @@ if TYPE_CHECKING:
     from harness.results.cross_check import Cause, SuperfluousPart
 
 _PIPE_WIDTH = 160
+SECONDS_BETWEEN_LINES, LOOK_SECONDS = 10.0, 0.5
+# Below it, rich drops columns.
+_LEAST_WIDTH = 40
 
 
-@contextmanager
-def progress(total: int, what: str = "cross-check") -> Iterator[Callable[[str], None]]:
-    """A progress bar on a terminal, nothing in a pipe; yields a function that marks one more as done."""
+def say(*lines: str, err: bool = False) -> None:
+    """Print each line on standard output or error; no markup or control character in it is obeyed, no end of a line either."""
+    for line in lines:
+        click.echo(printable(line), err=err)
+
+
+@contextlib.contextmanager
+def progress(total: int, what: str, clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str], None]]:
+    """Progress on standard error: a bar on a terminal, else a plain line every ten seconds of ``clock``.
+
+    Yields a function that marks one more as done; its argument says what that was.
+    """
+    if not sys.stderr.isatty():
+        with _progress_lines(total, what, clock) as advance:
+            yield advance
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     with Progress(
         TextColumn(what),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         console=console(stderr=True),
         transient=True,
-        disable=not sys.stderr.isatty(),
     ) as bar:
         task = bar.add_task("", total=total)
-        yield lambda description: bar.update(task, advance=1, description=description)
+        yield lambda description: bar.update(task, advance=1, description=printable(description))
+
+
+@contextlib.contextmanager
+def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+    started, done, last, ended = clock(), 0, "", threading.Event()
+
+    def advance(description: str) -> None:
+        nonlocal done, last
+        done, last = done + 1, description
+
+    def tell() -> None:
+        told = started
+        # A task may take minutes, so that it is not the end of one that brings a line.
+        while not ended.wait(LOOK_SECONDS):
+            now = clock()
+            if now - told >= SECONDS_BETWEEN_LINES:
+                told = now
+                # Whoever closed the stream wants no lines.
+                with contextlib.suppress(OSError, ValueError):
+                    say(f"harness: {what}: {done} of {total} after {now - started:.0f} s{last and '; last '}{last[:60]}", err=True)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield advance
+    finally:
+        ended.set()
+        teller.join()
 
 
 def console(stderr: bool = False) -> Console:
     """Standard output or error, wide enough in a pipe that tables do not wrap."""
+    from rich.console import Console
+
     stream = sys.stderr if stderr else sys.stdout
-    return Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
+    made = Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
+    made.width = max(made.width, _LEAST_WIDTH)
+    return made
+
+
+def _print(table: Table) -> None:
+    """A table on standard output; a terminal that is too narrow for its numbers wraps the lines, and loses none."""
+    console().print(table.terminal(), crop=False)
 
 
 def print_table(records: Sequence[Record]) -> None:
     """One row per record on standard output."""
-    console().print(Records(records).brief().terminal())
+    _print(Records(records).brief())
 
 
 def print_titled(title: str, table: Table) -> None:
     """A table under its title; nothing without rows."""
     if table.rows:
-        click.echo(f"\n{title}")
-        console().print(table.terminal())
+        say("", title)
+        _print(table)
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
     """A line for all that could not be measured, and for all that is not as expected."""
     for problem in measured.problems:
-        click.echo(f"\nnot measured: {problem}")
+        say("", f"not measured: {problem}")
     for sentence in measured.unexpected:
-        click.echo(f"\nnot as expected: {sentence}")
+        say("", f"not as expected: {sentence}")
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
     """Each unexpected record, and the number of expected ones."""
     unexpected = [record for record in records if not record.as_expected]
     for record in unexpected:
-        click.echo("\n" + record.explanation)
+        say("", *record.explanation.split("\n"))
     agreeing = len(records) - len(unexpected)
-    click.echo(f"\n{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+    say("", f"{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
 
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
-    """A line for each part of a model that its scene does not need."""
-    if findings:
-        click.echo("\n1 superfluous part of a model:" if len(findings) == 1 else f"\n{len(findings)} superfluous parts of models:")
-    for part in sorted(findings, key=attrgetter("path", "subject", "line")):
-        click.echo(f"  {part}")
+    """A line for each part of a model that its scene does not need, those that fail the check first."""
+    for fails in (True, False):
+        parts = [part for part in findings if part.fails == fails]
+        if parts:
+            what, warning = ("part of a model", "is a warning") if len(parts) == 1 else ("parts of models", "are warnings")
+            say("", f"{len(parts)} superfluous {what}{'' if fails else f', which {warning}'}:")
+        for part in sorted(parts, key=attrgetter("path", "subject", "line")):
+            say(f"  {part}")
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
@@ -94,27 +153,27 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
     Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
     for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
-        click.echo(f"\n{system}: {inference}")
+        say("", f"{system}: {inference}")
         for cause in own:
             lines = [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]
             for line in [f"as {cause.diagnosed}"] if cause.is_shared else lines:
-                click.echo(f"  {cause.subject}: {line}")
+                say(f"  {cause.subject}: {line}")
     if causes:
         systems = {cause.system for cause in causes}
-        click.echo(f"\nthe whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
+        say("", f"the whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
     """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
     for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
-        click.echo(f"\n{system}: {inference}")
+        say("", f"{system}: {inference}")
         for difference in held:
-            click.echo(f"  held after loading: {difference}")
+            say(f"  held after loading: {difference}")
         for cause in own:
-            click.echo(f"\n{cause.subject}")
+            say("", cause.subject)
             lines = [*cause.terms, *itertools.chain.from_iterable(cause.sides)]
             for line in [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else lines:
-                click.echo(f"  {line}")
+                say(f"  {line}")
 
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:
@@ -122,7 +181,7 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
     from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 
     if not caught:
-        click.echo("no live numbers: no model was walked")
+        say("no live numbers: no model was walked")
         return
     table = Table.of(
         caught,
@@ -137,18 +196,17 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
             Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
         },
     )
-    console().print(table.terminal())
+    _print(table)
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
-    click.echo(
-        f"\n{len(caught)} live numbers; {fine:.1%} caught below 1e-10; at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
-    )
+    of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
+    say("", f"{len(caught)} live numbers; {fine:.1%} caught below 1e-10; {of_theory}")
 
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     """One row per kind of fault of a campaign, and one for all."""
     if not kinds:
-        click.echo("no faults: no model was found to plant them in")
+        say("no faults: no model was found to plant them in")
         return
     columns: dict[Column | str, Any] = {"kind": "kind"}
     columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
@@ -156,8 +214,8 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
     columns[Column("blamed", "count")] = "blamed"
     columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
-    console().print(Table.of(kinds, columns).terminal())
+    _print(Table.of(kinds, columns))
     judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""
-    click.echo(f"\n{live} faults that change the dynamics, {caught} caught; {judged} of them judged{named}")
+    say("", f"{live} faults that change the dynamics, {caught} caught; {judged} of them judged{named}")

@@ -6,7 +6,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import subjects_option
-from harness.commands._terminal import print_sentences, print_titled
+from harness.commands._terminal import print_sentences, print_titled, say
 
 
 @click.command("atlas")
@@ -17,9 +17,13 @@ from harness.commands._terminal import print_sentences, print_titled
 def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], motion: bool) -> None:
     """Check every subject along families of hard cases.
 
-    Measures all CASEs unless some are named, and adds them to the report.
+    Measures all CASEs (harness list cases) unless some are named, and adds them to the report.
 
-    Example: harness atlas far_base --subject mujoco/mjcf
+    \b
+    Examples:
+      harness atlas
+      harness atlas far_base --subject mujoco/mjcf
+      harness atlas stiff_spring --motion --out atlas
     """
     from harness.hard.atlas import AtlasStudy
     from harness.hard.cases import STATES
@@ -35,6 +39,6 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     print_titled("motions that part", tables.partings(summary).without("largest distance"))
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
     print_sentences(summary)
-    click.echo(f"\n{summary.sentence}")
+    say("", summary.sentence)
     bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._terminal import print_sentences, print_titled
+from harness.commands._options import time_limit_option
+from harness.commands._terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
     from harness.report.benchmarks import BenchmarkSummary
@@ -15,16 +16,26 @@ if TYPE_CHECKING:
 
 @click.command("bench")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--methods", multiple=True, metavar="NAME", help="Only this way of computing accelerations or motion; repeatable.")
+@click.option(
+    "--methods",
+    multiple=True,
+    metavar="NAME",
+    help="Only this way of computing accelerations or motion; repeatable. harness list methods and harness list integrators have them.",
+)
 @click.option("--motion", is_flag=True, help="Measure integrators too.")
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
+@time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True)
 def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, profile: str) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
 
-    Example: harness bench cart_pendulum --motion
+    \b
+    Examples:
+      harness bench
+      harness bench cart_pendulum --motion
+      harness bench double_pendulum --methods "pinocchio aba"
     """
     from harness.bench.study import BenchmarkSettings, BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
@@ -33,7 +44,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
 
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
-    bracket.time_limit = settings.thoroughness.time_limit
+    bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     run, measured = bracket.begin(settings.thoroughness.states, profile, Benchmark), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
@@ -53,7 +64,7 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
         if cost.note:
             remarks.setdefault((cost.note, cost.method), []).append(cost.system)
     for (note, method), systems in remarks.items():
-        click.echo(f"  {method} on {', '.join(systems)}: {note}")
+        say(f"  {method} on {', '.join(systems)}: {note}")
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
     print_titled("true motion", tables.truths(summary).without("cost", "start"))
     print_titled("motion", tables.best_motions(summary))
@@ -63,5 +74,5 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     for kind in tables.KINDS:
         print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
     for text, places in summary.explanations(["as expected", "differs"]).items():
-        click.echo(f"\n{text}\n  {'; '.join(places)}")
+        say("", text, f"  {'; '.join(places)}")
     print_sentences(summary)

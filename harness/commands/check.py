@@ -12,6 +12,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
+from harness.commands._model_files import refuse_alone
 from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
@@ -27,10 +28,16 @@ def command(
 ) -> None:
     """Cross-check NAMEs, or every mechanism, and print a table.
 
-    Example: harness check double_pendulum --mjcf edited.xml
+    \b
+    Examples:
+      harness check
+      harness check double_pendulum arm_7r --states 10000
+      harness check double_pendulum --mjcf edited.xml
+      harness check --library mine --subject mujoco/mjcf --json out.json
     """
     from harness.crosscheck.settings import Settings
 
+    refuse_alone(bracket, "check", names, stand_ins)
     settings = Settings(
         library=bracket.library,
         names=names,

@@ -9,6 +9,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import causes_of
+from harness.commands._model_files import refuse_alone
 from harness.commands._options import stand_in_options, states_option, subjects_option
 
 
@@ -26,9 +27,12 @@ def command(
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
 
-    Example: harness diagnose double_pendulum --mjcf edited.xml
+    \b
+    Examples:
+      harness diagnose double_pendulum --mjcf edited.xml
+      harness diagnose arm_2r --library mine --subject pinocchio/urdf
     """
-    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table
+    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table, say
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
@@ -36,6 +40,7 @@ def command(
     from harness.errors import InvalidInput
     from harness.verdict import Verdict
 
+    refuse_alone(bracket, "diagnose", [name], stand_ins)
     settings = Settings(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
     )
@@ -50,11 +55,11 @@ def command(
     print_superfluous(found.superfluous)
     for record in found.records:
         if record.verdict == Verdict.ERROR:
-            click.echo(f"\n{record.subject}: {record.message}")
+            say("", f"{record.subject}: {record.message}")
     if causes:
         print_diagnoses(causes, held)
     else:
-        click.echo(f"\n{infer_from_records(found.records)[name].sentence}")
+        say("", infer_from_records(found.records)[name].sentence)
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]

@@ -10,6 +10,7 @@ from click.core import ParameterSource
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import states_option, subjects_option
+from harness.commands._terminal import print_caught, print_kinds, say
 
 if TYPE_CHECKING:
     from harness.diagnosis.faults.summary import Fault
@@ -20,7 +21,7 @@ _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnose
 
 @click.command("faults")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--kind", "kinds", multiple=True, metavar="KIND", help="Only this kind of fault; repeatable. An unknown one lists all.")
+@click.option("--kind", "kinds", multiple=True, metavar="KIND", help="Only this kind of fault; repeatable. harness list faults has them.")
 @click.option(
     "--size",
     "sizes",
@@ -57,9 +58,12 @@ def command(
     Exit status 0 where every fault is caught that changes the dynamics, 95 % of those diagnosed are named first or in
     their class, and nobody sound is blamed. With --smallest, --subject chooses whose answers are asked.
 
-    Example: harness faults arm_2r --kind axis
+    \b
+    Examples:
+      harness faults arm_2r --kind axis
+      harness faults arm_2r --kind number --size 1e-6 --diagnoses 0
+      harness faults arm_2r --smallest --subject mujoco/mjcf
     """
-    from harness.commands._terminal import print_caught, print_kinds
     from harness.diagnosis.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
     from harness.diagnosis.faults.study import CampaignStudy, SmallestStudy
     from harness.diagnosis.faults.summary import by_kind
@@ -74,8 +78,7 @@ def command(
         raise InvalidRequest(f"--smallest plants no faults of a campaign and takes no {' or '.join(given)}; drop one or the other")
     for kind in kinds:
         if kind not in kinds_of_faults():
-            known = "".join(f"\n  {name}: {title}" for name, title in kinds_of_faults().items())
-            raise InvalidRequest(f"no fault is of kind {kind!r}; {nearest(kind, kinds_of_faults())} of{known}")
+            raise InvalidRequest(f"no fault is of kind {kind!r}; {nearest(kind, kinds_of_faults())}; see harness list faults")
     study: CampaignStudy | SmallestStudy
     if smallest:
         study = SmallestStudy(bracket.library, names, subjects, states, bracket.seed)
@@ -86,19 +89,19 @@ def command(
     bracket.begin(states, "faults")
     rows = bracket.complete(study, lambda: {"faults": [row.as_json() for row in study.result()]})
     for sentence in study.deaths:
-        click.echo(f"harness: {sentence}", err=True)
+        say(f"harness: {sentence}", err=True)
     if rows:
         if isinstance(study, SmallestStudy):
             print_caught(rows)
         else:
             print_kinds(by_kind(rows))
     elif study.steps and not study.problems and not study.crashed and not smallest:
-        click.echo("no faults: mistakes of these kinds can be made nowhere in the models")
+        say("no faults: mistakes of these kinds can be made nowhere in the models")
     _print_left_out(study.left_out)
     if isinstance(study, CampaignStudy):
         _print_faults(rows)
         for sentence in study.broken():
-            click.echo(sentence)
+            say(sentence)
     bracket.finish(study.problems, study.crashed, not study.broken())
 
 
@@ -106,7 +109,7 @@ def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
     """One line for each system of which (system, subject or format) are expected to be unsupported, with the reason of the first."""
     for system in dict.fromkeys(name for name, _ in reasons):
         left_out = [(what, reason) for (name, what), reason in reasons.items() if name == system]
-        click.echo(f"{system}: no {' and no '.join(what for what, _ in left_out)}, as expected: {left_out[0][1]}")
+        say(f"{system}: no {' and no '.join(what for what, _ in left_out)}, as expected: {left_out[0][1]}")
 
 
 def _print_faults(faults: Sequence[Fault]) -> None:
@@ -124,8 +127,8 @@ def _print_faults(faults: Sequence[Fault]) -> None:
             size = f" by {fault.diagnosed:g}" if fault.sizes and fault.diagnosed else ""
             what = f"{fault.kind}{size}: {fault.statement}" if fault.statement else f"{fault.kind}{size}"
             answer = f"; {fault.answer}" if fault.answer else ""
-            click.echo(f"{fault.system}/{fault.format}:{line}: <{element} {attribute}> {what}: {', '.join(wrong)}{answer}")
+            say(f"{fault.system}/{fault.format}:{line}: <{element} {attribute}> {what}: {', '.join(wrong)}{answer}")
     cleared = sorted({fault.cleared for fault in faults if fault.cleared})
     if cleared:
         count = sum(bool(fault.cleared) for fault in faults)
-        click.echo(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")
+        say(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")

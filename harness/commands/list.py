@@ -3,20 +3,86 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._terminal import say
 from harness.errors import InvalidInput
+from harness.results.table import Table, printable
+
+
+def _cases() -> Table:
+    from harness.hard.cases import hard_cases
+
+    def knob(case: Any) -> str:
+        name, unit = case.knob
+        return f"{name} [{unit}]" if unit else name
+
+    return Table.of(hard_cases().values(), {"case": "name", "title": "title", "knob": knob})
+
+
+def _faults() -> Table:
+    from harness.diagnosis.faults.campaign import kinds_of_faults
+
+    return Table(["kind", "title"], list(kinds_of_faults().items()))
+
+
+def _integrators() -> Table:
+    from harness.motion.integrators import integrators
+
+    def order(one: Any) -> object:
+        return "adaptive" if one.adaptive else one.order
+
+    return Table.of(integrators(), {"integrator": "name", "reads": "format", "order": order})
+
+
+def _methods() -> Table:
+    from harness.bench.methods import find_methods
+
+    return Table.of(find_methods(), {"method": "name", "reads": "format", "cost grows as bodies to the": "growth"})
+
+
+# What can be listed beside the mechanisms: its rows, and the command that takes the names.
+_KINDS: Mapping[str, tuple[Callable[[], Table], str]] = {
+    "cases": (_cases, "harness atlas CASE"),
+    "faults": (_faults, "harness faults --kind KIND"),
+    "integrators": (_integrators, "harness bench --motion --methods NAME"),
+    "methods": (_methods, "harness bench --methods NAME"),
+}
 
 
 @click.command("list")
-@computing(seed=False, workers=False)
-def command(bracket: Bracket) -> None:
-    """List mechanisms, engines and installed libraries.
+@click.argument("kind", type=click.Choice(list(_KINDS)), required=False)
+@computing(time_limit=60.0, seed=False, workers=False)
+def command(bracket: Bracket, kind: str | None) -> None:
+    """List mechanisms, engines and all other names.
 
-    Example: harness list --library mine
+    Without an argument: mechanisms, engines with their versions, and installed libraries. Otherwise the names that other
+    commands take: cases (harness atlas), faults (harness faults --kind), integrators and methods (harness bench --methods).
+
+    \b
+    Examples:
+      harness list
+      harness list methods
+      harness list --library mine --json list.json
     """
+    if kind is None:
+        _list_library(bracket)
+        return
+    rows, taker = _KINDS[kind]
+    table = rows()
+    _write(bracket, {kind: [dict(zip((head.title for head in table.heads), row, strict=True)) for row in table.rows]})
+    say(*str(table).split("\n"), "", f"for: {taker}")
+
+
+def _write(bracket: Bracket, listed: Mapping[str, Any]) -> None:
+    bracket.write_text(json.dumps(listed, indent=2) + "\n")
+
+
+def _list_library(bracket: Bracket) -> None:
     from harness.engines import engine_files
     from harness.equations.derivation import degrees_of_freedom, kept_degrees_of_freedom
     from harness.library import installed_libraries
@@ -26,28 +92,30 @@ def command(bracket: Bracket) -> None:
     library = bracket.library
     installed = list(installed_libraries())
     names, failures = library.select(()), Rounds()
-    systems = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
-    if missing := [Task(name, degrees_of_freedom, (library, name)) for name in names if name not in systems]:
+    found = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
+    # Worker processes alone run a system file.
+    if missing := [Task(name, degrees_of_freedom, (library, name)) for name in names if name not in found]:
         for outcome in bracket.pool.run(missing):
             if not failures.failure(outcome):
-                systems[outcome.task.key] = outcome.value
+                found[outcome.task.key] = outcome.value
             elif outcome.crash is not None:
                 failures.report(InvalidInput(library.system_path(outcome.task.key), None, str(outcome.crash)))
-    systems = {name: systems[name] for name in names if name in systems}
+    systems = {name: found[name] for name in names if name in found}
     engines = engine_files(library)
-    if bracket.json_path:
-        listed = {
+    _write(
+        bracket,
+        {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
             "engines": [{"name": name, "formats": file.formats, "version": file.version} for name, file in engines.items()],
             "libraries": installed,
-        }
-        bracket.write_text(json.dumps(listed, indent=2) + "\n")
-    width = max(map(len, [*systems, *engines]))
+        },
+    )
+    width = max(len(printable(name)) for name in [*systems, *engines])
     for name, (nv, text) in systems.items():
-        click.echo(f"{name:<{width}}  {nv:>2} dof  {text}")
-    click.echo()
+        say(f"{printable(name):<{width}}  {nv:>2} dof  {text}")
+    say("")
     for name, file in engines.items():
         state = failures.failure(file.outcome) or file.version or "not installed"
-        click.echo(f"{name:<{width}}  {state}  ({', '.join(file.formats)})")
-    click.echo(f"\ninstalled libraries: {', '.join(installed) or 'none'}")
+        say(f"{printable(name):<{width}}  {state}  ({', '.join(file.formats)})")
+    say("", f"installed libraries: {', '.join(installed) or 'none'}", f"other names: harness list {'|'.join(_KINDS)}")
     bracket.finish(failures.problems, failures.crashed, True)

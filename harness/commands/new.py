@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._terminal import say
 
 
 @click.command("new")
@@ -30,7 +31,11 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
     A mechanism is a system file, an MJCF and a URDF; an engine is one Python file. Both agree from the start, and the
     places to edit are marked EDIT:.
 
-    Example: harness new my_arm --dof 2 --engine my_engine --library mine
+    \b
+    Examples:
+      harness new my_arm
+      harness new my_arm --dof 2 --engine my_engine --library mine
+      harness new --engine my_engine --library mine
     """
     from harness.commands._scaffold import write_example
 
@@ -38,6 +43,6 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
         raise click.UsageError("name a mechanism to write, or an engine with --engine")
     library_path = bracket.library_path or "."
     for path in write_example(Path(library_path), name, dof, engine):
-        click.echo(f"written: {click.format_filename(path)}")
+        say(f"written: {path}")
     watch = ["harness", "check", *([name] if name else []), "--library", library_path]
-    click.echo(f"edit what is marked EDIT:, and watch it with\n  {shlex.join(watch)}")
+    say("edit what is marked EDIT:, and watch it with", f"  {shlex.join(watch)}")

@@ -17,7 +17,11 @@ from harness.commands._options import STATES_OF_PROFILE
 def command(bracket: Bracket, profile: str) -> None:
     """Cross-check everything and write the report.
 
-    Example: harness report --profile nightly --out night
+    \b
+    Examples:
+      harness report
+      harness report --profile nightly --out night
+      harness report --library mine --out mine-report
     """
     from harness.crosscheck.settings import Settings
     from harness.hard.worst_cases import ranked

@@ -6,6 +6,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._options import subjects_option
+from harness.commands._terminal import say
 
 
 @click.command("search")
@@ -19,7 +20,10 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
 
     Stores with the system the states at which each subject does worst; every later run compares them again.
 
-    Example: harness search chain_10 --subject mujoco/mjcf
+    \b
+    Examples:
+      harness search puma_560
+      harness search chain_10 --subject mujoco/mjcf --budget 2000 --no-keep
     """
     from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
     from harness.results.search import as_lines
@@ -37,6 +41,5 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
     study = Search(settings)
     result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
-    for line in as_lines(result):
-        click.echo(line)
+    say(*as_lines(result))
     bracket.finish(study.problems, result.crashed, result.status == 0)

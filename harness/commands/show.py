@@ -5,6 +5,8 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._model_files import refuse_alone
+from harness.commands._terminal import say
 
 
 @click.command("show")
@@ -16,20 +18,24 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
 
     Prints the joints of both models side by side, and what each engine holds after loading.
 
-    Example: harness show collar --html collar.html
+    \b
+    Examples:
+      harness show collar
+      harness show collar --html collar.html
     """
     from harness.show.exhibit import Exhibition, as_text
 
+    refuse_alone(bracket, "check", [name])
     bracket.library.select([name])
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
     exhibit = bracket.complete(study)
-    for line in as_text(exhibit):
-        click.echo(line)
+    for text in as_text(exhibit):
+        say(*text.split("\n"))
     if html_path is not None:
         from harness.show.page import render
         from harness.storage import write_atomically
 
         write_atomically(html_path, render(exhibit, bracket.library.name, study.problems))
-        click.echo(f"\npage: {click.format_filename(html_path)}")
+        say("", f"page: {html_path}")
     bracket.finish(study.problems, study.crashed, True)

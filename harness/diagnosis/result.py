@@ -121,8 +121,12 @@ class Diagnosis:
             Conclusion.NOT_FINITE: "some answers are not finite, which no fit can explain",
             Conclusion.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
         }.get(self.conclusion, f"no single change explains it{self._best()}")
-        spent = f"; stopped after {self.evaluations} evaluations" if self.stopped and self.conclusion == Conclusion.UNEXPLAINED else ""
+        spent = f"; {self._spent}" if self.stopped and self.conclusion == Conclusion.UNEXPLAINED else ""
         return f"{file}: {reason}{spent}"
+
+    @property
+    def _spent(self) -> str:
+        return f"stopped after {self.evaluations} evaluations, of which --evaluations allows more"
 
     def _best(self) -> str:
         if self.first is None:
@@ -153,7 +157,7 @@ class Diagnosis:
         if self.live:
             yield f"accelerations feel {self.live} numbers of this file, in {self.rank} combinations"
         if self.stopped:
-            yield f"stopped after {self.evaluations} evaluations; what was not tried by then may explain it as well"
+            yield f"{self._spent}; what was not tried by then may explain it as well"
 
     def as_json(self) -> dict[str, Any]:
         """Plain data; infinite numbers as None."""

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 EQUATIONS = "equations"
 FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
-# Longest that an engine file may take to be loaded, which is an import and no more, however long a command's tasks may take.
-LOADING_SECONDS = 60.0
+# Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
+LOADING_SECONDS = 600.0
 
 
 class Unsupported(Exception):

@@ -197,7 +197,7 @@ class Search(Rounds):
     def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> None:
         """The state at which the engine died; without one if it does not die again."""
         if outcome.crash is None or not outcome.crash.note:
-            failure = f"{crash}; no single state repeats it: lower --budget or raise --time-limit"
+            failure = f"{crash}; no single state repeats it: try a lower --budget"
             self._result.failures[str(assignment.subject)] = failure
         else:
             state = json.loads(outcome.crash.note)

@@ -5,14 +5,16 @@ Texts are the file's own; what it leaves out and its reader then assumes stands 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 from lxml import etree
 
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
-from harness.models.xml import Document, literal_tag, parse_document
+from harness.models.xml import Document, literal_tag, parse_document, read_document
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,27 @@ def joint_rows(model: ModelFile) -> list[JointRow]:
     document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
     rows = {"mjcf": _mjcf_row, "urdf": _urdf_row}[model.format]
     moving = set(model.joint_lines.items())
-    # A URDF has other elements called joint inside of its transmissions.
-    among = {"mjcf": document.root.iterfind("worldbody//*"), "urdf": document.root.iterchildren("*")}[model.format]
     return [
         rows(document, model, element, name)
-        for element in among
-        if "joint" in literal_tag(element) and (name := element.get("name"), document.lines[element]) in moving
+        for element in _joints(document, model.format)
+        if (name := element.get("name"), document.lines[element]) in moving
     ]
+
+
+def moving_joints(path: Path, model_format: str) -> frozenset[str]:
+    """Names of the moving joints in a file that need not be a valid model, such as a robot's with its meshes.
+
+    Raises:
+        InvalidModel: the file cannot be read, or is not XML of that format.
+    """
+    document = read_document(path, ROOT_TAGS[model_format])
+    return frozenset(element.get("name", "") for element in _joints(document, model_format) if element.get("type") != "fixed")
+
+
+def _joints(document: Document, model_format: str) -> Iterator[etree._Element]:
+    # A URDF has other elements called joint inside of its transmissions.
+    among = {"mjcf": document.root.iterfind("worldbody//*"), "urdf": document.root.iterchildren("*")}[model_format]
+    return (element for element in among if "joint" in literal_tag(element))
 
 
 def point_springs(model: ModelFile) -> list[str]:

@@ -63,7 +63,7 @@ class Summary:
     @property
     def is_good(self) -> bool:
         """True where something was compared and everything is as expected."""
-        return bool(self.records) and not self.unexpected and not self.superfluous
+        return bool(self.records) and not self.unexpected and not any(part.fails for part in self.superfluous)
 
     @property
     def sentence(self) -> str:

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
 from typing import Any
 
-from harness.results.table import Cell, Column, Table
+from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
 _VERDICTS = [verdict.value for verdict in Verdict]
@@ -92,7 +92,7 @@ class Record:
             lines.append("at " + ", ".join(f"{name} = {values}" for name, values in self.worst_state.items()))
         if self.replay:
             lines.append(f"replay: {self.replay}")
-        return "\n  ".join(lines)
+        return "\n  ".join(map(printable, lines))
 
 
 class Records(UserList[Record]):

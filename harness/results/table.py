@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 # Classes of the page's style sheet to styles of the terminal.
 _STYLES = {"surprise": "bold red", "expected": "green"}
+# Characters of a text column that a narrow terminal leaves; a number is never broken.
+_LEAST_WIDTH = 12
 
 
 def error_text(value: float | None) -> str:
@@ -140,30 +142,37 @@ class Table:
         """The other columns."""
         return self.only(*(head.title for head in self.heads if head.title not in titles))
 
-    def texts(self, between: str = ", ") -> list[list[str]]:
-        """The rows as text, with ``between`` before each note."""
-        return [[_text(head, cell, between) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
+    def texts(self) -> list[list[str]]:
+        """The rows as text, with a comma before each note."""
+        return [[", ".join(_lines(head, cell)) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
 
     def __str__(self) -> str:
         """Lines of plain text, none of them wrapped; the headings come first."""
-        lines = [[_printable(text).replace("\n", " ") for text in line] for line in ([head.title for head in self.heads], *self.texts())]
+        lines = [[printable(text) for text in line] for line in ([head.title for head in self.heads], *self.texts())]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         sides = [str.rjust if head.is_number else str.ljust for head in self.heads]
         padded = ([side(text, width) for side, text, width in zip(sides, line, widths, strict=True)] for line in lines)
         return "\n".join("  ".join(line).rstrip() for line in padded)
 
     def terminal(self) -> RichTable:
-        """A table to print with rich; no markup or control character of a cell reaches the terminal."""
+        """A table to print with rich, uncropped; no markup or control character of a cell reaches the terminal.
+
+        Where it is too wide, texts are folded, and numbers are not.
+        """
         from rich.table import Table as RichTable
         from rich.text import Text
 
         table = RichTable(box=None, header_style="bold", pad_edge=False)
-        for head in self.heads:
-            table.add_column(Text(_printable(head.title)), justify="right" if head.is_number else "left", overflow="fold")
-        for row, texts in zip(self.rows, self.texts("\n"), strict=True):
+        rows = [["\n".join(map(printable, _lines(head, cell))) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
+        for place, head in enumerate(self.heads):
+            widest = max((len(line) for row in rows for line in row[place].split("\n")), default=0)
+            justify: Literal["left", "right"] = "right" if head.is_number else "left"
+            least = min(widest, _LEAST_WIDTH) if head.kind in ("text", "plain") else widest
+            table.add_column(Text(printable(head.title)), justify=justify, overflow="fold", min_width=least)
+        for row, texts in zip(self.rows, rows, strict=True):
             tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]
             styles = [next((_STYLES[tone] for tone in own if tone in _STYLES), "") for own in tones]
-            table.add_row(*(Text(_printable(text), style) for text, style in zip(texts, styles, strict=True)))
+            table.add_row(*(Text(text, style) for text, style in zip(texts, styles, strict=True)))
         return table
 
     def markdown(self) -> str:
@@ -202,10 +211,17 @@ def markdown_cell(text: str) -> str:
     return markdown_line(text).replace("|", "\\|")
 
 
-def _text(head: Column, cell: object, between: str) -> str:
-    if isinstance(cell, Cell):
-        return between.join(filter(None, [head.text(cell.value), *cell.notes]))
-    return head.text(cell)
+def printable(text: str) -> str:
+    """``text`` on one line that commands no terminal: what is not printed is a space, or its Python escape."""
+    return "".join(
+        letter if letter.isprintable() else " " if letter.isspace() else letter.encode("unicode_escape").decode() for letter in text
+    )
+
+
+def _lines(head: Column, cell: object) -> list[str]:
+    """A cell's value and its notes, without those that are empty."""
+    look = cell if isinstance(cell, Cell) else Cell(cell)
+    return [line for line in (head.text(look.value), *look.notes) if line]
 
 
 def _html_cell(tag: str, head: Column, cell: object) -> str:
@@ -226,8 +242,3 @@ def _class(head: Column) -> str:
 def _attributes(kind: str, **others: str) -> str:
     known = {"class": kind} | others
     return "".join(f' {name}="{escape(value)}"' for name, value in known.items() if value)
-
-
-def _printable(text: str) -> str:
-    """``text`` without control characters other than the ends of lines."""
-    return "".join(character if character == "\n" or character.isprintable() else "?" for character in text)

@@ -23,7 +23,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
 
 from harness.workers import program
-from harness.workers.tasks import Crash, Outcome, Task, TaskQueue
+from harness.workers.tasks import MORE_MEMORY, MORE_TIME, Crash, Outcome, Task, TaskQueue
 
 POLL_SECONDS = 0.2
 # Allowed beside the task itself, to start a process and to import the task's function on a busy machine.
@@ -177,7 +177,7 @@ class _Process:
         elif signs is not None or not alive:
             return self._crash(self._cause_of_death())
         elif time.monotonic() > self.deadline:
-            return self._crash(f"exceeded its time limit of {time_limit:g} s")
+            return self._crash(f"exceeded its time limit of {time_limit:g} s; {MORE_TIME}")
         return None
 
     def _answer(self) -> Outcome:
@@ -209,7 +209,9 @@ class _Process:
         if status >= 0:
             return f"ended its process with status {status}"
         names = {number.value: f" ({number.name})" for number in signal.Signals}
-        return f"crashed by signal {-status}{names.get(-status, '')}"
+        # Nobody else is likely to kill it: the kernel does so where memory runs out.
+        remedy = f"; if memory ran out, {MORE_MEMORY}" if status == -signal.SIGKILL else ""
+        return f"crashed by signal {-status}{names.get(-status, '')}{remedy}"
 
     def close(self) -> None:
         """Kill the process and all that was forked in it, also what left its process group where /proc shows it."""

@@ -8,6 +8,10 @@ from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+# Ways out for the user of a task that ended too early.
+MORE_TIME = "--time-limit (pytest: --harness-time-limit) allows more"
+MORE_MEMORY = "fewer --workers (pytest: --harness-workers) leave each of them more"
+
 
 @dataclass(frozen=True, eq=False)
 class Task:

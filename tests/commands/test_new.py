@@ -30,7 +30,9 @@ def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, si
     directory = written(tmp_path, sizes)
     done = harness("check", "--library", ".", "--states", str(STATES), "--json", "out.json", cwd=directory)
     assert done.returncode == 0, done.stdout + done.stderr
-    records = json.loads((directory / "out.json").read_text())["records"]
+    document = json.loads((directory / "out.json").read_text())
+    assert document["superfluous"] == []
+    records = document["records"]
     assert len(records) == 5 * len(sizes)
     assert {record["verdict"] for record in records} == {"agrees"}
     for path in (directory / "systems").glob("*.py"):

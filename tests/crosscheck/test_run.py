@@ -205,3 +205,9 @@ def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:
             other.system, other.subject, other.backward_error, json.dumps(other.worst_state)
         )  # fmt: skip
         assert np.isfinite(one.backward_error or 0)
+
+
+def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> None:
+    planted = library(tmp_path, hungry="raise MemoryError")
+    records, _ = cross_checked(Settings(library=planted, states=40, examples=None))
+    assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: fewer --workers (pytest: --harness-workers)")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support import harness
+from support import harness, make_library
 
 from harness.crosscheck.superfluous import superfluous
 from harness.crosscheck.tasks import Assignment
@@ -310,45 +310,79 @@ def test_a_model_that_is_wrong_as_it_is_is_not_examined() -> None:
     assert superfluous(wrong, is_sound=lambda: False) == []
 
 
+ORIGIN, EFFORT = '<origin xyz="0 0 0"/>', 'effort="1"'
+
+
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    """A library of the bar pendulum whose MJCF leaves sensors on."""
-    root = tmp_path / "mechanisms"
-    for folder in ("systems", "mjcf", "urdf"):
-        (root / folder).mkdir(parents=True)
-    shutil.copy(LIBRARY.system_path("bar_pendulum"), root / "systems")
-    for model_format in ("mjcf", "urdf"):
-        shutil.copy(LIBRARY.model_path("bar_pendulum", model_format), root / model_format)
-    model = root / "mjcf" / "bar_pendulum.xml"
-    model.write_text(model.read_text().replace(' sensor="disable"', ""))
+    """A library of the bar pendulum whose URDF says what its readers assume."""
+    root = make_library(tmp_path / "mechanisms", ["bar_pendulum"])
+    model = root / "urdf" / "bar_pendulum.urdf"
+    text = model.read_text()
+    assert text.count("<parent") == 1 and text.count('effort="0"') == 1
+    model.write_text(text.replace("<parent", f"{ORIGIN}<parent").replace('effort="0"', EFFORT))
     return root
 
 
-def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+def built_in_at(root: Path) -> Library:
+    """The library in ``root`` as if it came with the harness."""
+    return replace(Library.at(root), name=LIBRARY.name, engines=LIBRARY.engines)
 
 
-def test_a_surplus_is_exit_status_1_and_in_the_json(library: Path) -> None:
-    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
-    assert done.returncode == 1, done.stdout + done.stderr
+# For a process of its own, before anything of the harness is asked.
+AS_BUILT_IN = """
+from dataclasses import replace
+from harness.library import Library
+
+LIBRARY = Library.built_in()
+Library.built_in = classmethod(lambda cls: replace(cls.at({root!r}), name=LIBRARY.name, engines=LIBRARY.engines))
+"""
+OPTIONS = ("--states", "40", "--json", "out.json")
+
+
+def run_pytest(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-v", "--harness-states", "40", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
+
+
+def test_a_surplus_is_a_warning_that_is_printed_and_in_the_json(library: Path) -> None:
+    done = harness("check", "--library", str(library), *OPTIONS, cwd=library)
+    assert done.returncode == 0, done.stdout + done.stderr
     assert "5 of 5 as expected" in done.stdout
-    assert "1 superfluous part of a model:" in done.stdout
-    model = library / "mjcf" / "bar_pendulum.xml"
-    line = next(number for number, text in enumerate(model.read_text().splitlines(), start=1) if "<flag" in text)
-    assert f'{model}:{line}: <flag sensor="enable"> is on and not needed' in done.stdout
-    (finding,) = json.loads((library / "out.json").read_text())["superfluous"]
-    assert {"path", "line", "element", "attribute", "value", "why"} <= set(finding)
-    assert (finding["system"], finding["subject"], finding["attribute"]) == ("bar_pendulum", "mujoco/mjcf", "sensor")
-    shutil.copy(LIBRARY.model_path("bar_pendulum", "mjcf"), model)
-    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=library)
-    assert done.returncode == 0
+    assert "2 superfluous parts of models, which are warnings:" in done.stdout
+    model = library / "urdf" / "bar_pendulum.urdf"
+    line = next(number for number, text in enumerate(model.read_text().splitlines(), start=1) if ORIGIN in text)
+    assert f"{model}:{line}: <origin> is not used; remove it" in done.stdout
+    found = json.loads((library / "out.json").read_text())["superfluous"]
+    assert [(part["element"], part["attribute"], part["fails"]) for part in found] == [("origin", "", False), ("limit", "effort", False)]
+    assert {"path", "line", "value", "why", "system", "subject"} <= set(found[0])
+    shutil.copy(LIBRARY.model_path("bar_pendulum", "urdf"), model)
+    done = harness("check", "--library", str(library), *OPTIONS, cwd=library)
+    assert done.returncode == 0 and "superfluous" not in done.stdout
     assert json.loads((library / "out.json").read_text())["superfluous"] == []
 
 
-def test_a_surplus_fails_the_regression_of_its_subject(library: Path) -> None:
-    arguments = ("-p", "no:cacheprovider", "-v", "--harness-library", str(library), "--harness-states", "40")
-    done = run("pytest", *arguments, cwd=library)
+def test_a_surplus_of_a_file_that_stands_in_is_a_warning(library: Path) -> None:
+    model = library / "urdf" / "bar_pendulum.urdf"
+    done = harness("check", "bar_pendulum", "--urdf", str(model), *OPTIONS, cwd=library)
+    assert done.returncode == 0 and "which are warnings:" in done.stdout
+
+
+def test_a_surplus_of_the_built_in_library_fails(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Library, "built_in", classmethod(lambda cls: built_in_at(library)))
+    done = harness("check", *OPTIONS, cwd=library)
+    assert done.returncode == 1 and "2 superfluous parts of models:" in done.stdout
+    assert [part["fails"] for part in json.loads((library / "out.json").read_text())["superfluous"]] == [True, True]
+    assert harness("diagnose", "bar_pendulum", *OPTIONS, cwd=library).returncode == 1
+
+
+def test_a_surplus_warns_in_pytest_and_fails_the_built_in_regression_of_its_subject(library: Path) -> None:
+    done = run_pytest("--harness-library", str(library), cwd=library)
+    assert done.returncode == 0 and "5 passed, 1 warning" in done.stdout
+    assert "superfluous parts of the model:" in done.stdout and "<origin> is not used" in done.stdout
+    (library / "as_built_in.py").write_text(AS_BUILT_IN.format(root=str(library)))
+    done = run_pytest("-p", "as_built_in", "--harness-library", "built-in", "-o", "pythonpath=.", cwd=library)
     assert done.returncode == 1
     assert "1 failed, 4 passed" in done.stdout
-    assert "bar_pendulum.py::mujoco/mjcf FAILED" in done.stdout
+    assert "bar_pendulum.py::pinocchio/urdf FAILED" in done.stdout
     assert "superfluous parts of the model:" in done.stdout and "Traceback" not in done.stdout

@@ -291,7 +291,7 @@ def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations
     # The first is the model as it is; a column that was begun is finished.
     assert len(asked) <= evaluations + 5
     assert diagnosis.stopped
-    assert any(f"stopped after {evaluations} evaluations" in line for line in diagnosis.lines)
+    assert any(f"stopped after {evaluations} evaluations, of which --evaluations allows more" in line for line in diagnosis.lines)
     # Of a part of the file's numbers no count is reported.
     assert not any("accelerations feel" in line for line in diagnosis.lines)
 

@@ -141,6 +141,8 @@ def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     assert 'class="result bad"' in built["index.html"]
     [told] = json.loads(built["report.json"])["superfluous"]
     assert told["path"] == "mjcf/collar.xml" and told["line"] == 7
+    warned = build(run_on(0), CARDS, entries, superfluous=[replace(finding, fails=False)])
+    assert 'class="result good"' in warned["index.html"] and "1 part of the models is superfluous." in warned["report.md"]
     clean = build(run_on(0), CARDS, entries)
     assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
 

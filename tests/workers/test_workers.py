@@ -23,7 +23,7 @@ from support import make_library
 from harness import cli
 from harness.errors import InvalidRequest
 from harness.workers import Crash, Outcome, Scheduler, Task, Workers
-from harness.workers.tasks import TaskQueue
+from harness.workers.tasks import MORE_MEMORY, MORE_TIME, TaskQueue
 
 ENGINE = """
 import math, os, time
@@ -94,7 +94,7 @@ def test_healthy_engines_lose_nothing(crashing: tuple[int, dict[str, dict[str, o
         ("aborting/mjcf", "crashed by signal 6 (SIGABRT)"),
         ("aborting/mjcf", "the cow jumped over the moon"),
         ("aborting_later/mjcf", "crashed by signal 6 (SIGABRT)"),
-        ("sleeping/mjcf", "exceeded its time limit of 4 s"),
+        ("sleeping/mjcf", "exceeded its time limit of 4 s; --time-limit (pytest: --harness-time-limit) allows more"),
         ("raising/mjcf", "RuntimeError: no can do"),
         ("silent/mjcf", "answers are not finite"),
         ("exiting/mjcf", "ended its process with status 7"),
@@ -196,12 +196,13 @@ def test_a_certificate_without_a_cluster_is_bad_usage(tmp_path: Path) -> None:
     assert "belong to --scheduler" in done.output
 
 
+KILLED = f"crashed by signal 9 (SIGKILL); if memory ran out, {MORE_MEMORY}"
 CONTAINED = {
     work.segfault: "crashed by signal 11 (SIGSEGV)",
-    work.hang_holding_the_lock: "exceeded its time limit of 3 s",
+    work.hang_holding_the_lock: f"exceeded its time limit of 3 s; {MORE_TIME}",
     work.exit_at_once: "ended its process with status 3",
     work.exit_by_exception: "ended its process with status 3",
-    work.be_killed: "crashed by signal 9 (SIGKILL)",
+    work.be_killed: KILLED,
     work.raise_peculiar: "Peculiar: 1 beside 2",
     work.raise_with_a_function: "ValueError: no can do",
     work.return_a_generator: "TypeError: cannot pickle 'generator' object",
@@ -236,7 +237,7 @@ def test_a_crash_has_its_note_and_standard_error_and_no_others() -> None:
         tasks = [Task(0, work.chatter, ()), Task(1, work.abort, (1,)), Task(2, work.be_killed, ())]
         outcomes = {outcome.task.key: outcome for outcome in workers.run(tasks)}
     assert outcomes[1].crash == Crash("crashed by signal 6 (SIGABRT)", "at 1", "the cow jumped over the moon")
-    assert outcomes[2].crash == Crash("crashed by signal 9 (SIGKILL)", "", "")
+    assert outcomes[2].crash == Crash(KILLED, "", "")
 
 
 def test_of_very_much_that_a_crash_wrote_the_end_is_kept() -> None:
@@ -280,7 +281,7 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
 def test_a_process_that_hangs_gets_no_further_task() -> None:
     with Workers(1, time_limit=0.5) as workers:
         hanging, after = workers.run([Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ())])
-    assert str(hanging.crash) == "exceeded its time limit of 0.5 s"
+    assert str(hanging.crash) == f"exceeded its time limit of 0.5 s; {MORE_TIME}"
     assert after.value is not None
 
 
