@@ -263,7 +263,7 @@ def _is_own(path: Path) -> bool:
 def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
     """The first three attributes of an ``EngineFile``, as a task for ``harness.workers``; raises as ``load_engine``."""
     engine = load_engine(library, name)
-    return (engine.requires[0], engine.requires[1]), tuple(engine.formats), installed_version(engine)
+    return (engine.requires[0], engine.requires[1]), tuple(dict.fromkeys(engine.formats)), installed_version(engine)
 
 
 def _spelt_formats(path: Path) -> tuple[str, ...]:

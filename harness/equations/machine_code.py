@@ -90,6 +90,8 @@ def _has_second_copies(directory: Path) -> bool:
 def _is_sound(directory: Path) -> bool:
     try:
         with contextlib.closing(_connect(directory)) as database:
+            # Copied into memory page by page, 150 MB take three times as long.
+            database.execute(f"PRAGMA mmap_size = {1 << 31}")
             return database.execute("PRAGMA quick_check").fetchone() == ("ok",) and not database.execute(_DIFFERENT).fetchone()
     except sqlite3.OperationalError:
         # There is no such file, it has no second copies yet, or it is busy.
