@@ -235,9 +235,11 @@ def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, l
 def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iterator[tuple[CrossCheck, Workers]]:
     """A complete cross-check, and the workers that ran it."""
     from harness.crosscheck.run import CrossCheck
+    from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
+    describe_engines(settings.library, Workers(workers, time_limit=time_limit))
     study = CrossCheck(settings)
     with Workers(workers, time_limit=time_limit) as pool:
         for _ in run_study(study, pool):

@@ -1,8 +1,8 @@
 """Command line: ``harness COMMAND``, each command a file in ``harness/commands``.
 
 Exit status: 0 all verdicts as expected and nothing superfluous in a model of the built-in library; 1 not so, and nothing else;
-2 bad usage or an invalid model or system file; 3 an engine crashed or timed out; 70 the harness itself is at fault; 130 an
-interrupt.
+2 bad usage or an invalid model, system or engine file; 3 an engine crashed or timed out; 70 the harness itself is at fault; 130
+an interrupt.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def main() -> None:
     Exit status:
       0    every verdict is as expected
       1    at least one is not
-      2    bad usage, or an invalid model or system file
+      2    bad usage, or an invalid model, system or engine file
       3    an engine crashed or timed out
       70   a fault of the harness itself
       130  an interrupt

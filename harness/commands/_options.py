@@ -73,7 +73,9 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         metavar="DIR",
         help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
     ),
-    "json": click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file."),
+    "json": click.option(
+        "--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file; - is standard output."
+    ),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
     "workers": click.option(
         "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."

@@ -38,6 +38,7 @@ def command(
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput
+    from harness.verdict import Verdict
 
     refuse_alone(bracket, "diagnose", [name], stand_ins)
     settings = Settings(
@@ -52,6 +53,9 @@ def command(
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
     print_table(found.records, bracket.run)
     print_superfluous(found.superfluous)
+    for record in found.records:
+        if record.verdict == Verdict.ERROR:
+            say("", f"{record.subject}: {record.message}")
     if causes:
         print_diagnoses(causes, held)
     else:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from statistics import median
 
-from harness.engines import engine_names, installed_version, load_engine
+from harness.engines import engine_files
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
 from harness.results.records import Run, SystemCard
@@ -22,11 +22,7 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = importlib.metadata.version(distribution)
-    for name in engine_names(library):
-        engine = load_engine(library, name)
-        version = installed_version(engine)
-        if version is not None:
-            versions[engine.requires[1]] = version
+    versions |= {file.requires[1]: file.version for file in engine_files(library).values() if file.version is not None}
     machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
     # Of other programs: at the start none of the run's own is at work.
     machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}

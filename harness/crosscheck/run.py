@@ -24,7 +24,7 @@ from harness.crosscheck.judgement import Evidence, judge
 from harness.crosscheck.settings import DEFAULT_STATES, Settings, stored_states
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects
+from harness.engines import EQUATIONS, Subject, engine_files, is_native, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
@@ -78,7 +78,8 @@ class CrossCheck(Rounds):
 
     Attributes:
         faults: what failed in the harness itself, each with its system.
-        crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
+        crashes: (system, what of it died, ran out of time or cannot be loaded): a subject, the format of a model, or None for the
+            system itself.
 
     Raises:
         InvalidInput: the library or its expected verdicts cannot be used at all; from ``take``, a stand-in cannot.
@@ -104,6 +105,11 @@ class CrossCheck(Rounds):
         self.crashes: set[tuple[str, str | None]] = set()
         self._found = CrossCheckResult()
         self._systems = {name: _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}) for name in self.names}
+        for subject in self.subjects:
+            if failure := self.failure(engine_files(settings.library)[subject.engine].outcome):
+                for name, system in self._systems.items():
+                    system.pairs[str(subject)].fail(failure)
+                    self.crashes.add((name, str(subject)))
         for system in self._systems.values():
             self._load(system)
 
@@ -189,14 +195,14 @@ class CrossCheck(Rounds):
 
     def _assign(self, system: _System, mechanism: Mechanism, pair: _Pair) -> None:
         """Give a pair what it is asked with, or the reason why it cannot be asked."""
-        engine = load_engine(self.settings.library, pair.subject.engine)
+        file = engine_files(self.settings.library)[pair.subject.engine]
         model = system.models.get(pair.subject.format)
         if reason := self._why_no_model(system.name, pair.subject):
             pair.fail(reason, unsupported=True)
         elif isinstance(model, str):
             pair.fail(model)
-        elif installed_version(engine) is None:
-            pair.fail(f"{engine.requires[1]} is not installed", unsupported=True)
+        elif file.version is None:
+            pair.fail(f"{file.requires[1]} is not installed", unsupported=True)
         else:
             pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
 

@@ -15,7 +15,8 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
-from harness.engines import Model, Unsupported
+from harness.engines import Model, Unsupported, accelerations
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -72,7 +73,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
     Seconds of compilation are 0 where this process had compiled already.
     """
     import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
-    import heyoka  # noqa: F401
+
+    load_heyoka()
 
     references, seconds, compilation_seconds = {}, 0.0, 0.0
     for in_body in sorted(frames):
@@ -90,8 +92,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
     """The subject's accelerations at ``states``, timed and compared with the truth there."""
     try:
-        accelerations, seconds = timed_accelerations(load_audited(assignment), states)
-        return Answers(compare(reference, accelerations), seconds)
+        answer, seconds = timed_accelerations(load_audited(assignment), states)
+        return Answers(compare(reference, answer), seconds)
     except Exception as error:
         return Answers.missing(error)
 
@@ -99,15 +101,15 @@ def ask(assignment: Assignment, states: States, reference: Reference) -> Answers
 def timed_accelerations(model: Model, states: States) -> tuple[Array, list[float]]:
     """The accelerations at ``states``, (n, nv), and seconds per state of each timing."""
     # What is compiled or allocated on first use is not charged to the engine.
-    model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
+    accelerations(model, states.q[:1], states.v[:1], states.tau[:1])
     seconds: list[float] = []
     while len(seconds) <= MOST_TIMINGS:
         started = time.perf_counter()
-        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
+        answer = accelerations(model, states.q, states.v, states.tau)
         seconds.append(time.perf_counter() - started)
         if seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS):
             break
-    return accelerations, [one / len(states) for one in seconds[1:] or seconds]
+    return answer, [one / len(states) for one in seconds[1:] or seconds]
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
@@ -116,4 +118,4 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
         one = states[index : index + 1]
-        model.forward_dynamics(one.q, one.v, one.tau)
+        accelerations(model, one.q, one.v, one.tau)

@@ -20,7 +20,7 @@ import msgspec
 
 from harness.arrays import Array
 from harness.certify.sampling import sample
-from harness.engines import Engine, Subject, installed_version, load_engine
+from harness.engines import Engine, Subject, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -80,8 +80,7 @@ def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: T
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
-    own = library.engines / f"{subject.engine}.py"
-    engine_file = own if own.is_file() else Library.built_in().engines / f"{subject.engine}.py"
+    engine_file = engine_paths(library)[subject.engine]
     ranges = mechanism.position_ranges, mechanism.rate_ranges, mechanism.force_ranges
     identity = [repr(mechanism.key), repr(ranges), str(subject), str(installed_version(load_engine(library, subject.engine))), model.text]
     digest = hashlib.sha256("\0".join(identity).encode())
@@ -108,7 +107,7 @@ class _Examination:
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
-        return loaded.forward_dynamics(states.q, states.v, states.tau)
+        return accelerations(loaded, states.q, states.v, states.tau)
 
     def parts(self) -> Iterator[Row]:
         """(line, element, attribute, value, why) of everything that is not needed."""

@@ -15,7 +15,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.engines import EQUATIONS, Model, Subject, Unsupported, linear_velocity_in_body, load_engine, load_model
+from harness.engines import EQUATIONS, Model, Subject, Unsupported, accelerations, linear_velocity_in_body, load_engine, load_model
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -75,7 +75,7 @@ def accept(assignments: Sequence[Assignment], note: Note) -> None:
 def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
     """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
     model, kernel = load_audited(assignment), reference_kernel_of(assignment)
-    return lambda states: compare(kernel.evaluate(states), model.forward_dynamics(states.q, states.v, states.tau))
+    return lambda states: compare(kernel.evaluate(states), accelerations(model, states.q, states.v, states.tau))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -53,20 +53,25 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
     return mechanism
 
 
-def degrees_of_freedom(library: Library, name: str) -> tuple[int, str]:
+def degrees_of_freedom(library: Library, name: str, note: object = None) -> tuple[int, str]:
     """Number of coordinates of system ``name`` and the first line of its description; nothing is derived for them.
 
     Raises:
         InvalidSystem: as ``load_mechanism``, but for what only a derivation finds.
     """
-    entry = _entry(library, name, "listed")
-    try:
-        return msgspec.json.decode(read_entry(entry) or "", type=tuple[int, str])
-    except msgspec.DecodeError:
-        (system, *_), docstring = load_atlas(library.system_path(name))
+    if kept := kept_degrees_of_freedom(library, name):
+        return kept
+    (system, *_), docstring = load_atlas(library.system_path(name))
     listed = len(system.coordinates), docstring.strip().splitlines()[0]
-    write_entry(entry, msgspec.json.encode(listed).decode())
+    write_entry(_entry(library, name, "listed"), msgspec.json.encode(listed).decode())
     return listed
+
+
+def kept_degrees_of_freedom(library: Library, name: str) -> tuple[int, str] | None:
+    """``degrees_of_freedom`` from the cache, without running the system file; None where it is not there."""
+    with contextlib.suppress(msgspec.DecodeError, InvalidSystem):
+        return msgspec.json.decode(read_entry(_entry(library, name, "listed")) or "", type=tuple[int, str])
+    return None
 
 
 def _entry(library: Library, name: str, kind: str = "mechanisms") -> Path:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.machine_code import load_heyoka
 from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.equations.relative_joints import to_coordinates, to_joints
 from harness.storage import Kept
@@ -96,7 +97,7 @@ class Float64Kernel:
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
         # With the digits of long double, as heyoka turns a division by a number into a product.
@@ -122,14 +123,14 @@ class Float64Kernel:
 
     @cached_property
     def _accelerations(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs, outputs = self._symbols
         return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
 
     @cached_property
     def _derivatives(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs, outputs = self._symbols
         accelerations = [heyoka.expression(f"a{i}") for i in range(self.nv)]
@@ -142,7 +143,7 @@ class Float64Kernel:
         return self._compiled(list(jacobian.flatten()), [*inputs, *accelerations])
 
     def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
 
@@ -173,7 +174,7 @@ def float64_kernel(
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:
     """The program's outputs as heyoka expressions of ``inputs``."""
-    import heyoka
+    heyoka = load_heyoka()
 
     binary: dict[str, Callable[[Any, Any], Any]] = {
         "add": lambda a, b: a + b,

@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.kernels import Float64Kernel, float64_kernel, heyoka_expressions
+from harness.equations.machine_code import load_heyoka
 from harness.equations.program import StraightLineProgram, position_count, without_unused
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ class Charts:
 
     @cached_property
     def _regularity(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.programs[0].inputs))]
         outputs = []

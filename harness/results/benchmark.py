@@ -30,6 +30,7 @@ class AccelerationCost:
         relative_error: worst over the states, in the kinetic-energy norm; None where nothing was compared.
         note: what the number means where it is no plain cost of a plain answer, or why there is none.
         loop: what went from state to state, as ``Method.loop``.
+        failed: whether there is none although the method claims to do the system.
     """
 
     system: str
@@ -45,6 +46,7 @@ class AccelerationCost:
     relative_error: float | None = None
     note: str = ""
     loop: str = ""
+    failed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,7 @@ from harness.crosscheck.tasks import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.derivation import load_system
 from harness.equations.kernels import heyoka_expressions, solve_symmetric
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
@@ -88,7 +89,7 @@ def _batch(scene: Scene, states: States) -> Prepared:
 
 def compiled_solution(program: StraightLineProgram, number: type) -> Callable[..., Any]:
     """heyoka's machine code for qdd, (nv, n), of the program's inputs, (number of inputs, n), in the type ``number``."""
-    import heyoka
+    heyoka = load_heyoka()
 
     inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
     outputs = heyoka_expressions(program, inputs)
