@@ -209,10 +209,11 @@ def diagnose(
 ) -> list[Cause]:
     """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
 
-    What an engine refuses of a file is in the causes.
+    What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
 
     Raises:
-        harness.errors.InvalidInput: the library or the system file cannot be used. harness.errors.InvalidRequest: as ``check``.
+        harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
+        harness.errors.InvalidRequest: as ``check``.
     """
     from harness.diagnosis.causes import find_causes
 
@@ -234,9 +235,11 @@ def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, l
 def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iterator[tuple[CrossCheck, Workers]]:
     """A complete cross-check, and the workers that ran it."""
     from harness.crosscheck.run import CrossCheck
+    from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
+    describe_engines(settings.library, Workers(workers, time_limit=time_limit))
     study = CrossCheck(settings)
     with Workers(workers, time_limit=time_limit) as pool:
         for _ in run_study(study, pool):

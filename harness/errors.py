@@ -10,14 +10,14 @@ class InvalidInput(Exception):
     """A system, model or settings file that cannot be used: exit status 2.
 
     ``path`` and ``line`` (1-based, None where no line applies) say where, ``problem`` says what was
-    found, what was expected and what to do.
+    found, what was expected and what to do, on one line even where an engine's words took several.
     """
 
     def __init__(self, path: Path | str, line: int | None, problem: str) -> None:
         super().__init__(path, line, problem)
         self.path = Path(path)
         self.line = line
-        self.problem = problem
+        self.problem = " ".join(problem.split())
 
     def __str__(self) -> str:
         place = f"{self.path}:{self.line}" if self.line is not None else str(self.path)

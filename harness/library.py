@@ -187,7 +187,7 @@ def sizes(path: Path) -> tuple[int, ...]:
         for node in ast.parse(source).body:
             if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["SIZES"]:
                 return tuple(int(size) for size in ast.literal_eval(node.value) if int(size) > 0)
-    except (OSError, ValueError, TypeError, SyntaxError):
+    except (OSError, ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         return ()
     return ()
 

@@ -128,6 +128,7 @@ class _Regression:
         self._checks: dict[str, tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
+        self._described = False
         self._wanted: tuple[list[str], list[str]] = ([], [])
         self.states = config.getoption("--harness-states") or _states_of_settings(config)
 
@@ -149,9 +150,11 @@ class _Regression:
 
     def subjects(self) -> list[str]:
         """Names of the subjects asked for."""
-        from harness.engines import select_subjects
+        from harness.engines import describe_engines, select_subjects
         from harness.errors import InvalidInput, InvalidRequest
 
+        if not self._described:
+            self._described = bool(describe_engines(self.library, self._new_workers()))
         try:
             return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
         except (InvalidInput, InvalidRequest) as error:
@@ -212,16 +215,18 @@ class _Regression:
 
     def _workers(self, work: str) -> Workers:
         """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
+        if work not in self._started:
+            self._started[work] = self._exit.enter_context(self._new_workers())
+        return self._started[work]
+
+    def _new_workers(self) -> Workers:
         from harness.workers import Scheduler, Workers
 
-        if work in self._started:
-            return self._started[work]
         option = self.config.getoption
         count = option("--harness-workers") or (1 if self._distributed else None)
         address = option("--harness-scheduler")
         scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in _TLS_FILES)) if address else None
-        self._started[work] = self._exit.enter_context(Workers(count, scheduler, option("--harness-time-limit")))
-        return self._started[work]
+        return Workers(count, scheduler, option("--harness-time-limit"))
 
 
 class SystemFile(pytest.File):

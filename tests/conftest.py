@@ -12,6 +12,8 @@ import pytest
 from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import settings
 
+from harness.equations.machine_code import machine_code_directory
+
 if TYPE_CHECKING:
     # Imported where they are used, because the process that gives out the tests needs none of them.
     from exact import Exact
@@ -29,11 +31,12 @@ ONE_IN = 3
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """One cache for the whole run, whatever number of processes it is spread over."""
+    """One cache for the whole run, whatever number of processes it is spread over; machine code is kept from run to run."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HEYOKA_CACHE_DIR", str(machine_code_directory()))
         patch.setenv("HARNESS_CACHE", str(folder / "cache"))
         yield
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import re
 import shutil
 import subprocess
 import sys
@@ -194,6 +197,12 @@ def cross_checked(settings: Settings, workers: Any = None) -> tuple[list[Record]
     records: list[Record] = list(completed(study, workers or InThisProcess()).records)
     assert len(records) == study.steps
     return records, study
+
+
+def charts_of(source: str) -> str:
+    """The script that draws the charts of a page, unpacked."""
+    packed = re.findall(r'class="packed">([^<]*)<', source)
+    return "".join(gzip.decompress(base64.b64decode(script)).decode() for script in packed)
 
 
 class Page(HTMLParser):

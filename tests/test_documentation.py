@@ -85,3 +85,4 @@ def test_walk_through_turns_red_where_it_says_so(walk_through: Path) -> None:
     result = check(walk_through, "inverted_bar", "--urdf", "edited.urdf", "--subject", "pinocchio/urdf")
     assert result.returncode == 1, result.stdout + result.stderr
     assert "inverted_bar pinocchio/urdf: disagrees, expected agrees" in result.stdout
+    assert "edited.urdf:25: <springStiffness>2.50001</springStiffness> explains it with 2.5" in result.stdout

@@ -148,7 +148,8 @@ def test_few_files_lie_beside_the_rooms() -> None:
 
 def test_tests_mirror_the_rooms() -> None:
     tested = {file.parent.name for file in (REPOSITORY / "tests").glob("*/test_*.py")}
-    assert sorted(tested) == ROOMS
+    # Hostile files, environments and kills meet the whole harness, not one room.
+    assert sorted(tested - {"hostile"}) == ROOMS
 
 
 def paragraph(room: str, opening: str) -> str:

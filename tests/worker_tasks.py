@@ -38,6 +38,13 @@ def abort(number: int, note: Any) -> None:
     os.abort()
 
 
+def babble(note: object) -> None:
+    for number in range(100_000):
+        print(number)
+    sys.stdout.flush()
+    os.abort()
+
+
 def segfault(note: object) -> None:
     ctypes.string_at(0)
 

@@ -25,6 +25,7 @@ from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Growth
+from harness.study import sentence
 
 MINIMUM_COUNT = 5
 FAMILY = "chain"
@@ -39,7 +40,7 @@ def acceleration_costs(
 ) -> list[AccelerationCost]:
     """One measurement per method, in their order, at up to ``count`` sampled states each.
 
-    A method that cannot do the system has an entry with the reason as its note. ``minimum_seconds`` is how long each
+    A method that cannot do the system, or that fails, has an entry with the reason as its note. ``minimum_seconds`` is how long each
     method is timed at least.
     """
     mechanism = scene.mechanism
@@ -52,7 +53,11 @@ def acceleration_costs(
         if in_body not in references:
             references[in_body] = reference_kernel(mechanism, in_body).evaluate(states)
         chosen = slice(method.most_states)
-        costs.append(_cost(method, scene, states[chosen], references[in_body][chosen], minimum_seconds))
+        try:
+            costs.append(_cost(method, scene, states[chosen], references[in_body][chosen], minimum_seconds))
+        except Exception as error:
+            # What one method raises or answers is not the others' fault.
+            costs.append(_missing(mechanism.name, method, sentence(error), failed=True))
     return costs
 
 
@@ -61,7 +66,7 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
     try:
         prepared = method.prepare(scene, states)
     except Unsupported as reason:
-        return AccelerationCost(system=name, method=method.name, states=0, seconds_per_state=None, note=str(reason))
+        return _missing(name, method, str(reason))
     times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
     comparison = compare(reference, prepared.accelerations())
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
@@ -83,7 +88,12 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
+        loop=method.loop,
     )
+
+
+def _missing(system: str, method: Method, why: str, failed: bool = False) -> AccelerationCost:
+    return AccelerationCost(system=system, method=method.name, states=0, seconds_per_state=None, loop=method.loop, note=why, failed=failed)
 
 
 def measure(function: Callable[[], object], minimum_count: int, minimum_seconds: float) -> list[float]:
@@ -116,6 +126,8 @@ def growth(
         note(f"{FAMILY}_{size}: derivation")
         scene = Scene.of(library, f"{FAMILY}_{size}")
         measured.append(acceleration_costs(scene, methods, max(FEWEST_STATES, count // size), seed, minimum_seconds, note))
+        if failed := next((cost for cost in measured[-1] if cost.failed), None):
+            raise RuntimeError(f"{failed.method}: {failed.note}")
     return [
         Growth(
             family=FAMILY,

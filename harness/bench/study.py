@@ -112,7 +112,8 @@ def load(library: Library, name: str, note: Note) -> Scene:
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, select_methods(settings.methods)
-    return Benchmark(accelerations=acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note))
+    costs = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
+    return Benchmark(accelerations=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
 
 
 def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:

@@ -39,12 +39,28 @@ class Comparison(Rows):
         values: Array = getattr(self, name)
         return values[~np.isnan(values)]
 
+    def relative_error_at(self, index: int) -> float | None:
+        """The relative error of an answer, None where it says nothing.
+
+        That is where the data leave open whether the exact answer is zero, and where that is lost in one rounding of the error.
+        """
+        backward, relative = float(self.backward_error[index]), float(self.relative_error[index])
+        return relative if relative <= min(backward, 1 / UNIT_ROUNDOFF) else None
+
     @property
     def worst(self) -> int:
         """Index of the answer that decides: the gravest verdict, then the largest backward error."""
+        return int(np.lexsort(self._order)[-1])
+
+    @property
+    def largest(self) -> int:
+        """Index of the answer with the largest backward error; where none has one, of the gravest verdict."""
+        return int(np.lexsort(self._order[::-1])[-1])
+
+    @property
+    def _order(self) -> tuple[Array, Array]:
         severity = np.array([SEVERITY[verdict] for verdict in self.verdicts.tolist()])
-        error = np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf)
-        return int(np.lexsort((error, severity))[-1])
+        return np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf), severity
 
 
 def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> Comparison:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import importlib.metadata
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ from harness.storage import cache_directory, read_entry, write_entry
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
+    from scipy.stats import qmc
 
 # Sampled angles of an unbounded coordinate; the special values go much further.
 ANGLES = (-math.pi, math.pi)
@@ -29,6 +30,8 @@ HUGE_ANGLES = (1e3, 1e8, 1e15)
 MOST_KEPT = 12
 # Of a mechanism whose equations depend on time [s].
 TIMES = (0.0, 10.0)
+# States of a block; a power of two, as balanced parts of the sequence have.
+BLOCK = 2048
 TINY = (1e-3, 1e-8, 1e-20, 1e-160, 5e-324)
 _HALF = math.sqrt(0.5)
 # (w, x, y, z) of no turn and half turns about the axes, then of quarter turns.
@@ -37,16 +40,38 @@ SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for u
 
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     """``count`` states from a scrambled Sobol sequence over the declared ranges; the same for the same seed."""
+    blocks = list(sample_in_blocks(mechanism, count, seed))
+    return States.concatenate(blocks) if blocks else _states(mechanism, np.empty((0, _dimensions(mechanism))))
+
+
+def sample_in_blocks(mechanism: Mechanism, count: int, seed: int) -> Iterator[States]:
+    """The states of ``sample``, at most ``BLOCK`` at a time, so that a long sample need not be held at once."""
+    dimensions, exponent = _dimensions(mechanism), max(0, math.ceil(math.log2(max(count, 1))))
+    if exponent <= MOST_KEPT:
+        points = sobol_points(dimensions, exponent, seed)
+        blocks = (points[start : start + BLOCK] for start in range(0, count, BLOCK))
+    else:
+        sequence = _sobol(dimensions, seed)
+        blocks = (sequence.random(BLOCK) for _ in range(0, count, BLOCK))
+    for number, block in enumerate(blocks):
+        yield _states(mechanism, block[: count - number * BLOCK])
+
+
+def _dimensions(mechanism: Mechanism) -> int:
+    return 3 * mechanism.nv + mechanism.feels_time
+
+
+def _states(mechanism: Mechanism, points: Array) -> States:
+    """The states that points of the unit cube, (n, 3 nv) or with time (n, 3 nv + 1), stand for."""
     bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
     bounds += [*mechanism.rate_ranges, *mechanism.force_ranges, *([TIMES] if mechanism.feels_time else [])]
     low, high = np.array(bounds).T
-    points = sobol_points(len(bounds), max(0, math.ceil(math.log2(max(count, 1)))), seed)[:count]
-    q, v, tau, times = np.split(low + points * (high - low), np.arange(1, 4) * mechanism.nv, axis=1)
+    q, v, tau, time = np.split(low + points * (high - low), np.arange(1, 4) * mechanism.nv, axis=1)
     for place in reversed(mechanism.attitudes):
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
-    time = times[:, 0] if mechanism.feels_time else np.zeros(count)
-    return States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), time)
+    times = time[:, 0] if mechanism.feels_time else np.zeros(len(points))
+    return States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), times)
 
 
 def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
@@ -59,12 +84,16 @@ def sobol_points(dimensions: int, exponent: int, seed: int) -> Array:
     kept = read_entry(entry) if exponent <= MOST_KEPT else None
     if kept is not None:
         return np.frombuffer(base64.b64decode(kept), dtype="<f8").reshape(2**exponent, dimensions).astype(np.float64)
-    from scipy.stats import qmc
-
-    points: Array = qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(exponent)
+    points: Array = _sobol(dimensions, seed).random_base2(exponent)
     if exponent <= MOST_KEPT:
         write_entry(entry, base64.b64encode(points.astype("<f8").tobytes()).decode())
     return points
+
+
+def _sobol(dimensions: int, seed: int) -> qmc.Sobol:
+    from scipy.stats import qmc
+
+    return qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
 
 
 def _uniform_rotations(points: Array) -> Array:

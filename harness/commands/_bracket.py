@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from harness.results.study_result import StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
+
+
+STANDARD_OUTPUT = "-"
 
 
 @dataclass(kw_only=True)
@@ -43,17 +47,22 @@ class Bracket:
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
     run: Run = field(init=False)
+    _document: str = ""
 
     @cached_property
     def library(self) -> Library:
-        """The library asked for.
+        """The library asked for, with its engines described by worker processes of their own.
 
         Raises:
             InvalidInput: there is no such library.
         """
+        from harness.engines import describe_engines
         from harness.library import Library
+        from harness.workers import Workers
 
-        return Library.at(self.library_path)
+        library = Library.at(self.library_path)
+        describe_engines(library, Workers(self.workers, self.scheduler, self.time_limit or Workers.time_limit))
+        return library
 
     @property
     def replay_options(self) -> list[str]:
@@ -64,7 +73,8 @@ class Bracket:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
         from harness.crosscheck.description import describe_run
 
-        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]])
+        workers = "of a cluster" if self.scheduler else str(self.workers or os.cpu_count())
+        self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]], workers)
         if kept_as is not None:
             self.number = self.history.begin(self.run, kept_as)
         return self.run
@@ -76,9 +86,14 @@ class Bracket:
         Raises:
             InvalidRequest: the cluster cannot be reached.
         """
+        from harness.equations.machine_code import replace_damaged
         from harness.workers import Workers
 
         assert self.time_limit is not None, "a command with workers has a time limit"
+        # Where heyoka is loaded, it has the cache open.
+        if self.scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
+            say(f"harness: {damaged}", err=True)
+
         return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
 
     @cached_property
@@ -116,10 +131,18 @@ class Bracket:
     def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
         """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
         from harness.results.records import to_json
-        from harness.storage import write_atomically
 
         if self.json_path:
-            write_atomically(self.json_path, to_json(self.run, records, **parts))
+            self.write_text(to_json(self.run, records, **parts))
+
+    def write_text(self, text: str) -> None:
+        """Make ``text`` the JSON file; on standard output only the last one is written, at the end of the command."""
+        from harness.storage import write_atomically
+
+        if self.json_path == STANDARD_OUTPUT:
+            self._document = text
+        elif self.json_path:
+            write_atomically(self.json_path, text)
 
     def write_page(self, number: int | None = None) -> None:
         """Write the report of a run, by default the latest of the library, with the latest benchmark and atlas of that library.
@@ -143,9 +166,13 @@ class Bracket:
             write(self.directory, build(**given))
             say(f"report: {self.directory / 'index.html'}")
 
-    def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool) -> None:
-        """End with the status that was earned: invalid input first, then a death, then a verdict."""
+    def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
+        """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""
         options.report_errors(problems)
+        for fault in faults:
+            say(fault, err=True)
+        if faults:
+            options.report_own_fault()
         sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
 
 
@@ -165,11 +192,16 @@ def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[C
         def wrapper(**given: Any) -> None:
             own = {name: given.pop(name) for name in list(given) if name in Bracket.__dataclass_fields__}
             bracket = Bracket(**own)
-            try:
-                with bracket._exit:
-                    command(bracket, **given)
-            except (InvalidInput, InvalidRequest) as error:
-                options.report_errors([error])
+            with contextlib.ExitStack() as output:
+                if bracket.json_path == STANDARD_OUTPUT:
+                    # Tables are for people: standard output is JSON and nothing else.
+                    output.callback(lambda: print(bracket._document, end="", flush=True))
+                    output.enter_context(contextlib.redirect_stdout(sys.stderr))
+                try:
+                    with bracket._exit:
+                        command(bracket, **given)
+                except (InvalidInput, InvalidRequest) as error:
+                    options.report_errors([error])
 
         return functools.reduce(lambda decorated, decorator: decorator(decorated), reversed(decorators), wrapper)
 

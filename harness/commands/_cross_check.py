@@ -42,11 +42,12 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
 
 def finish(bracket: Bracket, study: CrossCheck) -> None:
     """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_superfluous, print_table, print_unexpected
+    from harness.commands._terminal import print_causes, print_count, print_superfluous, print_table, print_unexpected
 
     found = study.result()
-    print_table(found.records)
+    print_table(found.records, bracket.run)
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
+    print_count(found.records, found.superfluous)
     print_causes(found.causes, study.settings)
-    bracket.finish(study.problems, study.crashed, found.as_expected)
+    bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)

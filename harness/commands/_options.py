@@ -6,13 +6,15 @@ import functools
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
 from harness.commands._terminal import say
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
+# As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
+INTERNAL, INTERRUPTED = 70, 130
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
@@ -24,6 +26,14 @@ def report_errors(problems: Sequence[Exception]) -> None:
         say(f"harness: {first}", *(f"  {line.strip()}" for line in others), err=True)
     if problems:
         sys.exit(INVALID)
+
+
+def report_own_fault() -> NoReturn:
+    """Say that the harness is to blame for what was printed, and exit with status 70."""
+    blame = "internal error: this is a fault of the harness, not of your files"
+    report = "report it where you have the harness from, with the lines above, the command and what `harness list` prints"
+    say(f"harness: {blame}; please {report}", err=True)
+    sys.exit(INTERNAL)
 
 
 _PEM_FILE = click.Path(exists=True, dir_okay=False)
@@ -63,7 +73,9 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         metavar="DIR",
         help="Folder with systems/, mjcf/ and urdf/, or the name of an installed library, instead of the built-in one.",
     ),
-    "json": click.option("--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file."),
+    "json": click.option(
+        "--json", "json_path", type=click.Path(dir_okay=False), help="Write versions and records to this file; - is standard output."
+    ),
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
     "workers": click.option(
         "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."

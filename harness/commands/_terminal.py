@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from harness.results.records import Record, Records
+from harness.results.records import Record, Records, Run
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT
 
@@ -107,9 +107,12 @@ def _print(table: Table) -> None:
     console().print(table.terminal(), crop=False)
 
 
-def print_table(records: Sequence[Record]) -> None:
-    """One row per record on standard output."""
-    _print(Records(records).brief())
+def print_table(records: Sequence[Record], run: Run) -> None:
+    """One row per record on standard output, where their states come from, and under which load they were timed."""
+    shown = Records(records)
+    _print(shown.brief())
+    if any(record.seconds_per_state is not None for record in shown):
+        say(*filter(None, [shown.origins, f"times: median and fastest call, {run.load}"]))
 
 
 def print_titled(title: str, table: Table) -> None:
@@ -128,12 +131,23 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
-    """Each unexpected record, and the number of expected ones."""
-    unexpected = [record for record in records if not record.as_expected]
-    for record in unexpected:
+    """Each unexpected record."""
+    for record in Records(records).unexpected:
         say("", *record.explanation.split("\n"))
-    agreeing = len(records) - len(unexpected)
-    say("", f"{agreeing} of {len(records)} as expected; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart]) -> None:
+    """The number of records that are as expected, of all records and all superfluous parts that fail the check."""
+    failing = sum(part.fails for part in findings)
+    warnings = len(findings) - failing
+    good, in_all = sum(record.as_expected for record in records), len(records) + failing
+    parts = f": {_superfluous(failing)} {'is' if failing == 1 else 'are'} not" if failing else ""
+    parts += f", and {_superfluous(warnings)} {'is a warning' if warnings == 1 else 'are warnings'}" if warnings else ""
+    say("", f"{good} of {in_all} as expected{parts}; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
+
+
+def _superfluous(count: int) -> str:
+    return "1 superfluous part of a model" if count == 1 else f"{count} superfluous parts of models"
 
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
@@ -141,8 +155,8 @@ def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     for fails in (True, False):
         parts = [part for part in findings if part.fails == fails]
         if parts:
-            what, warning = ("part of a model", "is a warning") if len(parts) == 1 else ("parts of models", "are warnings")
-            say("", f"{len(parts)} superfluous {what}{'' if fails else f', which {warning}'}:")
+            warning = "" if fails else f", which {'is a warning' if len(parts) == 1 else 'are warnings'}"
+            say("", f"{_superfluous(len(parts))}{warning}:")
         for part in sorted(parts, key=attrgetter("path", "subject", "line")):
             say(f"  {part}")
 

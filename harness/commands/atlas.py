@@ -39,6 +39,12 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     print_titled("motions that part", tables.partings(summary).without("largest distance"))
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
     print_sentences(summary)
+    if any(family.reasons for family in summary.families):
+        say("")
+    for family in summary.families:
+        for asked, why in family.reasons:
+            places = ", ".join([family.name, *asked])
+            say(f"{places}: {why.verdict} is expected: {why.reason}; {why.remedy} ({why.link})")
     say("", summary.sentence)
     bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -58,7 +58,9 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     from harness.report import benchmark_tables as tables
 
     costs = [cost for system in summary.systems for cost in summary.accelerations(system)]
-    print_titled("accelerations", tables.accelerations(costs).without("fastest", "slowest", "timed", "states", "remark"))
+    print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark"))
+    if costs:
+        say(f"times: median and fastest call; where Python loops over the states, they hold its calls; {summary.run.load}")
     remarks: dict[tuple[str, str], list[str]] = {}
     for cost in costs:
         if cost.note:

@@ -38,6 +38,7 @@ def command(
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput
+    from harness.verdict import Verdict
 
     refuse_alone(bracket, "diagnose", [name], stand_ins)
     settings = Settings(
@@ -50,8 +51,11 @@ def command(
     causes = causes_of(bracket, study, **({} if evaluations is None else {"evaluations": evaluations}))
     held = find_differences(settings, name, bracket.pool) if causes else []
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
-    print_table(found.records)
+    print_table(found.records, bracket.run)
     print_superfluous(found.superfluous)
+    for record in found.records:
+        if record.verdict == Verdict.ERROR:
+            say("", f"{record.subject}: {record.message}")
     if causes:
         print_diagnoses(causes, held)
     else:
@@ -59,4 +63,4 @@ def command(
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]
-    bracket.finish(problems, study.crashed, found.as_expected)
+    bracket.finish(problems, study.crashed, found.as_expected, study.faults)

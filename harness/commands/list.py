@@ -9,7 +9,6 @@ from typing import Any
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import report_errors
 from harness.commands._terminal import say
 from harness.errors import InvalidInput
 from harness.results.table import Table, printable
@@ -57,7 +56,7 @@ _KINDS: Mapping[str, tuple[Callable[[], Table], str]] = {
 
 @click.command("list")
 @click.argument("kind", type=click.Choice(list(_KINDS)), required=False)
-@computing(seed=False, workers=False)
+@computing(time_limit=60.0, seed=False, workers=False)
 def command(bracket: Bracket, kind: str | None) -> None:
     """List mechanisms, engines and all other names.
 
@@ -80,34 +79,34 @@ def command(bracket: Bracket, kind: str | None) -> None:
 
 
 def _write(bracket: Bracket, listed: Mapping[str, Any]) -> None:
-    from harness.storage import write_atomically
-
-    if bracket.json_path:
-        write_atomically(bracket.json_path, json.dumps(listed, indent=2) + "\n")
+    bracket.write_text(json.dumps(listed, indent=2) + "\n")
 
 
 def _list_library(bracket: Bracket) -> None:
-    from harness.engines import engine_names, installed_version, load_engine
-    from harness.equations.derivation import degrees_of_freedom
+    from harness.engines import engine_files
+    from harness.equations.derivation import degrees_of_freedom, kept_degrees_of_freedom
     from harness.library import installed_libraries
+    from harness.study import Rounds
+    from harness.workers import Task
 
     library = bracket.library
     installed = list(installed_libraries())
-    problems: list[InvalidInput] = []
-    systems: dict[str, tuple[int, str]] = {}
-    for name in library.select(()):
-        try:
-            systems[name] = degrees_of_freedom(library, name)
-        except InvalidInput as problem:
-            problems.append(problem)
-    engines = {name: load_engine(library, name) for name in engine_names(library)}
+    names, failures = library.select(()), Rounds()
+    found = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
+    # Worker processes alone run a system file.
+    if missing := [Task(name, degrees_of_freedom, (library, name)) for name in names if name not in found]:
+        for outcome in bracket.pool.run(missing):
+            if not failures.failure(outcome):
+                found[outcome.task.key] = outcome.value
+            elif outcome.crash is not None:
+                failures.report(InvalidInput(library.system_path(outcome.task.key), None, str(outcome.crash)))
+    systems = {name: found[name] for name in names if name in found}
+    engines = engine_files(library)
     _write(
         bracket,
         {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
-            "engines": [
-                {"name": name, "formats": engine.formats, "version": installed_version(engine)} for name, engine in engines.items()
-            ],
+            "engines": [{"name": name, "formats": file.formats, "version": file.version} for name, file in engines.items()],
             "libraries": installed,
         },
     )
@@ -115,7 +114,8 @@ def _list_library(bracket: Bracket) -> None:
     for name, (nv, text) in systems.items():
         say(f"{printable(name):<{width}}  {nv:>2} dof  {text}")
     say("")
-    for name, engine in engines.items():
-        say(f"{printable(name):<{width}}  {installed_version(engine) or 'not installed'}  ({', '.join(engine.formats)})")
+    for name, file in engines.items():
+        state = failures.failure(file.outcome) or file.version or "not installed"
+        say(f"{printable(name):<{width}}  {state}  ({', '.join(file.formats)})")
     say("", f"installed libraries: {', '.join(installed) or 'none'}", f"other names: harness list {'|'.join(_KINDS)}")
-    report_errors(problems)
+    bracket.finish(failures.problems, failures.crashed, True)

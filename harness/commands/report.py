@@ -26,12 +26,14 @@ def command(bracket: Bracket, profile: str) -> None:
     from harness.crosscheck.settings import Settings
     from harness.hard.worst_cases import ranked
     from harness.results.cross_check import CrossCheckResult
+    from harness.show.gallery import Gallery
 
     states = STATES_OF_PROFILE[profile]
     settings = Settings(library=bracket.library, states=states, seed=bracket.seed, replay_options=bracket.replay_options)
-    run = bracket.begin(states, profile, CrossCheckResult)
+    bracket.begin(states, profile, CrossCheckResult)
     study = cross_check(bracket, settings)
-    ranking = ranked(bracket.library, run, study.result().records, bracket.pool, replay_options=bracket.replay_options)
+    ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
+    bracket.complete(Gallery(bracket.library, study.names, study.crashes))
     bracket.write_page(bracket.number)
     finish(bracket, study)

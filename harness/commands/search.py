@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -40,7 +38,8 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
         replay_options=bracket.replay_options,
     )
     bracket.begin(settings.budget, "search")
-    result = bracket.complete(Search(settings))
+    study = Search(settings)
+    result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
     say(*as_lines(result))
-    sys.exit(result.status)
+    bracket.finish(study.problems, result.crashed, result.status == 0)

@@ -10,24 +10,22 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from statistics import median
 
-from harness.engines import engine_names, installed_version, load_engine
+from harness.engines import engine_files
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
 from harness.results.records import Run, SystemCard
 from harness.version import __version__
 
 
-def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str]) -> Run:
-    """Versions, machine and settings of a run that starts now."""
+def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
+    """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = importlib.metadata.version(distribution)
-    for name in engine_names(library):
-        engine = load_engine(library, name)
-        version = installed_version(engine)
-        if version is not None:
-            versions[engine.requires[1]] = version
-    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count())}
+    versions |= {file.requires[1]: file.version for file in engine_files(library).values() if file.version is not None}
+    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
+    # Of other programs: at the start none of the run's own is at work.
+    machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}
     return Run(
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions,
@@ -45,7 +43,6 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
 
     ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
     """
-    free = ("input", "rational", "pi")
     return SystemCard(
         name=mechanism.name,
         description=mechanism.description,
@@ -54,7 +51,8 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
         parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
         equations_mathml=mechanism.equations_mathml,
         equations_text=mechanism.equations_text,
-        operations=sum(instruction[0] not in free for instruction in mechanism.program.instructions),
+        energies_text=mechanism.energies_text,
+        operations=mechanism.operations,
         derivation_seconds=mechanism.derivation_seconds,
         reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
         compilation_seconds=compilation_seconds,

@@ -27,6 +27,7 @@ from harness.certify.sampling import strategy
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited, reference_kernel
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
+from harness.engines import accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import SEVERITY, Verdict
@@ -137,7 +138,7 @@ class _Panel:
 
     def _ask(self, subject: str, states: States, reference: Reference) -> Comparison:
         self._note(note_of(subject, states))
-        return compare(reference, load_audited(self._assignments[subject]).forward_dynamics(states.q, states.v, states.tau))
+        return compare(reference, accelerations(load_audited(self._assignments[subject]), states))
 
     def worst(self, count: int) -> Array:
         """``count`` rows, (count, columns): the worst states of the subjects, in turn."""

@@ -2,86 +2,109 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
 from harness.equations.states import States
-from harness.results.records import Record, half_decade
+from harness.results.records import Record, Representative, half_decade
 from harness.verdict import Verdict, gravest
+
+# One answer: its state and its judgement, as rows of one.
+Answer = tuple[States, Comparison]
 
 
 @dataclass
 class Evidence:
-    """The answers of one subject on one system.
+    """The answers of one subject on one system; of each state, what the record needs of it.
 
     Attributes:
-        bulk: batches of sampled states with their comparisons, in the order of the sample. found: what hypothesis found.
-        seconds: cost per state of each batch [s]. failed_at: the state at which an engine crashed.
+        counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
+        worst: the answer that decides. largest: the one with the largest backward error.
+        found: what hypothesis found. stored: how many of the states are stored with the system.
+        seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
         failure, unsupported: as of ``Answers``, where some of them are missing.
     """
 
-    bulk: dict[int, tuple[States, Comparison]] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    distribution: Counter[str] = field(default_factory=Counter)
+    backward: list[Array] = field(default_factory=list)
+    worst: Answer | None = None
+    largest: Answer | None = None
     found: Found | None = None
+    stored: int = 0
     seconds: list[float] = field(default_factory=list)
     failure: str = ""
     unsupported: bool = False
     failed_at: dict[str, list[float]] | None = None
 
-    @property
-    def parts(self) -> list[tuple[States, Comparison]]:
-        """The bulk in order, then what hypothesis found."""
-        found = [] if self.found is None else [(self.found.states, self.found.comparison)]
-        return [*(self.bulk[index] for index in sorted(self.bulk)), *found]
+    def add(self, states: States, comparison: Comparison) -> None:
+        """Take the judgement of the answers at ``states``."""
+        if not len(states):
+            return
+        backward = comparison.known("backward_error")
+        self.counts.update(comparison.verdicts.tolist())
+        self.distribution.update(map(half_decade, backward.tolist()))
+        self.backward.append(backward)
+        for name in ("worst", "largest"):
+            known = [] if getattr(self, name) is None else [getattr(self, name)]
+            every = States.concatenate([*(one for one, _ in known), states])
+            judged = Comparison.concatenate([*(one for _, one in known), comparison])
+            chosen = [getattr(judged, name)]
+            setattr(self, name, (every[chosen], judged[chosen]))
 
 
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
-    """The record of ``evidence``: gravest verdict, worst error, and the state that shows it best."""
-    parts = evidence.parts
-    nothing = Comparison(np.empty(0), np.empty(0), np.empty(0, dtype=np.bool_), np.empty(0, dtype=np.str_))
-    comparison = Comparison.concatenate([nothing, *(part for _, part in parts)])
-    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
-    counts = Counter(comparison.verdicts.tolist())
+    """The record of ``evidence``: gravest verdict, worst error with its state, and another state that shows the verdict better."""
+    counts, backward, largest = evidence.counts, np.concatenate([np.empty(0), *evidence.backward]), evidence.largest
     failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
-    verdict = failed.value if evidence.failure or not parts else gravest(counts)
-    worst_state, remarks = evidence.failed_at, [evidence.failure or ("" if parts else "nothing was compared")]
+    verdict = failed.value if evidence.failure or not counts else gravest(counts)
+    remarks = [evidence.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
-        remarks.append(f"{not_finite} of {len(comparison.verdicts)} answers are not finite.")
-    if parts and worst_state is None:
-        worst_state, remark = _representative_state(parts, comparison, evidence.found, verdict)
-        remarks.append(remark)
+        remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
+    searched = 0 if evidence.found is None else len(evidence.found.states)
+    stored = evidence.stored if counts.total() > searched else 0
     return Record(
         system=system,
         subject=subject,
-        states=len(comparison.verdicts),
+        states=counts.total(),
         verdict=verdict,
         expected=expectation.verdict,
-        backward_error=max(backward.tolist(), default=None),
-        relative_error=max(relative.tolist(), default=None),
-        worst_state=worst_state,
+        backward_error=float(backward.max()) if len(backward) else None,
+        relative_error=None if largest is None else largest[1].relative_error_at(0),
+        worst_state=evidence.failed_at if largest is None else largest[0].as_json(0),
         seconds_per_state=float(np.median(evidence.seconds)) if evidence.seconds else None,
+        fastest_seconds_per_state=min(evidence.seconds, default=None),
         message=" ".join(filter(None, remarks)),
         median_backward_error=float(np.median(backward)) if len(backward) else None,
-        distribution=dict(Counter(map(half_decade, backward.tolist()))),
+        distribution=dict(evidence.distribution),
         verdict_counts=dict(counts),
         expected_backward_error=expectation.limit,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
+        representative=_representative(evidence, verdict),
+        origins={"stored": stored, "sampled": counts.total() - searched - stored, "searched": searched},
     )
 
 
-def _representative_state(
-    parts: Sequence[tuple[States, Comparison]], comparison: Comparison, found: Found | None, verdict: str
-) -> tuple[dict[str, list[float]], str]:
-    """The simplest state that gives the verdict where hypothesis found one, else the worst; and a remark on it."""
+def _representative(evidence: Evidence, verdict: str) -> Representative | None:
+    """The state of a death; else the simplest state with the verdict that hypothesis found; else one, where the worst has another."""
+    if evidence.worst is None or evidence.largest is None:
+        return None
+    if evidence.failed_at is not None:
+        return Representative(state=evidence.failed_at, backward_error=None)
+    (states, comparison), found, index = evidence.worst, evidence.found, 0
     if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == verdict:
-        error = found.comparison.backward_error[found.simplest_failure]
-        remark = f"The state shown is the simplest that fails; its backward error is {error:.3g}."
-        return found.states.as_json(found.simplest_failure), remark
-    states = States.concatenate([part for part, _ in parts])
-    return states.as_json(comparison.worst), ""
+        states, comparison, index = found.states, found.comparison, found.simplest_failure
+    elif evidence.largest[1].verdicts[0] == comparison.verdicts[0]:
+        return None
+    state, error = states.as_json(index), float(comparison.backward_error[index])
+    if state == evidence.largest[0].as_json(0):
+        return None
+    return Representative(state=state, backward_error=None if math.isnan(error) else error)

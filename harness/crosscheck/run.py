@@ -8,6 +8,7 @@ else: where a process dies, the subject that was being asked is set aside, and t
 
 from __future__ import annotations
 
+import itertools
 import json
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
 from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
@@ -23,19 +24,18 @@ from harness.crosscheck.judgement import Evidence, judge
 from harness.crosscheck.settings import DEFAULT_STATES, Settings, stored_states
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, installed_version, is_native, load_engine, select_subjects
+from harness.engines import EQUATIONS, Subject, engine_files, is_native, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.models.model_file import ModelFile
 from harness.results.cross_check import CrossCheckResult
+from harness.results.hard_states import replay_command
 from harness.results.records import Record
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
-
-STATES_PER_TASK = 2000
 
 
 @dataclass(kw_only=True)
@@ -68,7 +68,7 @@ class _System:
     pairs: dict[str, _Pair]
     mechanism: Mechanism | None = None
     models: dict[str, ModelFile | str] = field(default_factory=dict)
-    batches: list[States] = field(default_factory=list)
+    batches: Iterator[States] = field(default_factory=lambda: iter(()))
     seconds: list[float] = field(default_factory=list)
     compilation_seconds: float | None = None
 
@@ -77,10 +77,12 @@ class CrossCheck(Rounds):
     """One cross-check of a library, system by system and subject by subject; a ``harness.study.Study``.
 
     Attributes:
-        crashes: (system, what of it died or ran out of time): a subject, the format of a model, or None for the system itself.
+        faults: what failed in the harness itself, each with its system.
+        crashes: (system, what of it died, ran out of time or cannot be loaded): a subject, the format of a model, or None for the
+            system itself.
 
     Raises:
-        InvalidInput: the library or its expected verdicts cannot be used at all.
+        InvalidInput: the library or its expected verdicts cannot be used at all; from ``take``, a stand-in cannot.
         InvalidRequest: a system or subject that does not exist.
     """
 
@@ -99,9 +101,15 @@ class CrossCheck(Rounds):
         if not settings.names:
             for path in settings.library.orphaned_models():
                 self.report(InvalidModel(path, None, f"has no system; expected systems/{path.stem}.py beside it"))
+        self.faults: list[str] = []
         self.crashes: set[tuple[str, str | None]] = set()
         self._found = CrossCheckResult()
         self._systems = {name: _System(name, {str(subject): _Pair(subject=subject) for subject in self.subjects}) for name in self.names}
+        for subject in self.subjects:
+            if failure := self.failure(engine_files(settings.library)[subject.engine].outcome):
+                for name, system in self._systems.items():
+                    system.pairs[str(subject)].fail(failure)
+                    self.crashes.add((name, str(subject)))
         for system in self._systems.values():
             self._load(system)
 
@@ -116,17 +124,25 @@ class CrossCheck(Rounds):
 
     def _load(self, system: _System) -> None:
         library, name, pairs = self.settings.library, system.name, list(system.pairs.values())
+        stand_ins = self.settings.stand_ins
+        # Before anything that takes long: a file that was named and cannot be used ends the run.
+        for model_format, path in stand_ins.items():
+            self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
         self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
-        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format != EQUATIONS):
+        for model_format in dict.fromkeys(subject.format for subject in self.subjects if subject.format not in (EQUATIONS, *stand_ins)):
             if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in self.subjects):
-                path = self.settings.stand_ins.get(model_format) or library.model_path(name, model_format)
+                path = library.model_path(name, model_format)
                 self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
 
     def _loaded(self, outcome: Outcome, system: _System, pairs: Pairs, about: tuple[str | None, Path]) -> None:
         (model_format, path), failure = about, self.failure(outcome)
         if outcome.crash is not None:
             self.crashes.add((system.name, model_format))
+        if failure and not isinstance(outcome.exception, InvalidInput):
+            # Whatever a file makes the harness do, it is the file that has to be mended.
             self.report(InvalidInput(path, None, failure))
+        if failure and model_format in self.settings.stand_ins:
+            raise self.problems[-1]
         if model_format is not None:
             system.models[model_format] = failure or outcome.value
         elif failure:
@@ -144,34 +160,49 @@ class CrossCheck(Rounds):
             given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
             raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
         try:
-            states = self._states(mechanism)
+            system.batches = self._states(system, mechanism)
         except InvalidInput as error:
             self.report(error)
             for pair in system.pairs.values():
                 pair.fail(str(error))
             return
-        system.batches = [states[start : start + STATES_PER_TASK] for start in range(0, len(states), STATES_PER_TASK)]
         for pair in system.pairs.values():
             self._assign(system, mechanism, pair)
-        self._compare(system, 0, answering(system.pairs.values()))
+        pairs = answering(system.pairs.values())
+        stand_ins = [pair.assignment for pair in pairs if pair.subject.format in self.settings.stand_ins]
+        if stand_ins:
+            self._ask(self._accepted, system, pairs, tasks.accept, stand_ins)
+        else:
+            self._compare(system, next(system.batches), pairs)
 
-    def _states(self, mechanism: Mechanism) -> States:
+    def _accepted(self, outcome: Outcome, system: _System, pairs: Pairs, about: None) -> None:
+        if isinstance(outcome.exception, InvalidInput):
+            raise outcome.exception
+        # Whatever else an engine does there it does again, and it costs its own record.
+        self._compare(system, next(system.batches), pairs)
+
+    def _states(self, system: _System, mechanism: Mechanism) -> Iterator[States]:
+        """Batch by batch; what is stored stands before the first block of the sample."""
         if self.settings.state is not None:
-            return self.settings.state
-        sampled = sample(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
+            return iter([self.settings.state])
+        sampled = sample_in_blocks(mechanism, self.settings.states - self.settings.searched, self.settings.seed)
         stored = stored_states(self.settings.library, mechanism)
-        return sampled if stored is None else States.concatenate([stored, sampled])
+        if stored is None:
+            return sampled
+        for pair in system.pairs.values():
+            pair.stored = len(stored)
+        return itertools.chain([States.concatenate([stored, next(sampled)])], sampled)
 
     def _assign(self, system: _System, mechanism: Mechanism, pair: _Pair) -> None:
         """Give a pair what it is asked with, or the reason why it cannot be asked."""
-        engine = load_engine(self.settings.library, pair.subject.engine)
+        file = engine_files(self.settings.library)[pair.subject.engine]
         model = system.models.get(pair.subject.format)
         if reason := self._why_no_model(system.name, pair.subject):
             pair.fail(reason, unsupported=True)
         elif isinstance(model, str):
             pair.fail(model)
-        elif installed_version(engine) is None:
-            pair.fail(f"{engine.requires[1]} is not installed", unsupported=True)
+        elif file.version is None:
+            pair.fail(f"{file.requires[1]} is not installed", unsupported=True)
         else:
             pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
 
@@ -181,37 +212,39 @@ class CrossCheck(Rounds):
             return ""
         return why_no_model(self.settings.library, name, subject, self.expectations)
 
-    # Comparing: a batch of states is certified once, and every subject is asked there.
+    # Comparing: a batch of states is certified once, and every subject is asked there. Each batch asks for the next one, so that
+    # of a long sample one batch is held at a time.
 
-    def _compare(self, system: _System, index: int, pairs: Pairs) -> None:
-        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], system.batches[index], about=index)
+    def _compare(self, system: _System, states: States, pairs: Pairs) -> None:
+        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], states, about=states)
 
-    def _compared(self, outcome: Outcome, system: _System, pairs: Pairs, index: int) -> None:
-        if self._is_answered(outcome, system, pairs, "the reference", system.batches[index]):
-            seconds, compilation_seconds, answers = outcome.value
-            system.seconds.append(seconds)
-            system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
-            for pair in pairs:
-                self._take(pair, index, system.batches[index], answers[str(pair.subject)])
-            if index == 0:
-                self._go_on(system)
-        else:
-            self._compare(system, index, answering(pairs))
+    def _compared(self, outcome: Outcome, system: _System, pairs: Pairs, states: States) -> None:
+        if not self._is_answered(outcome, system, pairs, "the reference", states):
+            self._compare(system, states, answering(pairs))
+            return
+        seconds, compilation_seconds, answers = outcome.value
+        for pair in pairs:
+            self._take(pair, answers[str(pair.subject)], states)
+        if not system.seconds:
+            self._go_on(system)
+        system.seconds.append(seconds)
+        system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
+        following = next(system.batches, None)
+        if following is not None:
+            self._compare(system, following, answering(pairs))
 
-    def _take(self, pair: _Pair, index: int, states: States, answers: Answers) -> None:
+    def _take(self, pair: _Pair, answers: Answers, states: States | None = None) -> None:
         if answers.problem is not None:
             self.report(answers.problem)
         if answers.failure:
             pair.fail(answers.failure, answers.unsupported)
-        if answers.comparison is not None and answers.seconds is not None:
-            pair.bulk[index] = states, answers.comparison
-            pair.seconds.append(answers.seconds)
+        if answers.comparison is not None and states is not None:
+            pair.add(states, answers.comparison)
+            pair.seconds += answers.seconds
 
     def _go_on(self, system: _System) -> None:
         """After the first batch: everything else, for the subjects that answered."""
         pairs = answering(system.pairs.values())
-        for index in range(1, len(system.batches)):
-            self._compare(system, index, pairs)
         if self.settings.searched:
             self._search(system, pairs)
         for pair in pairs:
@@ -231,9 +264,10 @@ class CrossCheck(Rounds):
             for pair in pairs:
                 found = outcome.value[str(pair.subject)]
                 if isinstance(found, Answers):
-                    self._take(pair, 0, system.batches[0], found)
+                    self._take(pair, found)
                 else:
                     pair.found = found
+                    pair.add(found.states, found.comparison)
         else:
             self._search(system, answering(pairs))
 
@@ -280,6 +314,8 @@ class CrossCheck(Rounds):
         if outcome.crash is not None:
             self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
         if culprit is None:
+            if outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
+                self.faults.append(f"{system.name}: {what} failed: {failure}")
             for pair in pairs:
                 pair.fail(f"{what} failed: {failure}")
             return False
@@ -304,7 +340,7 @@ class CrossCheck(Rounds):
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:
             self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
-            system.mechanism, system.batches = None, []
+            system.mechanism = None
 
     def _record(self, name: str, pair: _Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
@@ -314,9 +350,15 @@ class CrossCheck(Rounds):
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
             # So few states need not meet the one that the expectation is about.
             record = judge(name, str(pair.subject), pair, AGREES)
-        command = ["harness", "check", name, "--subject", str(pair.subject), *self.settings.replay_options]
+
+        def replay(state: dict[str, list[float]]) -> str:
+            return replay_command(name, record.subject, state, self.settings.replay_options)
+
         if record.worst_state is not None:
-            command += ["--state", json.dumps(record.worst_state)]
+            again = replay(record.worst_state)
         else:
-            command += ["--states", str(self.settings.states), "--seed", str(self.settings.seed)]
-        return replace(record, replay=shlex.join(command))
+            command = ["harness", "check", name, "--subject", record.subject, *self.settings.replay_options]
+            again = shlex.join([*command, "--states", str(self.settings.states), "--seed", str(self.settings.seed)])
+        shown = record.representative and replace(record.representative, replay=replay(record.representative.state))
+        origins = record.origins if self.settings.state is None else {}
+        return replace(record, replay=again, representative=shown, origins=origins)

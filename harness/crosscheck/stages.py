@@ -7,7 +7,6 @@ answers are held against it. What was loaded or compiled stays in the process fo
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,13 +15,16 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
 from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
-from harness.engines import Model, Unsupported
+from harness.engines import Model, Unsupported, accelerations
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
 
-# A timing shorter than this is repeated, so that the set-up for the size of a batch is not charged to the engine.
+# Timings of a batch: that many at least, and more until they take that long, up to the most.
+LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
+# A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
 REPEATED_BELOW_SECONDS = 0.25
 
 
@@ -32,13 +34,13 @@ class Answers:
 
     Attributes:
         comparison: the judgement of each answer; None where there is none.
-        seconds: cost per state [s]; None where there is no answer.
+        seconds: cost per state of each timing [s]; none where there is no answer.
         failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
         unsupported: whether the failure is that the engine cannot express the mechanism.
     """
 
     comparison: Comparison | None = None
-    seconds: float | None = None
+    seconds: Sequence[float] = ()
     failure: str = ""
     problem: InvalidInput | None = None
     unsupported: bool = False
@@ -71,7 +73,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
     Seconds of compilation are 0 where this process had compiled already.
     """
     import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
-    import heyoka  # noqa: F401
+
+    load_heyoka()
 
     references, seconds, compilation_seconds = {}, 0.0, 0.0
     for in_body in sorted(frames):
@@ -89,24 +92,24 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
     """The subject's accelerations at ``states``, timed and compared with the truth there."""
     try:
-        accelerations, seconds = timed_accelerations(load_audited(assignment), states)
-        return Answers(compare(reference, accelerations), seconds)
+        answer, seconds = timed_accelerations(load_audited(assignment), states)
+        return Answers(compare(reference, answer), seconds)
     except Exception as error:
         return Answers.missing(error)
 
 
-def timed_accelerations(model: Model, states: States) -> tuple[Array, float]:
-    """The accelerations at ``states``, (n, nv), and seconds per state."""
+def timed_accelerations(model: Model, states: States) -> tuple[Array, list[float]]:
+    """The accelerations at ``states``, (n, nv), and seconds per state of each timing."""
     # What is compiled or allocated on first use is not charged to the engine.
-    model.forward_dynamics(states.q[:1], states.v[:1], states.tau[:1])
-    elapsed = math.inf
-    for _ in range(2):
+    accelerations(model, states[:1])
+    seconds: list[float] = []
+    while len(seconds) <= MOST_TIMINGS:
         started = time.perf_counter()
-        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
-        elapsed = min(elapsed, time.perf_counter() - started)
-        if elapsed > REPEATED_BELOW_SECONDS:
+        answer = accelerations(model, states)
+        seconds.append(time.perf_counter() - started)
+        if seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS):
             break
-    return accelerations, elapsed / len(states)
+    return answer, [one / len(states) for one in seconds[1:] or seconds]
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
@@ -115,4 +118,4 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
         one = states[index : index + 1]
-        model.forward_dynamics(one.q, one.v, one.tau)
+        accelerations(model, one)

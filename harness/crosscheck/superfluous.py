@@ -20,7 +20,7 @@ import msgspec
 
 from harness.arrays import Array
 from harness.certify.sampling import sample
-from harness.engines import Engine, Subject, installed_version, load_engine
+from harness.engines import Engine, Subject, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -41,6 +41,8 @@ NOISE = 1e-10
 LEAST = 1e-15
 # As few as feel everything, for a long chain is asked a thousand times.
 STATES, SEED = 8, 7
+# Elements and numbers. Each costs at least one loading of the whole model; a chain of sixty links has 1700.
+MOST_PARTS = 3000
 # Elements that hold others together or say how to read them: never unused.
 _KEPT = {
     "mjcf": {"mujoco", "worldbody", "tendon", "compiler", "option", "flag"},
@@ -78,8 +80,7 @@ def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: T
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
-    own = library.engines / f"{subject.engine}.py"
-    engine_file = own if own.is_file() else Library.built_in().engines / f"{subject.engine}.py"
+    engine_file = engine_paths(library)[subject.engine]
     ranges = mechanism.position_ranges, mechanism.rate_ranges, mechanism.force_ranges
     identity = [repr(mechanism.key), repr(ranges), str(subject), str(installed_version(load_engine(library, subject.engine))), model.text]
     digest = hashlib.sha256("\0".join(identity).encode())
@@ -106,10 +107,15 @@ class _Examination:
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
-        return loaded.forward_dynamics(states.q, states.v, states.tau)
+        return accelerations(loaded, states)
 
     def parts(self) -> Iterator[Row]:
         """(line, element, attribute, value, why) of everything that is not needed."""
+        root, count = self._elements[0], sum(1 + sum(len(part.numbers) for part in element.attributes) for element in self._elements)
+        if count > MOST_PARTS:
+            many = f"holds {count} elements and numbers, too many to ask for each whether it is felt; expected at most {MOST_PARTS}"
+            yield root.line, root.tag, "", _named(root), many
+            return
         needed, dead = self._sorted_numbers()
         gone: list[Element] = []
         for element in self._elements:

@@ -6,7 +6,8 @@ stays in the process for the next task.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.engines import EQUATIONS, Model, Subject, linear_velocity_in_body, load_engine, load_model
+from harness.engines import EQUATIONS, Model, Subject, Unsupported, accelerations, linear_velocity_in_body, load_engine, load_model
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -60,10 +61,21 @@ def read(path: Path, model_format: str, note: Note) -> ModelFile:
     return read_model(path, model_format)
 
 
+def accept(assignments: Sequence[Assignment], note: Note) -> None:
+    """Let every subject's engine read its model.
+
+    Raises:
+        InvalidModel: one refuses it. What the model is held against comes later.
+    """
+    for assignment in assignments:
+        with contextlib.suppress(Unsupported):
+            load_model(assignment.library, assignment.subject, assignment.mechanism, assignment.model)
+
+
 def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
     """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
     model, kernel = load_audited(assignment), reference_kernel_of(assignment)
-    return lambda states: compare(kernel.evaluate(states), model.forward_dynamics(states.q, states.v, states.tau))
+    return lambda states: compare(kernel.evaluate(states), accelerations(model, states))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -138,8 +138,8 @@ def _special(bounds: tuple[float, float] | None) -> Sequence[float]:
 def shrink(judge: Callable[[States], Comparison], mechanism: Mechanism, state: States, kept: float = KEPT) -> tuple[States, float]:
     """A simpler state and its backward error, which is at least ``kept`` of that at ``state``, with the same verdict."""
     before = judge(state)
-    verdict, least = before.verdicts[0], kept * before.backward_error[0]
     row, error = rows_of(state)[0], float(before.backward_error[0])
+    verdict, least = before.verdicts[0], kept * error
     lowest, highest = np.array([bounds or (-np.inf, np.inf) for bounds in row_ranges(mechanism)]).T
     for _ in range(_ROUNDS):
         began = row

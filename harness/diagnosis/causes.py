@@ -21,7 +21,7 @@ from harness.diagnosis.perturbation import diagnostic_states, watch
 from harness.diagnosis.result import Conclusion, Diagnosis
 from harness.diagnosis.terms import TermComparison, compare_terms
 from harness.diagnosis.textbook_side import diagnose_textbook, textbook_evaluations
-from harness.engines import EQUATIONS, HeldModel, Subject, is_native, load_engine, load_model, subjects
+from harness.engines import EQUATIONS, HeldModel, Subject, accelerations, engine_files, is_native, load_engine, load_model, subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.library import Library, member_of
@@ -77,7 +77,8 @@ class Diagnoses(Rounds):
         for record, alike in chosen.values():
             subject = subject_named(record.subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
-            worst = [] if record.worst_state is None else [record.worst_state]
+            shown = record.representative
+            worst = [state for state in (record.worst_state, shown.state if shown is not None else None) if state is not None]
             suspects_textbook = inferences[record.system].party == "equations"
             scope = Scope(settings.seed, share, tolerance, worst)
             arguments = (settings.library, record.system, subject, settings.stand_ins.get(subject.format), scope)
@@ -110,9 +111,10 @@ def find_causes(settings: Settings, records: Sequence[Record], workers: Workers,
 
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:
     """The quantities that subjects which read a model of system ``name`` do not hold alike after loading, before any dynamics."""
-    reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS]
-    work = [Task(str(subject), _hold, (settings.library, name, subject, settings.stand_ins.get(subject.format))) for subject in reading]
     # Load errors are already in the record.
+    loads = {name for name, file in engine_files(settings.library).items() if file.outcome.value is not None}
+    reading = [subject for subject in subjects(settings.library) if subject.format != EQUATIONS and subject.engine in loads]
+    work = [Task(str(subject), _hold, (settings.library, name, subject, settings.stand_ins.get(subject.format))) for subject in reading]
     found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
     held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
     return differences(name, held, {model.format: model for model, _ in found.values() if model is not None})
@@ -208,7 +210,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
         if model is None:
             raise
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
-    accelerations = loaded.forward_dynamics(states.q, states.v, states.tau) if watched is None else watched.healthy
+    answer = accelerations(loaded, states) if watched is None else watched.healthy
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
     positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
@@ -223,7 +225,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     of_textbook = diagnose_textbook(
         kernel,
         states,
-        accelerations,
+        answer,
         path if member is None else member[0],
         tolerance=scope.tolerance,
         evaluations=int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS),

@@ -65,7 +65,8 @@ def fit(
         if float(np.linalg.norm(here, axis=1).max()) <= SMALL_ENOUGH:
             break
         longest = LONGEST * max(abs(value), scale)
-        step = float(np.clip(-np.vdot(slope, here) / np.vdot(slope, slope), -longest, longest))
+        length, along = _lengths(slope, here)
+        step = float(np.clip(-along / length, -longest, longest))
         taken = _lessened(residual, value, step, size, is_spent)
         stalled = taken is None
         if taken is not None:
@@ -79,6 +80,16 @@ def fit(
                 break
             slope, fresh = derivative(value), True
     return value
+
+
+def _lengths(column: Array, here: Array) -> tuple[float, float]:
+    """Length of a column, and of a residual along it; in numbers of about 1, as beside a state of 1e-160 squares overflow."""
+    largest = float(np.abs(column).max())
+    if not 0 < largest < math.inf:
+        return 0.0, 0.0
+    unit = column / largest
+    length = float(np.linalg.norm(unit))
+    return largest * length, float(np.vdot(unit, here)) / length
 
 
 def _lessened(
@@ -131,8 +142,8 @@ def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> li
         return []
     screened = []
     for place, (column, scale) in enumerate(zip(columns, scales, strict=True)):
-        square, along = float(np.vdot(column, column)), float(np.vdot(column, here))
-        share, step = (along**2 / square / size**2, abs(along) / square) if square else (0.0, 0.0)
+        length, along = _lengths(column, here)
+        share, step = ((along / size) ** 2, abs(along) / length) if length else (0.0, 0.0)
         unexplained = math.sqrt(max(0.0, 1 - share))
         worth = unexplained <= BEND * step / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
         screened.append((unexplained, place, worth))

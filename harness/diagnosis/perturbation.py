@@ -22,7 +22,7 @@ from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.certify.sampling import sample
 from harness.diagnosis.hypotheses import Candidate
-from harness.engines import Engine, Unsupported
+from harness.engines import Engine, Unsupported, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.formats import ORIENTATIONS, POINT_SPRING
@@ -65,7 +65,7 @@ def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States
             if changed is model:
                 raise
             raise ValueError(str(reason)) from reason
-        return loaded.forward_dynamics(states.q, states.v, states.tau)
+        return accelerations(loaded, states)
 
     return Watch(model, answer)
 

@@ -20,7 +20,7 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, quotient
-from harness.engines import Model, Terms
+from harness.engines import Model, Terms, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import AGREEMENT, Verdict, gravest
@@ -143,8 +143,7 @@ def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, s
     still = np.zeros_like(states.v)
     batches = {AT_REST: States(states.q, still, still, states.time), MOVING: States(states.q, states.v, still, states.time), LOADED: states}
     verdicts = {
-        name: gravest(compare(kernel.evaluate(batch), model.forward_dynamics(batch.q, batch.v, batch.tau)).verdicts.tolist())
-        for name, batch in batches.items()
+        name: gravest(compare(kernel.evaluate(batch), accelerations(model, batch)).verdicts.tolist()) for name, batch in batches.items()
     }
     wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
     unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]

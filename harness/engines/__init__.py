@@ -1,7 +1,8 @@
 """Engines: programs that return accelerations, each one a file here or in a library's ``engines/``.
 
 An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, and imports the program
-it wraps only inside its methods, so that finding engines costs nothing.
+it wraps only inside its methods, so that finding engines costs nothing. A library's own engine files are run by worker
+processes alone; what the harness itself has to know of them is ``engine_files``.
 
 Knows no equation. May use ``models`` and what is below it.
 
@@ -10,25 +11,39 @@ Start with ``Engine`` and ``Model``, the protocol, then with ``pinocchio``, whic
 
 from __future__ import annotations
 
+import ast
+import contextlib
 import importlib.metadata
 import importlib.util
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 from harness.arrays import Array, Rows
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
-from harness.library import Library, nearest, run_file
+from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.models.model_file import ModelFile
+from harness.workers import Outcome, Task, Workers
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
+    from harness.equations.states import States
 
 EQUATIONS = "equations"
+FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
+# Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
+LOADING_SECONDS = 600.0
 
 
 class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
+
+
+class InvalidAnswer(Exception):
+    """An engine returned something else than accelerations; the message says what. Verdict ``error``."""
 
 
 @dataclass(frozen=True)
@@ -189,31 +204,109 @@ class Subject:
         return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
 
 
-def engine_names(library: Library) -> list[str]:
-    """Names of all engine files, sorted: those of the harness and those of the library."""
+@dataclass(frozen=True)
+class EngineFile:
+    """An engine file as plain data.
+
+    Attributes:
+        requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
+        version: of the program behind it; None where it is not installed.
+        outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
+    """
+
+    requires: tuple[str, str]
+    formats: tuple[str, ...]
+    version: str | None
+    outcome: Outcome
+
+
+def engine_paths(library: Library) -> dict[str, Path]:
+    """Every engine file by name, sorted: those of the harness and those of the library, which win."""
     folders = Library.built_in().engines, library.engines
-    return sorted({path.stem for folder in folders for path in folder.glob("*.py") if not path.stem.startswith("_")})
+    found = {path.stem: path for folder in folders for path in folder.glob("*.py") if not path.stem.startswith("_")}
+    return dict(sorted(found.items()))
+
+
+def describe_engines(library: Library, workers: Workers) -> Mapping[str, EngineFile]:
+    """Every engine file by name, sorted; ``engine_files`` returns the same from then on.
+
+    A file of the library is loaded by a process of ``workers``, whose context is not entered yet: it may end, hang or print there.
+    The harness's own are loaded here.
+    """
+    paths = engine_paths(library)
+    tasks = {name: Task(name, _describe, (library, name)) for name in paths}
+    outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
+    if foreign := [task for name, task in tasks.items() if name not in outcomes]:
+        with replace(workers, time_limit=min(workers.time_limit, LOADING_SECONDS)) as loading:
+            outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
+    files = {}
+    for name, path in paths.items():
+        requires, formats, version = outcomes[name].value or (("", ""), _spelt_formats(path), None)
+        files[name] = EngineFile(requires, formats, version, outcomes[name])
+    _DESCRIBED[library.engines] = files
+    return files
+
+
+_DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
+
+
+def engine_files(library: Library) -> Mapping[str, EngineFile]:
+    """Every engine file of a library by name, as ``describe_engines`` found it in this process."""
+    if library.engines not in _DESCRIBED:
+        describe_engines(library, Workers())
+    return _DESCRIBED[library.engines]
+
+
+def _is_own(path: Path) -> bool:
+    return path.parent == Library.built_in().engines
+
+
+def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
+    """The first three attributes of an ``EngineFile``, as a task for ``harness.workers``; raises as ``load_engine``."""
+    engine = load_engine(library, name)
+    return (engine.requires[0], engine.requires[1]), tuple(dict.fromkeys(engine.formats)), installed_version(engine)
+
+
+def _spelt_formats(path: Path) -> tuple[str, ...]:
+    """The formats that an engine file spells out, read without running it; those of all model files where it spells out none."""
+    with contextlib.suppress(OSError, ValueError, TypeError, SyntaxError):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "formats":
+                return tuple(name for name in FORMATS if name in ast.literal_eval(node.value)) or tuple(MODEL_SUFFIXES)
+    return tuple(MODEL_SUFFIXES)
 
 
 def load_engine(library: Library, name: str) -> Engine:
-    """The engine called ``name``; a library's own engine wins over the harness's.
+    """The engine called ``name``; a library's own engine wins over the harness's. Only worker processes load one of a library.
 
     Raises:
-        InvalidInput: the engine file raises or defines no ``ENGINE``.
+        InvalidInput: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
         InvalidRequest: there is no such engine.
     """
-    own = library.engines / f"{name}.py"
-    built_in = Library.built_in().engines / f"{name}.py"
-    if library.engines != built_in.parent and own.is_file():
-        module = run_file(own, f"_harness_engine_{name}")
-    elif built_in.is_file():
-        module = importlib.import_module(f"harness.engines.{name}")
-    else:
-        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, engine_names(library))}")
+    paths = engine_paths(library)
+    if name not in paths:
+        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
+    path = paths[name]
+    module = importlib.import_module(f"harness.engines.{name}") if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
-    if engine is None:
-        raise InvalidInput(own if own.is_file() else built_in, None, "defines no ENGINE; see CONTRIBUTING, add an engine")
+    if problem := _problem_of(engine):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
+        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
+    assert engine is not None
     return engine
+
+
+def _problem_of(engine: Any) -> str:
+    """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
+    if engine is None:
+        return "defines no ENGINE"
+    requires, formats = getattr(engine, "requires", None), getattr(engine, "formats", None)
+    if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
+        return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
+    if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
+        return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
+    return "" if callable(getattr(engine, "load", None)) else "ENGINE has no method load"
 
 
 def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: ModelFile | None) -> Model:
@@ -232,6 +325,26 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
         raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
 
 
+def accelerations(model: Model, states: States) -> Array:
+    """The answer of ``model.forward_dynamics``, which may hold numbers that are not finite.
+
+    A model file says nothing of time; a model that is made of equations has ``takes_time = True`` and takes it last.
+
+    Raises:
+        InvalidAnswer: it is no (n, nv) array of floating-point numbers.
+    """
+    v = states.v
+    time = (states.time,) if getattr(model, "takes_time", False) else ()
+    answer: Any = model.forward_dynamics(states.q, v, states.tau, *time)
+    if not isinstance(answer, np.ndarray):
+        found = f"a {type(answer).__name__}"
+    elif answer.shape != v.shape or not np.issubdtype(answer.dtype, np.floating):
+        found = f"an array of shape {answer.shape} of {answer.dtype}"
+    else:
+        return np.asarray(answer)
+    raise InvalidAnswer(f"forward_dynamics returned {found}; expected an array of shape {v.shape} of float64")
+
+
 def linear_velocity_in_body(engine: Engine) -> bool:
     """True where the engine gives the linear velocity of a free joint in the body's own frame."""
     return bool(getattr(engine, "linear_velocity_in_body", False))
@@ -240,22 +353,21 @@ def linear_velocity_in_body(engine: Engine) -> bool:
 def installed_version(engine: Engine) -> str | None:
     """Version of the program behind an engine, without importing it; None where it is not installed."""
     module, distribution = engine.requires
-    if importlib.util.find_spec(module) is None:
-        return None
     try:
-        return importlib.metadata.version(distribution)
-    except importlib.metadata.PackageNotFoundError:
+        # A module within a package is found by importing the package.
+        return importlib.metadata.version(distribution) if importlib.util.find_spec(module) is not None else None
+    except ModuleNotFoundError:
         return None
 
 
 def subjects(library: Library) -> list[Subject]:
     """Every subject of every engine, sorted by name."""
-    return sorted(Subject(name, model_format) for name in engine_names(library) for model_format in load_engine(library, name).formats)
+    return sorted(Subject(name, model_format) for name, file in engine_files(library).items() for model_format in file.formats)
 
 
 def is_native(library: Library, subject: Subject) -> bool:
     """True where the format is the engine's own; a question about engines, and not about readers, goes to such subjects."""
-    return load_engine(library, subject.engine).formats[0] == subject.format
+    return engine_files(library)[subject.engine].formats[0] == subject.format
 
 
 def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:

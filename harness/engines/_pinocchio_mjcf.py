@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from lxml import etree
@@ -40,13 +39,14 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
 
     document = parse_document(file.path, file.text, ROOT_TAGS["mjcf"])
     _refuse_ignored(file, document)
-    with tempfile.TemporaryDirectory() as folder, captured_standard_error() as captured:
-        path = Path(folder, "model.xml")
-        path.write_text(file.text, encoding="utf-8")
+    # The reader wants a path. This one has no name that could outlive a process which the reader aborts.
+    with tempfile.TemporaryFile() as content, captured_standard_error() as captured:
+        content.write(file.text.encode())
+        content.seek(0)
         try:
-            model = pinocchio.buildModelFromMJCF(path)
+            model = pinocchio.buildModelFromMJCF(f"/dev/fd/{content.fileno()}")
         except Exception as error:
-            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {captured() or ' '.join(str(error).split())}") from error
+            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {' '.join((captured() or str(error)).split())}") from error
     return model, _composites(document)
 
 

@@ -22,14 +22,16 @@ if TYPE_CHECKING:
 class LagrangeModel:
     """A mechanism's float64 evaluator."""
 
+    takes_time = True
+
     def __init__(self, kernel: MechanismKernel) -> None:
         self._kernel = kernel
 
     def loaded(self) -> None:
         return None
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        return self._kernel.accelerations(q, v, tau)
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        return self._kernel.accelerations(q, v, tau, time)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))

@@ -117,8 +117,8 @@ class PinocchioModel:
         """Python text that reads the model into ``m``."""
         if self._file.format == "mjcf":
             # This reader takes files only.
-            write = f"f = pathlib.Path(tempfile.mkdtemp(), 'model.xml'); f.write_text({source})"
-            return f"import numpy as np, pinocchio as pin, pathlib, tempfile; {write}; m = pin.buildModelFromMJCF(f)"
+            write = f"f = tempfile.NamedTemporaryFile('w'); f.write({source}); f.flush()"
+            return f"import numpy as np, pinocchio as pin, tempfile; {write}; m = pin.buildModelFromMJCF(f.name)"
         # Only the harness puts a ball joint at the root; see ``load``.
         ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
         return f"import numpy as np, pinocchio as pin; m = pin.buildModelFromXML({source}{ball})"

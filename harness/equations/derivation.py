@@ -14,6 +14,7 @@ import importlib.metadata
 import math
 import sys
 import time
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,20 +56,25 @@ def load_mechanism(library: Library, name: str) -> Mechanism:
     return mechanism
 
 
-def degrees_of_freedom(library: Library, name: str) -> tuple[int, str]:
+def degrees_of_freedom(library: Library, name: str, note: object = None) -> tuple[int, str]:
     """Number of coordinates of system ``name`` and the first line of its description; nothing is derived for them.
 
     Raises:
         InvalidSystem: as ``load_mechanism``, but for what only a derivation finds.
     """
-    entry = _entry(library, name, "listed")
-    try:
-        return msgspec.json.decode(read_entry(entry) or "", type=tuple[int, str])
-    except msgspec.DecodeError:
-        (system, *_), docstring = load_atlas(library.system_path(name))
+    if kept := kept_degrees_of_freedom(library, name):
+        return kept
+    (system, *_), docstring = load_atlas(library.system_path(name))
     listed = len(system.coordinates), docstring.strip().splitlines()[0]
-    write_entry(entry, msgspec.json.encode(listed).decode())
+    write_entry(_entry(library, name, "listed"), msgspec.json.encode(listed).decode())
     return listed
+
+
+def kept_degrees_of_freedom(library: Library, name: str) -> tuple[int, str] | None:
+    """``degrees_of_freedom`` from the cache, without running the system file; None where it is not there."""
+    with contextlib.suppress(msgspec.DecodeError, InvalidSystem):
+        return msgspec.json.decode(read_entry(_entry(library, name, "listed")) or "", type=tuple[int, str])
+    return None
 
 
 def _entry(library: Library, name: str, kind: str = "mechanisms") -> Path:
@@ -117,6 +123,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
+    except Exception as error:
+        raise InvalidSystem(file, line, f"cannot be derived: {type(error).__name__}: {error}") from error
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
     return Mechanism(
@@ -137,6 +145,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         charts_in_body=in_body,
         energy_programs=energies,
         start=_start(system),
+        energies_text="" if text else _energies_text(file),
         program=program,
         equations_text=text,
         equations_mathml=mathml,
@@ -171,6 +180,22 @@ def _start(system: System) -> tuple[tuple[float, float], ...]:
         return ()
     pairs = zip(system.coordinates, system.rates, strict=True)
     return tuple((float(system.start.get(q, 0.0)), float(system.start.get(rate, 0.0))) for q, rate in pairs)
+
+
+def _energies_text(path: Path) -> str:
+    """The statements of a system's file after its docstring, and the helpers in its folder that it imports."""
+    source = _source(path)
+    body = ast.parse(source).body
+    imported = [node.module for node in body if isinstance(node, ast.ImportFrom) and node.module]
+    imported += [alias.name for node in body if isinstance(node, ast.Import) for alias in node.names]
+    helpers = [path.with_name(f"{name}.py") for name in imported if path.with_name(f"{name}.py").is_file()]
+    own = "\n".join(source.splitlines()[body[0].end_lineno :]).strip()
+    return "\n\n\n".join([own, *(f"# {helper.name}\n{_source(helper).strip()}" for helper in helpers)])
+
+
+def _source(path: Path) -> str:
+    with tokenize.open(path) as stream:
+        return stream.read()
 
 
 def _is_short(program: StraightLineProgram) -> bool:

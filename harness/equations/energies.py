@@ -22,6 +22,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import ENERGY_OUTPUTS, upper_triangle
@@ -64,7 +65,7 @@ class EnergyKernel:
 
     @cached_property
     def _compiled(self) -> list[Any]:
-        import heyoka
+        heyoka = load_heyoka()
 
         compiled = []
         for program in self._mechanism.energy_programs:
@@ -120,7 +121,7 @@ class LagrangianKernel:
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
-        import heyoka
+        heyoka = load_heyoka()
 
         mechanism = self.mechanism
         inputs = [heyoka.expression(f"z{i}") for i in range(len(mechanism.program.inputs))]
@@ -128,7 +129,7 @@ class LagrangianKernel:
         return inputs, {**energies, "mass": heyoka_expressions(mechanism.program, inputs)["mass"]}
 
     def _compiled(self, expressions: list[Any]) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         is_long = len(self.mechanism.program.instructions) > MOST_INSTRUCTIONS_UNROLLED
         return heyoka.cfunc(expressions, vars=self._symbols[0], compact_mode=is_long)
@@ -139,7 +140,7 @@ class LagrangianKernel:
 
     @cached_property
     def _terms(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs, outputs = self._symbols
         nv = self.mechanism.nv

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.machine_code import load_heyoka
 from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.equations.relative_joints import to_coordinates, to_joints
 from harness.storage import Kept
@@ -53,8 +54,8 @@ class Float64Kernel:
     def accelerations(self, inputs: Array) -> Array:
         """qdd, (nv, n), by L D L' factorisation without pivoting."""
         if self.nv <= MOST_UNROLLED:
-            return np.asarray(self._accelerations(inputs))
-        entries = list(np.asarray(self._terms(inputs)))
+            return _evaluated(self._accelerations, inputs)
+        entries = list(_evaluated(self._terms, inputs))
         first = position_count(self.program) + self.nv
         sizes = [len(entries) - 3 * self.nv, *[self.nv] * 3]
         outputs = {name: [entries.pop(0) for _ in range(size)] for name, size in zip(OUTPUTS, sizes, strict=True)}
@@ -62,7 +63,7 @@ class Float64Kernel:
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
-        flat = np.asarray(self._terms(inputs))
+        flat = _evaluated(self._terms, inputs)
         pairs = upper_triangle(self.nv)
         mass = np.empty((inputs.shape[1], self.nv, self.nv))
         for row, (i, j) in enumerate(pairs):
@@ -74,7 +75,7 @@ class Float64Kernel:
         """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (nv, number of inputs, n)."""
         if self._in_coordinates is not None:
             return self._derivatives_in_joints(self._in_coordinates, inputs, accelerations)
-        flat = np.asarray(self._derivatives(np.ascontiguousarray(np.vstack([inputs, accelerations]))))
+        flat = _evaluated(self._derivatives, np.ascontiguousarray(np.vstack([inputs, accelerations])))
         return flat.reshape(self.nv, len(self.program.inputs), -1)
 
     def _derivatives_in_joints(self, kernel: Float64Kernel, inputs: Array, accelerations: Array) -> Array:
@@ -96,7 +97,7 @@ class Float64Kernel:
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
         # With the digits of long double, as heyoka turns a division by a number into a product.
@@ -122,14 +123,14 @@ class Float64Kernel:
 
     @cached_property
     def _accelerations(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs, outputs = self._symbols
         return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
 
     @cached_property
     def _derivatives(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs, outputs = self._symbols
         accelerations = [heyoka.expression(f"a{i}") for i in range(self.nv)]
@@ -142,9 +143,22 @@ class Float64Kernel:
         return self._compiled(list(jacobian.flatten()), [*inputs, *accelerations])
 
     def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
+
+
+def _evaluated(function: Any, inputs: Array) -> Array:
+    """``function`` of every column, each in a full SIMD vector, so that a state alone is rounded as it is among others.
+
+    heyoka evaluates what is left over one by one, with other sines and cosines.
+    """
+    import heyoka
+
+    states = inputs.shape[1]
+    missing = -states % heyoka.recommended_simd_size()
+    filled = np.pad(inputs, ((0, 0), (0, missing)), mode="edge") if missing and states else inputs
+    return np.ascontiguousarray(np.asarray(function(filled))[:, :states])
 
 
 _KERNELS: Kept[Float64Kernel] = Kept(64)
@@ -160,7 +174,7 @@ def float64_kernel(
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:
     """The program's outputs as heyoka expressions of ``inputs``."""
-    import heyoka
+    heyoka = load_heyoka()
 
     binary: dict[str, Callable[[Any, Any], Any]] = {
         "add": lambda a, b: a + b,

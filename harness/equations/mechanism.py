@@ -40,7 +40,8 @@ class Mechanism:
             of free joints in the body's frame, () where there is no free joint.
         energy_programs: energies of the charts (program, *other_charts); see ``harness.equations.energies``.
         start: (position, rate) per coordinate that computed motions start from; () where the system declares none.
-        equations_text, equations_mathml: the equations for people.
+        equations_text, equations_mathml: the equations for people; "" where they would be too long to be read.
+        energies_text: the system's file and the helpers it imports, without docstring, where the equations are too long.
         derivation_seconds: what deriving and assembling them cost.
     """
 
@@ -65,6 +66,7 @@ class Mechanism:
     charts_in_body: tuple[StraightLineProgram, ...] = ()
     energy_programs: tuple[StraightLineProgram, ...] = ()
     start: tuple[tuple[float, float], ...] = ()
+    energies_text: str = ""
 
     @property
     def nv(self) -> int:
@@ -82,6 +84,11 @@ class Mechanism:
         turning = {self.joints[place] for place in self.attitudes}
         counts = Counter(self.joints)
         return {joint: (count + (joint in turning), count) for joint, count in counts.items()}
+
+    @property
+    def operations(self) -> int:
+        """Number of operations of one evaluation of the equations."""
+        return sum(instruction[0] not in ("input", "rational", "pi") for instruction in self.program.instructions)
 
     def charts(self, linear_velocity_in_body: bool) -> tuple[StraightLineProgram, ...]:
         """Programs of the same equations, of which one at least is regular everywhere it can be.

@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.kernels import Float64Kernel, float64_kernel, heyoka_expressions
+from harness.equations.machine_code import load_heyoka
 from harness.equations.program import StraightLineProgram, position_count, without_unused
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ class Charts:
 
     @cached_property
     def _regularity(self) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         inputs = [heyoka.expression(f"z{i}") for i in range(len(self.programs[0].inputs))]
         outputs = []
@@ -80,9 +81,9 @@ class MechanismKernel:
         self._mechanism = mechanism
         self._programs = mechanism.charts(linear_velocity_in_body)
 
-    def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
-        """qdd, (n, nv), at q (n, nq), v and tau (n, nv); the time is 0."""
-        return np.ascontiguousarray(self.compiled.accelerations(self.inputs(q, v, tau)).T)
+    def accelerations(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        """qdd, (n, nv), at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None."""
+        return np.ascontiguousarray(self.compiled.accelerations(self.inputs(q, v, tau, time)).T)
 
     def terms(self, q: Array, v: Array, tau: Array) -> dict[str, Array]:
         """As ``Float64Kernel.terms``."""
@@ -94,12 +95,17 @@ class MechanismKernel:
         program, *others = self._programs
         return float64_kernel(program, self._parameters, tuple(others))
 
-    def inputs(self, q: Array, v: Array, tau: Array) -> Array:
+    def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """Columns for the kernel, whole turns taken from large angles."""
         nq, nv = q.shape[1], v.shape[1]
         values = () if self._parameters is not None else self._mechanism.parameter_values
         columns = np.empty((nq + 2 * nv + 1 + len(values), len(q)))
-        columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv], columns[nq + 2 * nv] = q.T, v.T, tau.T, 0.0
+        columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv], columns[nq + 2 * nv] = (
+            q.T,
+            v.T,
+            tau.T,
+            0.0 if time is None else time,
+        )
         columns[nq + 2 * nv + 1 :] = np.reshape(values, (-1, 1))
         # In a sum with another angle a large one would round its digits away.
         if (np.abs(columns[:nq]) > LARGE_ANGLE).any():

@@ -26,7 +26,7 @@ import numpy as np
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
 from harness.crosscheck.tasks import Note, reference_kernel
-from harness.engines import EQUATIONS, Subject, installed_version, linear_velocity_in_body, load_engine, select_subjects
+from harness.engines import EQUATIONS, Subject, accelerations, engine_files, linear_velocity_in_body, load_engine, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -130,7 +130,7 @@ def _point(case: HardCase, value: float, truth: Truth, subject: Subject, engines
     except ValueError as error:
         return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}")
     try:
-        answers = loaded.forward_dynamics(states.q, states.v, states.tau)
+        answers = accelerations(loaded, states)
     except Exception as error:
         return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}")
     return _judged(about, states, reference, compare(reference, answers))
@@ -228,6 +228,9 @@ class AtlasStudy(Rounds):
             if name not in hard_cases():
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
         asked, names = _installed(library, subjects), list(dict.fromkeys(cases)) or list(hard_cases())
+        for subject in [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]:
+            asked.remove(subject)
+            self._next.append(Task((self._refused, subject), _say, (self.failure(engine_files(library)[subject.engine].outcome),)))
         self._next += [Task((self._rated, name, subject), measure, (name, subject, library)) for name in names for subject in asked]
         if motion:
             values = hard_cases()[OSCILLATOR].values
@@ -243,6 +246,9 @@ class AtlasStudy(Rounds):
         row: HardRow = failed(hard_cases()[name], subject, failure, outcome.crash) if failure else outcome.value
         yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected)]))
 
+    def _refused(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
+        yield self._part(str(subject), Atlas(problems=[f"{subject}: {outcome.value}"]))
+
     def _moved(self, outcome: Outcome, part: str, name: str) -> Iterator[Part]:
         if failure := self.failure(outcome):
             noted = f" ({outcome.crash.note})" if outcome.crash is not None and outcome.crash.note else ""
@@ -255,15 +261,20 @@ class AtlasStudy(Rounds):
         return Part(label, found)
 
 
+def _say(failure: str, note: Note) -> str:
+    """Why an engine file cannot be loaded, which is a part of the atlas as what a task finds."""
+    return failure
+
+
 def _installed(library: Library, names: Sequence[str]) -> list[Subject]:
-    """The native subjects asked for, without those whose engine is not installed where none was named."""
+    """The native subjects asked for, without those whose engine is not installed where none was named; some may not load."""
     chosen = []
     for subject in select_subjects(library, names, native_only=True):
-        engine = load_engine(library, subject.engine)
-        if installed_version(engine) is not None:
+        file = engine_files(library)[subject.engine]
+        if file.version is not None or file.outcome.value is None:
             chosen.append(subject)
         elif names:
-            raise InvalidRequest(f"{subject} cannot be measured: {engine.requires[1]} is not installed")
+            raise InvalidRequest(f"{subject} cannot be measured: {file.requires[1]} is not installed")
     if not chosen:
         raise InvalidRequest("no engine is installed")
     return chosen

@@ -24,7 +24,7 @@ from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
-from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine, select_subjects
+from harness.engines import EQUATIONS, Subject, Unsupported, engine_files, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
@@ -94,8 +94,8 @@ class Search(Rounds):
         self.settings = settings
         (self.name,) = settings.library.select([settings.name])
         self._expectations = load_expectations(settings.library)
-        self._subjects = self._select()
         self._result = SearchResult(place=path_of(settings.library, self.name))
+        self._subjects = self._select()
         self._hunts = hunts(settings.budget)
         self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
         self._loaded: dict[str, Any] = {}
@@ -139,14 +139,18 @@ class Search(Rounds):
         library, chosen = self.settings.library, []
         for subject in select_subjects(library, self.settings.subjects, native_only=True):
             reason = why_no_model(library, self.name, subject, self._expectations)
-            engine = load_engine(library, subject.engine)
-            if not reason and installed_version(engine) is None:
-                reason = f"{engine.requires[1]} is not installed"
+            file = engine_files(library)[subject.engine]
+            if failure := self.failure(file.outcome):
+                self._result.failures[str(subject)] = failure
+                self._result.crashed = self.crashed
+                continue
+            if not reason and file.version is None:
+                reason = f"{file.requires[1]} is not installed"
             if reason and self.settings.subjects:
                 raise InvalidRequest(f"{subject} cannot be searched on {self.name}: {reason}")
             if not reason:
                 chosen.append(subject)
-        if not chosen:
+        if not chosen and not self._result.failures:
             raise InvalidRequest(f"no subject can be searched on {self.name}")
         return chosen
 

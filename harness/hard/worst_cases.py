@@ -1,7 +1,6 @@
 """The catalogue's worst cases per subject, each explained and with a program that reproduces it: what a report ranks.
 
-A case is a cross-check's record, or a stored state of the very versions that the cross-check ran; of other versions
-the cross-check has compared the state anew.
+A case is a cross-check's record. Stored states are among those that the cross-check compared.
 """
 
 from __future__ import annotations
@@ -15,32 +14,24 @@ from harness.equations.states import States
 from harness.hard.lost_digits import locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
-from harness.results.hard_states import FoundState, RankedCase, load_found, worst_cases
-from harness.results.records import Record, Run
+from harness.results.hard_states import RankedCase, worst_cases
+from harness.results.records import Record
 from harness.verdict import Verdict
 from harness.workers import Task, Workers
 
 
-def ranked(
-    library: Library, run: Run, records: Sequence[Record], workers: Workers, most: int = 10, replay_options: Sequence[str] = ()
-) -> list[RankedCase]:
+def ranked(library: Library, records: Sequence[Record], workers: Workers, most: int = 10) -> list[RankedCase]:
     """The worst cases of each subject, worst first, at most ``most`` each, on workers whose context the caller has entered.
 
     To what a record says is added which term loses the digits at the state shown; a case that cannot be explained, as
     where the engine crashes, keeps its own words.
-
-    Raises:
-        InvalidInput: the stored states of a system cannot be used.
     """
-    systems = sorted({record.system for record in records})
-    # The cross-check has compared the states of other versions anew.
-    found = {name: [one for one in load_found(library, name) if one.versions.items() <= run.versions.items()] for name in systems}
-    cases = worst_cases(records, found, most, replay_options)
+    cases = worst_cases(records, most)
     subjects = {str(subject): subject for subject in select_subjects(library, [])}
     work = [
         Task((index, function), function, (library, case.system, subjects[case.subject], case.state))
         for index, case in enumerate(cases)
-        for function in _functions(case, found[case.system])
+        for function in _functions(case)
     ]
     for outcome in workers.run(work):
         index, function = outcome.task.key
@@ -62,7 +53,6 @@ def write_reproducer(library: Library, system: str, subject: Subject, state: dic
     return reproduce(tasks.Assignment.of(library, system, subject), States.at(**state))
 
 
-def _functions(case: RankedCase, found: Sequence[FoundState]) -> list[Callable[..., str]]:
+def _functions(case: RankedCase) -> list[Callable[..., str]]:
     # An engine that gave no number, or no answer at all, would do so again.
-    explained = case.verdict == Verdict.ERROR or case.statement in {one.statement for one in found}
-    return [write_reproducer] if explained else [write_reproducer, state_loss]
+    return [write_reproducer] if case.verdict == Verdict.ERROR else [write_reproducer, state_loss]

@@ -146,9 +146,9 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
 }
 
 # format -> element path -> attributes that hold more than the table above can say
-# Exporters write a zero axis into fixed joints, where it means nothing.
+# Exporters write a zero axis into fixed joints, where it means nothing. A class inside another needs a name to be chosen by.
 ALSO: Mapping[str, Mapping[str, Attributes]] = {
-    "mjcf": {},
+    "mjcf": {"default//default": {"class": Text(required=True)}},
     "urdf": {f"joint[@type='{kind}']/axis": {"xyz": _AXIS} for kind in ("revolute", "prismatic", "continuous", "planar")},
 }
 

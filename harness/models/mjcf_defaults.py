@@ -5,7 +5,9 @@ Source: MuJoCo documentation, Modeling, section Default settings.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from lxml import etree
@@ -65,16 +67,43 @@ def of_class(element: etree._Element, name_of_class: str, name: str) -> Written 
 
 
 def _in_class(element: etree._Element, name_of_class: str, name: str) -> Iterator[Written]:
-    tag = _DEFAULT_TAG.get(element.tag, element.tag)
-    sections = element.getroottree().getroot().iterchildren("default")
-    classes = [default for section in sections for default in section.iter("default") if name_of_class in _names(default)]
-    given = [part for default in classes for part in default.iterchildren(tag) if name in part.attrib]
-    yield from (Written(str(part.get(name)), part) for part in reversed(given))
-    if classes and classes[-1].getparent().tag == "default":
-        yield from _in_class(element, _names(classes[-1].getparent())[-1], name)
+    classes = _classes(element.getroottree().getroot())
+    key = _DEFAULT_TAG.get(element.tag, element.tag), name
+    # A class inside another of its name, which MuJoCo refuses, is around itself.
+    chain = [name_of_class]
+    for one in chain:
+        if one in classes:
+            yield from classes[one].given.get(key, ())
+            chain += [around for around in classes[one].around if around not in chain]
+
+
+@dataclass
+class _Class:
+    """A default class: the name of the one ``around`` it, if any, and its writings by (tag, attribute)."""
+
+    around: tuple[str, ...] = ()
+    given: dict[tuple[str, str], list[Written]] = field(default_factory=dict)
+
+
+# Of the last file alone, and once: a file looks as many attributes up as it has elements.
+@functools.lru_cache(maxsize=1)
+def _classes(root: etree._Element) -> dict[str, _Class]:
+    """The default classes of a file by name; a name that stands twice is one class, and what comes later goes first."""
+    classes: dict[str, _Class] = {}
+    for default in (default for section in root.iterchildren("default") for default in section.iter("default")):
+        parts = [(part, *written) for part in default.iterchildren("*") for written in part.attrib.items()]
+        for name in _names(default):
+            known = classes.setdefault(name, _Class())
+            known.around = _names(default.getparent())[-1:]
+            for part, attribute, text in parts:
+                earlier, words = known.given.get((part.tag, attribute), []), len(text.split())
+                longer = [written for written in earlier if len(written.text.split()) > words]
+                known.given[part.tag, attribute] = [Written(text, part), *longer]
+    return classes
 
 
 def _names(default: etree._Element) -> tuple[str, ...]:
-    """The names of a class: the outermost one is ``MAIN`` besides."""
+    """The names of a class, none for what is no class: the outermost one is ``MAIN`` besides."""
     own = default.get("class")
-    return (*([MAIN] if default.getparent().tag == "mujoco" else []), *([str(own)] if own else []))
+    outermost = default.tag == "default" and default.getparent().tag == "mujoco"
+    return (*([MAIN] if outermost else []), *([str(own)] if own else []))

@@ -44,6 +44,7 @@ from harness.models.xml import MAXIMUM_DEPTH, Document, add_named, describe, lit
 __all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
 _DRAKE_JOINT = "drake:joint"
+_UNIVERSE = "universe"
 ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
 
 
@@ -114,7 +115,7 @@ def _read_mjcf(document: Document) -> ModelFile:
             body = _owner(joint)
             if body.tag != "body":
                 document.refuse(joint, f"{describe(joint)} stands in <{body.tag}>; a joint belongs in the <body> that it moves")
-            add_named(document, joint, joints)
+            _add_joint(document, joint, joints)
             moving.add(body)
         for body in world.iter("body"):
             if _owner(body) in moving:
@@ -136,6 +137,12 @@ def _read_mjcf(document: Document) -> ModelFile:
         gravity=gravity(root),
         unexpressed=unexpressed,
     )
+
+
+def _add_joint(document: Document, joint: etree._Element, joints: dict[str, etree._Element]) -> None:
+    add_named(document, joint, joints)
+    if joint.get("name") == _UNIVERSE:
+        document.refuse(joint, f"joint {_UNIVERSE!r}, as Pinocchio calls the world: its reader aborts on that; give it another name")
 
 
 def _owner(element: etree._Element) -> etree._Element:
@@ -176,13 +183,13 @@ def _read_urdf(document: Document) -> ModelFile:
     if not links:
         document.refuse(root, "has no link; expected the bodies of the mechanism and the world they hang on")
     for joint in root.iterfind("joint"):
-        add_named(document, joint, joints)
+        _add_joint(document, joint, joints)
     moving_joints = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
     balls: dict[str, etree._Element] = {}
     for joint in (element for element in root.iterchildren("*") if literal_tag(element) == _DRAKE_JOINT):
         if balls:
             document.refuse(joint, f"second <{_DRAKE_JOINT}>; one ball joint can hang the root link on the world, and no other is read")
-        add_named(document, joint, balls)
+        _add_joint(document, joint, balls)
         if joint.get("name") in joints:
             document.refuse(joint, f"joint {joint.get('name')!r} is declared twice; give each joint its own name")
     moving_joints |= balls

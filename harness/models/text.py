@@ -9,6 +9,7 @@ offset of a tag, never the characters that an attribute or a number occupies.
 
 from __future__ import annotations
 
+import bisect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -120,6 +121,7 @@ def innermost(holders: Iterable[Element], element: Element) -> Element | None:
 def find_elements(text: str, model_format: str) -> list[Element]:
     """Every element of a valid model but its decoration, in document order."""
     found: list[Element] = []
+    line_of = _lines(text)
     # Places in ``found`` of the elements that are still open.
     waiting: list[int] = []
     for token in _TAG.finditer(text):
@@ -128,46 +130,48 @@ def find_elements(text: str, model_format: str) -> list[Element]:
         if token["close"]:
             place = waiting.pop()
             closed = replace(found[place], closed=token.start(), end=token.end())
-            found[place] = _with_text(closed, text, model_format)
+            found[place] = _with_text(closed, text, line_of, model_format)
             continue
         path = (*(found[waiting[-1]].path if waiting else ()), token["tag"])
-        line = text.count("\n", 0, token.start()) + 1
-        attributes = tuple(_attributes(token, text, path, model_format))
+        attributes = tuple(_attributes(token, line_of, path, model_format))
         if not token["empty"]:
             waiting.append(len(found))
-        found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line, attributes))
+        found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line_of(token.start()), attributes))
     return [element for element in found if rules_at(model_format, element.path) is not None]
 
 
-def _attributes(token: re.Match[str], text: str, path: tuple[str, ...], model_format: str) -> Iterator[Attribute]:
-    for match in _ATTRIBUTE.finditer(text, token.start("attributes"), token.end("attributes")):
-        start, name = match.start("value"), match["name"]
-        line = text.count("\n", 0, match.start("name")) + 1
-        yield Attribute(
-            name, match.start(), match.end(), line, match["value"], _numbers(text, start, match["value"], path, name, model_format)
-        )
+def _lines(text: str) -> Callable[[int], int]:
+    """The 1-based line of a place in the text."""
+    ends = [match.start() for match in re.finditer("\n", text)]
+    return lambda place: bisect.bisect_left(ends, place) + 1
 
 
-def _with_text(element: Element, text: str, model_format: str) -> Element:
+def _attributes(token: re.Match[str], line_of: Callable[[int], int], path: tuple[str, ...], model_format: str) -> Iterator[Attribute]:
+    for match in _ATTRIBUTE.finditer(token.string, token.start("attributes"), token.end("attributes")):
+        name, value = match["name"], match["value"]
+        numbers = _numbers(line_of, match.start("value"), value, path, name, model_format)
+        yield Attribute(name, match.start(), match.end(), line_of(match.start("name")), value, numbers)
+
+
+def _with_text(element: Element, text: str, line_of: Callable[[int], int], model_format: str) -> Element:
     """``element`` with the numbers between its tags as the attribute ""."""
     content = text[element.opened : element.closed]
-    numbers = _numbers(text, element.opened, content, element.path, "", model_format)
+    numbers = _numbers(line_of, element.opened, content, element.path, "", model_format)
     if not numbers:
         return element
     inside = Attribute("", element.opened, element.closed, numbers[0].line, content, numbers)
     return replace(element, attributes=(*element.attributes, inside))
 
 
-def _numbers(text: str, start: int, value: str, path: tuple[str, ...], name: str, model_format: str) -> tuple[Number, ...]:
+def _numbers(
+    line_of: Callable[[int], int], start: int, value: str, path: tuple[str, ...], name: str, model_format: str
+) -> tuple[Number, ...]:
     rule = (rules_at(model_format, path) or {}).get(name)
     if not isinstance(rule, Numbers):
         return ()
-    line = text.count("\n", 0, start) + 1
     try:
         return tuple(
-            Number(
-                start + word.start(), start + word.end(), float(word[0]), line + value.count("\n", 0, word.start()), path[-1], name, index
-            )
+            Number(start + word.start(), start + word.end(), float(word[0]), line_of(start + word.start()), path[-1], name, index)
             for index, word in enumerate(_WORD.finditer(value))
         )
     except ValueError:

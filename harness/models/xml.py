@@ -1,7 +1,7 @@
 """One model file as an XML tree with the line of every element, read without trusting its author.
 
 DOCTYPE is refused (so there are no entities to expand and nothing to fetch), as are files beyond the
-size and depth the engines can bear. Expat gives the line where a tag starts; lxml, the tree and the
+size, number of elements and depth the engines can bear. Expat gives the line where a tag starts; lxml, the tree and the
 better messages, only knows where it ends.
 """
 
@@ -20,6 +20,8 @@ from harness.errors import InvalidModel
 from harness.library import CannotRun, member_of, nearest, raised_in, run_file
 
 MAXIMUM_BYTES = 10_000_000
+# Several times as many as the largest robots have; a second to read.
+MAXIMUM_ELEMENTS = 50_000
 # libxml2 stops at 256, and links a few thousand deep overflow Pinocchio's stack.
 MAXIMUM_DEPTH = 200
 _SHOWN = 60
@@ -132,6 +134,9 @@ def _scan(path: Path, text: str) -> tuple[list[int], list[tuple[int, str]], Inva
         nonlocal depth
         depth += 1
         lines.append(parser.CurrentLineNumber)
+        if len(lines) > MAXIMUM_ELEMENTS:
+            problem = f"is element {len(lines)} of the file; expected at most {MAXIMUM_ELEMENTS}, for no mechanism needs that many"
+            raise InvalidModel(path, lines[-1], f"<{shorten(name)}> {problem}")
         if depth > MAXIMUM_DEPTH:
             raise InvalidModel(path, lines[-1], f"<{shorten(name)}> is nested more than {MAXIMUM_DEPTH} deep; no model needs that")
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions, solve_symmetric
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import right_hand_side
 
@@ -43,7 +44,7 @@ class FirstOrderSystem:
 
     def compiled(self, expressions: Expressions, variables: Expressions) -> Any:
         """A function (inputs, outputs=None, time=None) of arrays that evaluates ``expressions`` at the mechanism's parameters."""
-        import heyoka
+        heyoka = load_heyoka()
 
         function = heyoka.cfunc(list(expressions), vars=list(variables), compact_mode=self.is_long)
         # heyoka wants as many parameters as the highest that occurs.
@@ -52,7 +53,7 @@ class FirstOrderSystem:
 
     def variables(self) -> tuple[list[Any], list[Any]]:
         """Symbols of q (nq) and v (nv), which no mechanism's names clash with."""
-        import heyoka
+        heyoka = load_heyoka()
 
         mechanism = self.mechanism
         positions = [heyoka.expression(f"q{i}") for i in range(mechanism.nq)]
@@ -87,7 +88,7 @@ class FirstOrderSystem:
         return heyoka_expressions(self.mechanism.energy_programs[self.chart], self._inputs(q, v, time))["forces"]
 
     def _inputs(self, q: Expressions, v: Expressions, time: Any) -> list[Any]:
-        import heyoka
+        heyoka = load_heyoka()
 
         parameters = [heyoka.par[i] for i in range(len(self.mechanism.parameters))]
         return [*q, *v, *[heyoka.expression(0.0)] * self.mechanism.nv, time, *parameters]

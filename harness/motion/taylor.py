@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
@@ -104,7 +105,7 @@ class Taylor:
         return goes_on
 
     def _integrator(self, chart: int) -> Any:
-        import heyoka
+        heyoka = load_heyoka()
 
         if chart not in self._compiled:
             system = self._systems[chart]

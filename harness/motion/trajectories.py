@@ -23,6 +23,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.sampling import ANGLES
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.motion.first_order import displacement
 from harness.motion.taylor import Path, Taylor
@@ -164,7 +165,7 @@ def _continued(solver: Taylor, so_far: Path, times: Array) -> Path:
 
 def _floating_point_types() -> list[Any]:
     """The types that heyoka integrates in, from the shortest; not every platform has all."""
-    import heyoka
+    heyoka = load_heyoka()
 
     return [np.float64, np.longdouble, *([heyoka.real128] if hasattr(heyoka, "taylor_adaptive_f128") else [])]
 

@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
-from harness.results.benchmark import AccelerationCost, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.benchmark import AccelerationCost, Cheapest, Drift, Figure, MotionCost, Order, Stationarity
 from harness.results.pareto import cost_of, error_of
 from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
 
@@ -25,16 +25,18 @@ def accelerations(costs: Iterable[AccelerationCost]) -> Table:
             "system": "system",
             "method": "method",
             Column("threads", "count"): "threads",
+            "loop over states": "loop",
             Column("time per state", "seconds"): "seconds_per_state",
             Column("fastest", "seconds"): "fastest",
             Column("slowest", "seconds"): "slowest",
             Column("timed", "plain"): lambda cost: counted(cost.repetitions, "time"),
             Column("worst backward error", "error"): "backward_error",
             Column("median backward error", "error"): "median_backward_error",
-            Column("worst relative error", "error"): "relative_error",
+            Column("worst relative error", "relative"): "relative_error",
             Column("states", "count"): "states",
             "remark": "note",
         },
+        "Accelerations: cost and error of each method",
     )
 
 
@@ -49,6 +51,7 @@ def growth(summary: BenchmarkSummary) -> Table:
             Column("exponent", "rounded"): "exponent",
             Column("expected", "plain"): lambda found: found.expected or None,
         },
+        "Growth of the cost with the number of bodies",
     )
 
 
@@ -65,6 +68,7 @@ def truths(summary: BenchmarkSummary) -> Table:
             Column("cost", "seconds"): "seconds",
             "start": lambda truth: "; ".join(f"{name} = [{', '.join(map('{:.4g}'.format, part))}]" for name, part in truth.start.items()),
         },
+        "Reference motions",
     )
 
 
@@ -79,10 +83,11 @@ def motions(costs: Iterable[MotionCost]) -> Table:
             Column("evaluations", "count"): "evaluations",
             Column("time", "seconds"): "seconds",
             Column("time per second of motion", "seconds"): cost_of,
-            Column("error of the end state", "error"): "state_error",
-            Column("error of the energy balance", "error"): "energy_error",
+            Column("error of the end state", "relative"): "state_error",
+            Column("error of the energy balance", "relative"): "energy_error",
             "remark": "note",
         },
+        "Motion: cost and error of each integrator",
     )
 
 
@@ -98,14 +103,15 @@ def best_motions(summary: BenchmarkSummary) -> Table:
             about = [order.measured, order.expected, order.verdict] if order else [None, None, ""]
             rows.append([system, integrator, *about, error, cost_of(best) if best else None])
     orders_shown = Column("order", "rounded"), Column("expected", "rounded"), "verdict"
-    costs_shown = Column("smallest error", "error"), Column("time per second of motion", "seconds")
-    return Table(["system", "integrator", *orders_shown, *costs_shown], rows)
+    costs_shown = Column("smallest error", "relative"), Column("time per second of motion", "seconds")
+    return Table(["system", "integrator", *orders_shown, *costs_shown], rows, "Order and smallest error of each integrator")
 
 
 def orders(summary: BenchmarkSummary, cell: Callable[[Order], Cell] | None = None) -> Table:
     """System by integrator: the measured order of convergence, and a mark where it differs from theory; or another ``cell``."""
     orders = [(order, "any" if order.expected is None else f"{order.expected:g}") for order in summary.benchmark.orders]
-    return _matrix({(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}, cell or _order_cell)
+    entries = {(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}
+    return _matrix(entries, cell or _order_cell, "Measured order of convergence")
 
 
 def drifts(found: Iterable[Drift]) -> Table:
@@ -117,18 +123,20 @@ def drifts(found: Iterable[Drift]) -> Table:
             "integrator": "integrator",
             Column("step", "given", "s"): "step",
             Column("steps", "count"): "steps",
-            Column("largest error", "error"): "largest",
+            Column("largest error", "relative"): "largest",
             Column("grows as time to the", "rounded"): "growth",
             "energy is": lambda drift: Cell(drift.verdict, tone="" if drift.as_expected else "disagrees"),
             "expected": lambda drift: drift.expected or "-",
             Column("time", "seconds"): "seconds",
         },
+        "Energy over long runs",
     )
 
 
 def drift_matrix(summary: BenchmarkSummary) -> Table:
     """System by integrator: how energy wanders."""
-    return _matrix({(drift.system, drift.integrator): drift for drift in summary.drifts()}, _drift_cell)
+    entries = {(drift.system, drift.integrator): drift for drift in summary.drifts()}
+    return _matrix(entries, _drift_cell, "How energy wanders over a long run")
 
 
 def paths(found: Iterable[Stationarity]) -> Table:
@@ -143,6 +151,7 @@ def paths(found: Iterable[Stationarity]) -> Table:
             Column("S changes as ε to the", "rounded"): "slope",
             Column("first variation", "error"): "first_variation",
         },
+        "Stationary action along computed paths",
     )
 
 
@@ -150,7 +159,7 @@ def path_matrix(summary: BenchmarkSummary) -> Table:
     """System by path: the power of ε as which the action changes, at the finest step."""
     coarse_to_fine = sorted(summary.benchmark.stationarity, key=lambda entry: -entry.step)
     finest = {(entry.system, entry.path): entry for entry in coarse_to_fine}
-    return _matrix(finest, lambda entry: Cell(entry.slope, [f"step {entry.step:.1g} s"], "plain", fills=True))
+    return _matrix(finest, _path_cell, "Power of ε as which the action changes")
 
 
 def figures(summary: BenchmarkSummary) -> Table:
@@ -167,6 +176,7 @@ def figures(summary: BenchmarkSummary) -> Table:
             "reproduced": _reproduced,
             "remark": "remark",
         },
+        "Numbers that a text prints, computed again",
     )
 
 
@@ -176,18 +186,22 @@ def cheapest(summary: BenchmarkSummary, kind: str, anchors: Mapping[str, str] | 
     heads = [f"error at most {entry.error:g}" for entry in found[0][1]] if found else []
     rows = [
         [Cell(system, link=f"#{anchors[system]}" if anchors else "")]
-        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}"]) if e.way else Cell("none reaches it") for e in entries]
+        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}{_fastest(e)}"]) if e.way else Cell("none reaches it") for e in entries]
         for system, entries in found
     ]
     return Table(["system", *heads], rows, caption=_CAPTIONS[kind])
 
 
-def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], Cell]) -> Table:
+def _fastest(way: Cheapest) -> str:
+    return f", fastest {seconds_text(way.fastest)}" if way.fastest is not None else ""
+
+
+def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], Cell], caption: str) -> Table:
     """System by column, of entries by both."""
     columns, empty = sorted({column for _, column in entries}), Cell(None, tone="empty", fills=True)
     cells = {place: cell(entry) for place, entry in entries.items()}
     rows = [[system, *(cells.get((system, column), empty) for column in columns)] for system in sorted({system for system, _ in entries})]
-    return Table(["system", *(Column(column, "rounded") for column in columns)], rows, style="matrix numbers")
+    return Table(["system", *(Column(column, "rounded") for column in columns)], rows, caption, "matrix numbers")
 
 
 def _order_cell(order: Order) -> Cell:
@@ -199,6 +213,10 @@ def _order_cell(order: Order) -> Cell:
 def _drift_cell(drift: Drift) -> Cell:
     tone = "disagrees" if not drift.as_expected else "agrees" if drift.verdict == "bounded" else "plain"
     return Cell(f"{drift.verdict}{'' if drift.as_expected else ' ✗'}", [error_text(drift.largest)], tone, fills=True)
+
+
+def _path_cell(entry: Stationarity) -> Cell:
+    return Cell(entry.slope, [f"step {entry.step:.1g} s"], "plain", fills=True)
 
 
 def _reproduced(figure: Figure) -> Cell:

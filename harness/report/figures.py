@@ -7,6 +7,9 @@ old to read them.
 
 from __future__ import annotations
 
+import base64
+import functools
+import gzip
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -32,24 +35,39 @@ Style = tuple[str, str, str]
 def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
     """Everything a page needs to show every plot that has data, in one document.
 
-    "resources" is all of BokehJS in ``<script>`` elements, "script" the one that fills the divs; both are empty where there is
-    no plot. "plots" maps names to ``<div>`` elements.
+    "charts" holds scripts in gzip and base64: all of BokehJS, and what fills the divs; none where there is no plot. "plots" maps
+    names to ``<div>`` elements.
     """
     from bokeh.document import Document
     from bokeh.embed import components
-    from bokeh.resources import Resources
 
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
-        return {"resources": "", "script": "", "plots": {}}
+        return {"charts": [], "plots": {}}
     document = Document()
     # Without the freeze Bokeh visits all plots again after adding each.
     with document.models.freeze():
         for plot in drawn.values():
             document.add_root(plot)
-    script, divs = components(drawn)
-    resources = Markup(Resources(mode="inline", components=["bokeh"]).render_js())
-    return {"resources": resources, "script": Markup(script), "plots": {name: Markup(div) for name, div in divs.items()}}
+    script, divs = components(drawn, wrap_script=False)
+    return {"charts": [_bokeh(), _packed(script)], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
+
+
+@functools.cache
+def _bokeh() -> str:
+    from bokeh.resources import Resources
+
+    return _packed("\n".join(Resources(mode="inline", components=["bokeh"]).js_raw))
+
+
+def _packed(script: str) -> str:
+    return base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode()
+
+
+def _named(name: str, plot: Any, div: str) -> Markup:
+    """The place of a plot, with what it shows for those who do not see it."""
+    shown = f"Chart {name}: {plot.yaxis.axis_label or 'all systems'} against {plot.xaxis.axis_label}"
+    return Markup('<div role="img" aria-label="{}">{}</div>').format(shown, Markup(div))
 
 
 def styles(names: Sequence[str]) -> dict[str, Style]:

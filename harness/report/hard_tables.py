@@ -32,13 +32,14 @@ def rows_of(hard: HardSummary) -> Table:
             "points": _counts,
             Column("time", "seconds"): "seconds",
         },
+        "Each subject along each family",
     )
 
 
 def verdicts(hard: HardSummary) -> Table:
     """Family by subject: how many points have which verdict."""
     rows = [[family.name, *(_counts(family.rows.get(subject)) for subject in hard.subjects)] for family in hard.families]
-    return Table(["family", *hard.subjects], rows)
+    return Table(["family", *hard.subjects], rows, "Points of each verdict")
 
 
 def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
@@ -64,7 +65,7 @@ def partings(hard: HardSummary) -> Table:
         largest = max(one.largest for one in found)
         rows.append([motion, integrator, f"{len(times)} of {len(found)}", rates, soonest, largest, _gravest(found)])
     texts = "motion", "integrator", "parted", "rate over the expected one", "soonest"
-    return Table([*texts, Column("largest distance", "error"), "verdict"], rows)
+    return Table([*texts, Column("largest distance", "error"), "verdict"], rows, "When integrators of one scheme part")
 
 
 def starts(partings: Sequence[Parting]) -> Table:
@@ -80,7 +81,7 @@ def starts(partings: Sequence[Parting]) -> Table:
         for one in (by_place.get((knob, name)) for name in integrators):
             tone = "disagrees" if one and one.verdict != "agrees" else ""
             cells[-1] += ["", ""] if one is None else [one.rate, Cell(_time(one.parted), tone=tone)]
-    return Table(columns, cells)
+    return Table(columns, cells, "Each start: rates [1/s], and when it parts")
 
 
 def stable_steps(hard: HardSummary) -> Table:
@@ -95,7 +96,8 @@ def stable_steps(hard: HardSummary) -> Table:
         frequencies = [step.frequency for step in steps]
         theory = "no limit" if expected > 1e300 else f"{expected:.4g}"
         rows.append([integrator, theory, measured, f"{min(frequencies):.3g} to {max(frequencies):.3g} rad/s", _gravest(steps)])
-    return Table(["integrator", *(Column(title, "plain") for title in ("theory", "measured", "frequencies")), "verdict"], rows)
+    numbers = (Column(title, "plain") for title in ("theory", "measured", "frequencies"))
+    return Table(["integrator", *numbers, "verdict"], rows, "Largest stable step times the frequency")
 
 
 def _gravest(measured: Iterable[Parting | StableStep]) -> Cell:

@@ -17,7 +17,7 @@ from harness.report import benchmark_charts, benchmark_tables, charts, hard_char
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import embed, styles
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changed_versions, changes_table, state_lines
+from harness.report.summary import Summary, changed_versions, changes_table, state_lines, states_of
 from harness.results.pareto import way_of
 from harness.results.records import Record, Run
 from harness.results.table import counted, error_text, seconds_text
@@ -30,8 +30,13 @@ _MATHML = {
     "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "mfrac", "msqrt", "mroot", "mstyle", "mpadded", "mphantom",
     "msub", "msup", "msubsup", "munder", "mover", "munderover", "mtable", "mtr", "mtd",
 }  # fmt: skip
-_MATHML_ATTRIBUTES = {"display", "mathvariant", "accent", "stretchy", "columnalign", "columnspacing", "rowspacing", "linethickness"}
-_LONG_EQUATIONS = 12_000
+_MATHML_ATTRIBUTES = {
+    "display", "mathvariant", "accent", "stretchy", "columnalign", "columnspacing", "rowspacing", "linethickness",
+}  # fmt: skip
+_SVG = {"svg", "title", "path", "circle", "text"}
+_SVG_ATTRIBUTES = {"class", "viewBox", "role", "d", "cx", "cy", "r", "x", "y", "text-anchor", "style"}
+_COLOUR = re.compile("(fill|stroke):#[0-9a-f]{6}")
+_HEADING = re.compile(r'<h([23]) id="([^"]+)">(.*?)</h\1>', re.DOTALL)
 
 
 def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> str:
@@ -48,36 +53,55 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
     if hard is not None:
         plots |= hard_charts.plots(hard)
         about |= {"hard_styles": styles(hard.subjects), "hard_anchors": _anchors([family.name for family in hard.families], "hard")}
+    return (
+        environment()
+        .get_template("template.html" if summary is not None else "benchmark_page.html")
+        .render(
+            **about,
+            run=run,
+            summary=summary,
+            benchmark=benchmark,
+            hard=hard,
+            limit=AGREEMENT,
+            silent_marker=hard_charts.SILENT_MARKER[1],
+            tables=benchmark_tables,
+            hard_tables=hard_tables,
+            acceleration_front=acceleration_front,
+            motion_front=motion_front,
+            way_of=way_of,
+            counted=counted,
+            states_of=states_of,
+            changed_versions=changed_versions,
+            changes_table=changes_table,
+            **embed(plots),
+        )
+    )
+
+
+def environment() -> Environment:
+    """The templates of this folder, with what every page needs; ``base.html`` wants what comes from ``figures.embed``."""
     package = files(__package__)
-    environment = Environment(
+    made = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         loader=FunctionLoader(lambda name: package.joinpath(name).read_text("utf-8")),
     )  # fmt: skip
-    environment.filters |= {
-        "error": error_text, "seconds": seconds_text, "equations": equations, "link": web_address, "state": state_lines,
-        "left_out": left_out, "moment": moment, "way": way_of,
-        "capitalize_first": lambda text: text[:1].upper() + text[1:],
+    made.filters |= {
+        "error": error_text, "seconds": seconds_text, "equations": equations, "picture": picture, "link": web_address,
+        "state": state_lines, "left_out": left_out, "moment": moment, "way": way_of, "sentence_case": sentence_case, "contents": contents,
     }  # fmt: skip
-    return environment.get_template("template.html" if summary is not None else "benchmark_page.html").render(
-        **about,
-        run=run,
-        summary=summary,
-        benchmark=benchmark,
-        hard=hard,
-        limit=AGREEMENT,
-        long_equations=_LONG_EQUATIONS,
-        silent_marker=hard_charts.SILENT_MARKER[1],
-        tables=benchmark_tables,
-        hard_tables=hard_tables,
-        acceleration_front=acceleration_front,
-        motion_front=motion_front,
-        way_of=way_of,
-        counted=counted,
-        changed_versions=changed_versions,
-        changes_table=changes_table,
-        style=Markup(package.joinpath("style.css").read_text("utf-8")),
-        **embed(plots),
-    )
+    made.globals["style"] = Markup(package.joinpath("style.css").read_text("utf-8"))
+    return made
+
+
+def contents(markup: str) -> list[tuple[str, Markup, list[tuple[str, Markup]]]]:
+    """Anchor and text of each second heading of a page, and of the third headings below it that have an anchor."""
+    found: list[tuple[str, Markup, list[tuple[str, Markup]]]] = []
+    for level, anchor, text in _HEADING.findall(markup):
+        if level == "2":
+            found.append((anchor, Markup(text), []))
+        elif found:
+            found[-1][2].append((anchor, Markup(text)))
+    return found
 
 
 def equations(markup: str) -> Markup | None:
@@ -88,18 +112,35 @@ def equations(markup: str) -> Markup | None:
     """
     known = {name for name in html5 if name.endswith(";")} - {"amp;", "lt;", "gt;", "quot;", "apos;"}
     text = re.sub(r"&(\w+;)", lambda match: html5[match[1]] if match[1] in known else match[0], markup)
+    return _pure(text, "math", _MATHML, _MATHML_ATTRIBUTES)
+
+
+def picture(markup: str) -> Markup | None:
+    """``markup`` where it is a drawing as ``harness show`` makes them and nothing else, otherwise None."""
+    return _pure(markup, "svg", _SVG, _SVG_ATTRIBUTES)
+
+
+def _pure(markup: str, outer: str, tags: set[str], attributes: set[str]) -> Markup | None:
+    """``markup`` in a ``<div>`` where it is ``outer`` elements that hold ``tags`` alone, without other attributes; else None."""
     try:
-        root = ElementTree.fromstring(f"<div>{text}</div>")
+        root = ElementTree.fromstring(f"<div>{markup}</div>")
     except ElementTree.ParseError:
         return None
     for element in root.iter():
-        element.tag = element.tag.removeprefix("{http://www.w3.org/1998/Math/MathML}")
-        if element is not root and element.tag not in _MATHML:
+        element.tag = element.tag.rpartition("}")[2]
+        if element is not root and element.tag not in tags:
             return None
-        element.attrib = {name: value for name, value in element.attrib.items() if name in _MATHML_ATTRIBUTES}
-    if not len(root) or any(child.tag != "math" for child in root):
+        element.attrib = {
+            name: value for name, value in element.attrib.items() if name in attributes and (name != "style" or _COLOUR.fullmatch(value))
+        }
+    if not len(root) or any(child.tag != outer for child in root):
         return None
     return Markup(ElementTree.tostring(root, encoding="unicode", short_empty_elements=False))
+
+
+def sentence_case(text: str) -> str:
+    """``text`` with a capital first letter where it begins with a word, and not with a path or a name."""
+    return text[:1].upper() + text[1:] if re.match(r"[a-z]{2,}[,;]?(\s|$)", text) else text
 
 
 def web_address(text: str) -> str | None:

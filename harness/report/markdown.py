@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from harness.report import benchmark_tables, hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, state_lines
+from harness.report.summary import Summary, changes_table, states_of
 from harness.results.records import Record
-from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line
+from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line, printable
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -73,13 +73,13 @@ def _stable(summary: Summary) -> Iterator[str]:
         yield records.table().only("subject", "verdict", "expected", "states", "states by verdict", *errors).markdown()
         for record in records:
             if record.message:
-                yield f"{markdown_cell(record.subject)}, {record.verdict}:\n\n{_fenced(record.message)}"
+                yield f"{markdown_line(record.subject)}, {record.verdict}:\n\n{_fenced(record.message)}"
             if cause := summary.causes.get((system, record.subject)):
                 yield from _diagnosis(cause)
 
 
 def _diagnosis(cause: Cause) -> Iterator[str]:
-    yield f"Diagnosis of {markdown_cell(cause.subject)}: {markdown_line(cause.inference)}"
+    yield f"Diagnosis of {markdown_cell(cause.subject)}: {markdown_cell(cause.inference)}"
     if cause.is_shared:
         yield f"As {markdown_cell(cause.diagnosed)}, which reads the same file."
     else:
@@ -97,14 +97,14 @@ def _volatile(summary: Summary) -> Iterator[str]:
         changes = [*summary.changed_verdicts(), *summary.changed_versions()]
         yield changes_table("what", changes).markdown() or "Neither a verdict nor a version."
     yield "### Cost and relative error"
-    yield summary.records.table().only("system", "subject", "time per state", "worst relative error").markdown()
+    yield summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown()
     yield "### Time to derive and to compile"
     costs = [[card.name, card.derivation_seconds, card.compilation_seconds] for _, card in sorted(summary.cards.items())]
     yield Table(["system", Column("derivation", "seconds"), Column("compilation", "seconds")], costs).markdown()
     yield "### Worst states"
     for record in summary.records:
-        if lines := "\n".join(filter(None, [state_lines(record.worst_state), record.replay])):
-            yield f"{_pair(record)}:\n\n{_fenced(lines)}"
+        for what, *lines in states_of(record):
+            yield f"{what} {_pair(record)}:\n\n{_fenced(chr(10).join(filter(None, lines)))}"
 
 
 def _stable_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
@@ -124,7 +124,7 @@ def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
             yield f"#### The cheapest way: {kind}"
             yield ways
     reasons = benchmark.explanations(["as expected", "differs"])
-    yield _bullets(f"{markdown_line(text)} ({'; '.join(places)})" for text, places in reasons.items())
+    yield _bullets(f"{markdown_line(text)} ({markdown_cell('; '.join(places))})" for text, places in reasons.items())
     yield benchmark_tables.growth(benchmark).without("bodies").markdown()
 
 
@@ -134,8 +134,7 @@ def _stable_hard(hard: HardSummary) -> Iterator[str]:
     yield _troubles(hard)
     yield hard_tables.verdicts(hard).markdown()
     yield _bullets(
-        f"{family.name}, {', '.join(subjects)}, {reason.verdict}: "
-        + markdown_line(f"{reason.reason}; {reason.remedy} ({reason.link})")
+        markdown_line(f"{family.name}, {', '.join(subjects)}, {reason.verdict}: {reason.reason}; {reason.remedy} ({reason.link})")
         for family in hard.families
         for subjects, reason in family.reasons
     )  # fmt: skip
@@ -168,13 +167,14 @@ def _bullets(items: Iterable[str]) -> str:
 
 
 def _fenced(text: str) -> str:
-    """``text`` as it is, whatever it holds."""
+    """``text`` as it is, whatever it holds, but for control characters."""
+    text = "\n".join(map(printable, text.expandtabs().splitlines()))
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
     return f"{fence}text\n{text}\n{fence}"
 
 
 def _pair(named: Record | SuperfluousPart) -> str:
-    return f"{markdown_cell(named.system)}, {markdown_cell(named.subject)}"
+    return markdown_line(f"{named.system}, {named.subject}")
 
 
 def _listed(record: Record) -> str:

@@ -8,10 +8,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from harness.errors import shown_path
+from harness.report.sparkline import Sparkline
 from harness.results.records import Record, Records, Run, dumps
 from harness.results.table import Cell, Table, counted, error_text
 
@@ -37,6 +39,7 @@ class Summary:
         superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
             and the file stay, because reports are published.
         causes: (system, subject) to why its record is wrong, where that was looked for; with such paths as well.
+        pictures: system to its ``<svg>`` element.
         worst_cases: subject to its worst cases, worst first; empty where none were looked for.
     """
 
@@ -56,6 +59,7 @@ class Summary:
         self.causes = {(cause.system, cause.subject): _published(cause) for cause in found.causes}
         named = [replace(part, path=_short(part.path)) for part in found.superfluous]
         self.superfluous = sorted(named, key=lambda part: (part.path, part.line, part.subject))
+        self.pictures = {picture.system: picture.svg for picture in found.pictures}
         self.worst_cases: dict[str, list[RankedCase]] = {}
         for case in found.worst_cases:
             self.worst_cases.setdefault(case.subject, []).append(case)
@@ -93,11 +97,37 @@ class Summary:
         if self.missing:
             verb = "has" if len(self.missing) == 1 else "have"
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
-        return remarks
+        return [*remarks, *([f"{self.records.origins.capitalize()}."] if self.records.origins else [])]
+
+    @property
+    def expectations(self) -> dict[tuple[str, str, str], list[Record]]:
+        """(expected verdict, reason, link) to the records that are expected to differ for it."""
+        found: dict[tuple[str, str, str], list[Record]] = {}
+        for record in self.listed:
+            found.setdefault((record.expected, record.expected_reason, record.expected_link), []).append(record)
+        return found
 
     def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""
         return Records(record for record in self.records if record.system == system)
+
+    def verdicts_on(self, system: str) -> Table:
+        """The records of ``system``, with the trend of each pair where there are earlier runs."""
+        records = self.of_system(system)
+        table = records.table().without("system", "expected").captioned(f"Verdicts on {system}")
+        if not self.earlier:
+            return table
+        rows = [[*row, Sparkline(self._pairs[system, record.subject])] for row, record in zip(table.rows, records, strict=True)]
+        return Table([*table.columns, "trend"], rows, table.caption)
+
+    @cached_property
+    def _pairs(self) -> dict[tuple[str, str], list[float]]:
+        """(system, subject) to its worst backward errors, oldest run first."""
+        errors: dict[tuple[str, str], list[float]] = defaultdict(list)
+        for records in (*(records for _, records in self.earlier), self.records):
+            for record in records:
+                errors[record.system, record.subject] += [] if record.backward_error is None else [record.backward_error]
+        return errors
 
     def matrix(self, anchors: Mapping[str, str] | None = None) -> Table:
         """System by subject: verdict and worst backward error; ``anchors`` of the systems on a page."""
@@ -105,7 +135,7 @@ class Summary:
         cells = {pair: _verdict_cell(found, links[pair[0]]) for pair, found in self.cells.items()}
         empty = Cell("not run", tone="empty", fills=True)
         rows = [[system, *(cells.get((system, subject), empty) for subject in self.subjects)] for system in self.systems]
-        return Table(["system", *self.subjects], rows, style="matrix")
+        return Table(["system", *self.subjects], rows, "Verdict and worst backward error", "matrix")
 
     def worst_per_engine(self) -> list[tuple[str, Record | None]]:
         """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
@@ -167,7 +197,7 @@ def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> lis
 
 def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     """One row per change; ``what`` is the heading of what changed."""
-    return Table([what, "before", "now"], list(changes))
+    return Table([what, "before", "now"], list(changes), f"Changed {what.partition(' ')[0]}s" if " " in what else "Changes")
 
 
 def _verdict_cell(records: Sequence[Record], link: str) -> Cell:
@@ -186,6 +216,16 @@ def worst(records: Iterable[Record]) -> Record | None:
     """The record with the largest backward error, NaN counting as largest; None where none has any."""
     compared = [(record.backward_error, record) for record in records if record.backward_error is not None]
     return max(compared, key=lambda pair: math.inf if math.isnan(pair[0]) else pair[0], default=(None, None))[1]
+
+
+def states_of(record: Record) -> list[tuple[str, str, str]]:
+    """The states of a record: what each is, with its error; its lines; and the command that computes it again."""
+    error = f" ({error_text(record.backward_error)} data roundoffs)" if record.backward_error is not None else ""
+    found = [(f"Worst state{error} of", record.worst_state, record.replay)]
+    if (shown := record.representative) is not None:
+        error = "no backward error" if shown.backward_error is None else f"{error_text(shown.backward_error)} data roundoffs"
+        found.append((f"Simplest state that shows the verdict ({error}) of", shown.state, shown.replay))
+    return [(what, state_lines(state), replay) for what, state, replay in found if state or replay]
 
 
 def state_lines(state: Mapping[str, Sequence[float]] | None) -> str:

@@ -29,6 +29,8 @@ class AccelerationCost:
         backward_error, median_backward_error: over the states; None where nothing was compared.
         relative_error: worst over the states, in the kinetic-energy norm; None where nothing was compared.
         note: what the number means where it is no plain cost of a plain answer, or why there is none.
+        loop: what went from state to state, as ``Method.loop``.
+        failed: whether there is none although the method claims to do the system.
     """
 
     system: str
@@ -43,6 +45,8 @@ class AccelerationCost:
     median_backward_error: float | None = None
     relative_error: float | None = None
     note: str = ""
+    loop: str = ""
+    failed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +225,7 @@ class Cheapest:
         kind: "accelerations" or "motion".
         error: the error asked for; for accelerations a relative one.
         way: the method or integrator with its step; None where none reaches it.
-        cost: seconds per state, or per second of motion.
+        cost: seconds per state, or per second of motion; fastest: of the repetitions, None for a motion.
     """
 
     system: str
@@ -229,6 +233,7 @@ class Cheapest:
     error: float
     way: str | None
     cost: float | None
+    fastest: float | None = None
 
 
 @dataclass(kw_only=True)

@@ -37,6 +37,14 @@ class SuperfluousPart:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A system as an ``<svg>`` element."""
+
+    system: str
+    svg: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cause:
     """The reason why one subject is wrong on one system.
 
@@ -82,6 +90,7 @@ class CrossCheckResult(StudyResult):
         superfluous: parts of models that their scenes do not need.
         causes: why records that are not as expected are wrong.
         worst_cases: of each subject, the worst first.
+        pictures: of the systems that an engine can place.
     """
 
     STUDY = "cross-check"
@@ -91,6 +100,7 @@ class CrossCheckResult(StudyResult):
     superfluous: list[SuperfluousPart] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
     worst_cases: list[RankedCase] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
 
     @property
     def as_expected(self) -> bool:

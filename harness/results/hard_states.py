@@ -154,34 +154,21 @@ class RankedCase:
     reproducer: str = ""
 
 
-def worst_cases(
-    records: Iterable[Record],
-    found: Mapping[str, Iterable[FoundState]],
-    most: int = 10,
-    replay_options: Collection[str] = (),
-) -> list[RankedCase]:
+def worst_cases(records: Iterable[Record], most: int = 10) -> list[RankedCase]:
     """By subject the worst case of each system, the worst system first, at most ``most`` each; none with a reproducer yet.
 
-    ``found`` maps a system to its found states. A record without a state, and a verdict that is no answer of the engine, is no
-    case.
+    A record without a state, and a verdict that is no answer of the engine, is no case. Stored states are among those of the
+    records: what was stored of their errors was measured elsewhere.
     """
-    cases = [
-        RankedCase(
-            system=record.system,
-            subject=record.subject,
-            verdict=record.verdict,
-            backward_error=record.backward_error,
-            state=record.worst_state,
-            statement=record.message,
-            replay=record.replay,
-        )
-        for record in records
-        if record.worst_state is not None
-    ]
-    for system, states in found.items():
-        for one in states:
-            about = {name: getattr(one, name) for name in ("subject", "verdict", "backward_error", "state", "statement")}
-            cases.append(RankedCase(system=system, replay=replay_command(system, one.subject, one.state, replay_options), **about))
+    cases = []
+    for record in records:
+        state, error, replay = record.worst_state, record.backward_error, record.replay
+        if record.verdict == Verdict.ERROR and (shown := record.representative) is not None:
+            # Worse than any number.
+            state, error, replay = shown.state, shown.backward_error, shown.replay
+        if state is not None:
+            about = {"system": record.system, "subject": record.subject, "verdict": record.verdict, "statement": record.message}
+            cases.append(RankedCase(**about, backward_error=error, state=state, replay=replay))
     judged = [case for case in cases if case.verdict not in (Verdict.UNDECIDED, Verdict.UNSUPPORTED)]
     worst = worst_of_each(judged, attrgetter("subject", "system"))
     ranking = sorted(worst, key=lambda case: (case.subject, [-part for part in severity(case)], case.system))

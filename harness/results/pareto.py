@@ -57,11 +57,12 @@ def cheapest(benchmark: Benchmark) -> list[Cheapest]:
     kinds: dict[str, Sequence[AccelerationCost | MotionCost]] = {"accelerations": benchmark.accelerations, "motion": benchmark.motion}
     for kind, measurements in kinds.items():
         for system in sorted({measured.system for measured in measurements}):
-            known = [(cost_of(m), error_of(m), way_of(m)) for m in measurements if m.system == system]
+            known = [(cost_of(m), error_of(m), way_of(m), m) for m in measurements if m.system == system]
             for asked in ERRORS:
-                reaching = [(cost, way) for cost, error, way in known if cost is not None and error is not None and error <= asked]
-                cost, way = min(reaching, default=(None, None))
-                found.append(Cheapest(system=system, kind=kind, error=asked, way=way, cost=cost))
+                reaching = [(cost, way, m) for cost, error, way, m in known if cost is not None and error is not None and error <= asked]
+                cost, way, m = min(reaching, key=lambda one: one[:2], default=(None, None, None))
+                fastest = m.fastest if isinstance(m, AccelerationCost) else None
+                found.append(Cheapest(system=system, kind=kind, error=asked, way=way, cost=cost, fastest=fastest))
     return found
 
 

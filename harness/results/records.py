@@ -11,7 +11,7 @@ import json
 import math
 import numbers
 from collections import UserList
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import datetime
 from typing import Any
@@ -20,6 +20,21 @@ from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
 _VERDICTS = [verdict.value for verdict in Verdict]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Representative:
+    """A state that shows a verdict better than the worst one: the simplest that was found, or the one at which a process died.
+
+    Attributes:
+        state: {"q": (nq,), "v": (nv,), "tau": (nv,)}.
+        backward_error: there [units of data roundoff]; None where there is none.
+        replay: shell command that computes it again.
+    """
+
+    state: dict[str, list[float]]
+    backward_error: float | None
+    replay: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +47,9 @@ class Record:
         verdict, expected: values of ``Verdict``; ``expected`` is "agrees" unless a file lists another.
         backward_error: worst over the states [units of data roundoff]; may be inf; None where nothing
             was compared.
-        relative_error: worst over the states; for the reader only.
+        relative_error: at the worst state; for the reader only. None where it says nothing, as beside an answer of about zero.
         worst_state: {"q": (nq,), "v": (nv,), "tau": (nv,)} of the state with the worst backward error.
-        seconds_per_state: cost of the subject.
+        seconds_per_state: cost of the subject, the median of repeated calls; fastest_seconds_per_state: of the fastest.
         message: plain sentences, as what an engine raised; "" where there is nothing to say.
         median_backward_error: over the states [units of data roundoff].
         distribution: ``half_decade`` of a backward error to number of states.
@@ -42,6 +57,8 @@ class Record:
         expected_backward_error: the largest backward error that goes with the expected verdict.
         expected_reason, expected_link: why another verdict than "agrees" is expected.
         replay: shell command that computes the worst state again.
+        representative: another state that shows the verdict; None where the worst one does.
+        origins: number of states that are "stored" with the system, "sampled", and "searched" for; empty for a given one.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -64,6 +81,9 @@ class Record:
     expected_reason: str = ""
     expected_link: str = ""
     replay: str = ""
+    representative: Representative | None = None
+    origins: dict[str, int] = field(default_factory=dict)
+    fastest_seconds_per_state: float | None = None
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -77,7 +97,7 @@ class Record:
 
     @property
     def explanation(self) -> str:
-        """Verdict, message, state and replay command, a line each: what a person needs to go on from an unexpected record."""
+        """Verdict, message, states and replay commands, a line each: what a person needs to go on from an unexpected record."""
         lines = [f"{self.system} {self.subject}: {self.verdict}, expected {self.expected}"]
         if self.backward_error is not None:
             over = f"over {self.states:,} states; up to {AGREEMENT:g} agrees"
@@ -88,11 +108,19 @@ class Record:
             lines.append("remove or mend the entry in expected_verdicts.toml if that is past")
         if self.message:
             lines.append(self.message)
-        if self.worst_state is not None:
-            lines.append("at " + ", ".join(f"{name} = {values}" for name, values in self.worst_state.items()))
-        if self.replay:
-            lines.append(f"replay: {self.replay}")
+        lines += _shown(self.worst_state, self.replay)
+        if self.representative is not None:
+            error = self.representative.backward_error
+            size = "no backward error" if error is None else f"backward error {error:.3g} data roundoffs"
+            lines.append(f"the simplest state that shows it: {size}")
+            lines += _shown(self.representative.state, self.representative.replay)
         return "\n  ".join(map(printable, lines))
+
+
+def _shown(state: Mapping[str, list[float]] | None, replay: str) -> list[str]:
+    """A state and the command that computes it again, a line each."""
+    lines = [] if state is None else ["at " + ", ".join(f"{name} = {values}" for name, values in state.items())]
+    return [*lines, f"replay: {replay}"] if replay else lines
 
 
 class Records(UserList[Record]):
@@ -106,6 +134,16 @@ class Records(UserList[Record]):
         """Those whose verdict is not the expected one."""
         return Records(record for record in self if not record.as_expected)
 
+    @property
+    def origins(self) -> str:
+        """Where the states of a record come from, in a sentence over all records; "" where none says."""
+        known = [record.origins for record in self if any(record.origins.values())]
+        if not known:
+            return ""
+        sampled, searched, stored = (_range([origins.get(name, 0) for origins in known]) for name in ("sampled", "searched", "stored"))
+        search = f"{searched} searched for by hypothesis (less what it would repeat, plus what it simplified)"
+        return f"states: {sampled} sampled, {search}, {stored} stored with the system"
+
     def table(self) -> Table:
         """One row per record."""
         return Table.of(
@@ -118,8 +156,9 @@ class Records(UserList[Record]):
                 "expected": "expected",
                 Column("worst backward error", "error"): "backward_error",
                 Column("median backward error", "error"): "median_backward_error",
-                Column("worst relative error", "error"): "relative_error",
+                Column("relative error there", "relative"): "relative_error",
                 Column("time per state", "seconds"): "seconds_per_state",
+                Column("fastest", "seconds"): "fastest_seconds_per_state",
                 "states by verdict": lambda record: ", ".join(f"{name} {count}" for name, count in sorted(record.verdict_counts.items())),
             },
         )
@@ -138,6 +177,11 @@ class Records(UserList[Record]):
         return self.brief().html()
 
 
+def _range(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return f"{low:,}" if low == high else f"{low:,} to {high:,}"
+
+
 def _verdict_cell(record: Record) -> Cell:
     if record.as_expected:
         text = record.verdict if record.verdict == Verdict.AGREES else f"{record.verdict} (as expected)"
@@ -153,7 +197,7 @@ class SystemCard:
         description: first line of the system file's docstring; source: its reference.
         coordinates: {"name", "joint"} each; parameters: {"name", "value", "unit"} each.
         equations_mathml: one or more presentation ``<math>`` elements; equations_text: the same in words
-            of SymPy.
+            of SymPy. Both are "" where they are too long to be read; then ``energies_text`` has the energies they follow from.
         operations: number of operations of one evaluation.
         derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
         compilation_seconds: of the certified kernel, where a process compiles it for the first time.
@@ -170,12 +214,13 @@ class SystemCard:
     derivation_seconds: float | None = None
     reference_seconds_per_state: float | None = None
     compilation_seconds: float | None = None
+    energies_text: str = ""
 
     def tables(self) -> tuple[Table, Table]:
         """Coordinates with their joints, and parameters with their values."""
-        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates])
+        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates], "Coordinates")
         rows = [[entry["name"], entry["value"], entry["unit"]] for entry in self.parameters]
-        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows)
+        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,6 +253,11 @@ class Run:
             raise ValueError(f"started is {self.started!r}; expected UTC, as 2026-01-31T02:00:00+00:00")
         if "/" in self.library or "\\" in self.library:
             raise ValueError(f"library is {self.library!r}; expected its name without a path")
+
+    @property
+    def load(self) -> str:
+        """What shared the machine with whatever was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
+        return ", ".join(f"{name} {self.machine[name]}" for name in ("worker processes", "cpus", "load") if name in self.machine)
 
 
 def half_decade(backward_error: float) -> str:

@@ -5,6 +5,7 @@ A cell holds plain data. Its column says what kind of number that is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 # Classes of the page's style sheet to styles of the terminal.
 _STYLES = {"surprise": "bold red", "expected": "green"}
+# Characters that Markdown takes for markup; an underscore within a word is none.
+_MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
 # Characters of a text column that a narrow terminal leaves; a number is never broken.
 _LEAST_WIDTH = 12
 
@@ -23,6 +26,11 @@ _LEAST_WIDTH = 12
 def error_text(value: float | None) -> str:
     """Three significant digits; a dash where nothing was compared."""
     return "-" if value is None else f"{value:#.3g}".removesuffix(".") if value else "0"
+
+
+def relative_text(value: float | None) -> str:
+    """Three significant digits; beyond 1, where no digit is right and the size says nothing, that alone."""
+    return "> 1" if value is not None and value > 1 else error_text(value)
 
 
 def seconds_text(value: float | None) -> str:
@@ -49,6 +57,7 @@ def counted(number: int, noun: str) -> str:
 _KINDS: Mapping[str, Callable[[Any], str]] = {
     "text": str,
     "error": error_text,
+    "relative": relative_text,
     "seconds": seconds_text,
     "count": "{:,}".format,
     "rounded": "{:.2f}".format,
@@ -63,8 +72,9 @@ class Column:
     """A column of a table.
 
     Attributes:
-        title: its heading. kind: of its values: "text", "error", "seconds", "count", "rounded" (two decimals), "given" (as
-            somebody wrote it), "figure" (five digits) or "plain" (a text at the right). unit: stands behind each number.
+        title: its heading. unit: stands behind each number.
+        kind: of its values: "text", "error", "relative" (an error of which more than 1 says nothing), "seconds", "count", "rounded"
+            (two decimals), "given" (as somebody wrote it), "figure" (five digits) or "plain" (a text at the right).
     """
 
     title: str
@@ -90,7 +100,7 @@ class Cell:
     """A value with its looks.
 
     Attributes:
-        value: as a bare cell has it. notes: further lines, smaller where the medium can.
+        value: as a bare cell has it; on a page, one with ``__html__`` is drawn by that. notes: further lines, smaller where the medium can.
         tone: classes of the page's style sheet, as "agrees" or "disagrees surprise".
         fills: whether the tone colours the whole cell of a page and not the value alone.
         link: address on the page. hint: shown beside the pointer.
@@ -110,7 +120,7 @@ class Table:
 
     Attributes:
         columns: a bare text is a column of text. rows: a value or a ``Cell`` for each column.
-        caption: stands above the rows. style: class of the page's style sheet; in a "matrix" the first column is a heading too.
+        caption: stands above the rows of a page. style: class of the page's style sheet; in a "matrix" the first column is a heading too.
     """
 
     columns: Sequence[Column | str]
@@ -123,10 +133,14 @@ class Table:
         self.heads = [column if isinstance(column, Column) else Column(column) for column in self.columns]
 
     @classmethod
-    def of(cls, items: Iterable[Any], columns: Mapping[Column | str, str | Callable[[Any], object]]) -> Table:
+    def of(cls, items: Iterable[Any], columns: Mapping[Column | str, str | Callable[[Any], object]], caption: str = "") -> Table:
         """A row for each item; a column maps to the name of the item's attribute, or to a function of the item."""
         getters = [attrgetter(value) if isinstance(value, str) else value for value in columns.values()]
-        return cls(list(columns), [[getter(item) for getter in getters] for item in items])
+        return cls(list(columns), [[getter(item) for getter in getters] for item in items], caption)
+
+    def captioned(self, caption: str) -> Table:
+        """The same rows under another caption."""
+        return Table(self.columns, self.rows, caption, self.style)
 
     def only(self, *titles: str) -> Table:
         """The columns of these titles, in this order.
@@ -187,9 +201,11 @@ class Table:
         if not self.rows:
             return ""
         caption = f"<caption>{escape(self.caption)}</caption>\n" if self.caption else ""
-        heads = "".join(f"<th{_attributes(_class(head))}>{escape(head.title)}</th>" for head in self.heads)
+        heads = "".join(f"<th{_attributes(_class(head), scope='col')}>{escape(head.title)}</th>" for head in self.heads)
         rows = "\n".join(f"<tr>{self._html_row(row)}</tr>" for row in self.rows)
-        opening = f'<div class="wide">\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>'
+        # What scrolls must be reached by keyboard, and says its name there.
+        scrolling = _attributes("wide", role="group", tabindex="0", **{"aria-label": self.caption})
+        opening = f"<div{scrolling}>\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>"
         return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
 
     # For templates, which do not escape it again, and for notebooks.
@@ -197,18 +213,19 @@ class Table:
 
     def _html_row(self, row: Sequence[object]) -> str:
         is_matrix = "matrix" in self.style.split()
-        tags = ["th" if is_matrix and place == 0 else "td" for place in range(len(row))]
-        return "".join(_html_cell(tag, head, cell) for tag, head, cell in zip(tags, self.heads, row, strict=True))
+        scopes = ["row" if is_matrix and place == 0 else "" for place in range(len(row))]
+        return "".join(_html_cell(scope, head, cell) for scope, head, cell in zip(scopes, self.heads, row, strict=True))
 
 
 def markdown_line(text: str) -> str:
-    """``text`` on one line, without tags."""
-    return " ".join(text.split()).replace("<", "&lt;")
+    """``text`` as a paragraph of Markdown: on one line, no character of it taken for markup."""
+    return re.sub(r"^(\d*)(?=[-#>+=.)])", r"\1\\", markdown_cell(text))
 
 
 def markdown_cell(text: str) -> str:
-    """``text`` as a cell of a Markdown table."""
-    return markdown_line(text).replace("|", "\\|")
+    """``text`` within a line or a table of Markdown."""
+    marked = _MARKUP.sub(r"\\\g<0>", printable(" ".join(text.split())))
+    return re.sub(r"&(?=#?\w+;)", "&amp;", marked).replace("<", "&lt;")
 
 
 def printable(text: str) -> str:
@@ -224,15 +241,17 @@ def _lines(head: Column, cell: object) -> list[str]:
     return [line for line in (head.text(look.value), *look.notes) if line]
 
 
-def _html_cell(tag: str, head: Column, cell: object) -> str:
+def _html_cell(scope: str, head: Column, cell: object) -> str:
     look = cell if isinstance(cell, Cell) else Cell(cell)
-    inner = escape(head.text(look.value)) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
+    drawn = getattr(look.value, "__html__", None)
+    inner = (drawn() if drawn else escape(head.text(look.value))) + "".join(f"<small> {escape(note)}</small>" for note in look.notes)
     alone = "" if look.fills else f"verdict {look.tone}" if look.tone else ""
     if look.link:
         inner = f"<a{_attributes(look.tone if look.fills else alone, href=look.link)}>{inner}</a>"
     elif alone or look.fills:
         inner = f"<span{_attributes(alone)}>{inner}</span>"
-    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), title=look.hint)}>{inner}</{tag}>"
+    tag = "th" if scope else "td"
+    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), scope=scope, title=look.hint)}>{inner}</{tag}>"
 
 
 def _class(head: Column) -> str:

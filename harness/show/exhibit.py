@@ -10,23 +10,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.crosscheck.expected import load_expectations, why_no_model
-from harness.crosscheck.tasks import Assignment
+from harness.crosscheck.tasks import Assignment, derive, read
 from harness.diagnosis.held import SOUND, differences, held_by, soundness
-from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, installed_version, is_native, load_engine, load_model, subjects
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, engine_files, is_native, load_model, subjects
 from harness.engines._audit import audit
-from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
-from harness.models.model_file import ModelFile, read_model
+from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
 from harness.show.placement import Placement, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
-
-TOO_LONG = "too long to read"
 
 
 @dataclass(frozen=True)
@@ -69,40 +66,34 @@ def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]
     """The subject's model as its engine holds it, whole and joint by joint, and its places for a picture, without a judgement."""
     mechanism = assignment.mechanism
     loaded = load_model(assignment.library, assignment.subject, mechanism, assignment.model)
-    # A picture is that of the format's own engine.
-    is_drawn = with_picture and is_native(assignment.library, assignment.subject)
-    return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if is_drawn else None)
+    return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture else None)
 
 
 class Exhibition(Rounds):
     """Reads and loads what there is of one mechanism; a ``harness.study.Study``. Whatever cannot be used is left out and reported.
 
     Raises:
-        InvalidInput: the system file itself is of no use.
+        InvalidInput: from ``take``, the system file itself is of no use.
     """
 
     title = "show"
 
     def __init__(self, library: Library, name: str, with_picture: bool) -> None:
         super().__init__()
-        exhibit = self._exhibit = Exhibit(load_mechanism(library, name))
-        exhibit.reasons |= self._reasons(library, name)
-        excused = {subject.format for subject in exhibit.reasons}
-        excused -= {subject.format for subject in subjects(library) if subject not in exhibit.reasons}
-        for model_format in MODEL_SUFFIXES:
-            try:
-                model = read_model(library.model_path(name, model_format), model_format)
-            except InvalidInput as problem:
-                if model_format not in excused:
-                    self.report(problem)
-                continue
-            exhibit.models[model_format] = model
-            for row in joint_rows(model):
-                exhibit.joints.setdefault(row.joint, []).append((model_format, row))
-            exhibit.springs += [(model_format, text) for text in point_springs(model)]
-        reading = [subject for subject in subjects(library) if subject.format != EQUATIONS]
-        self._holdings = {subject: self._load(library, subject, with_picture) for subject in reading}
-        self.steps = len(self._next)
+        self._library, self._name, self._with_picture = library, name, with_picture
+        self._reasons = self._find_reasons()
+        self._exhibit: Exhibit
+        self._models: dict[str, Outcome] = {}
+        self._holdings = {subject: Holding(subject) for subject in subjects(library) if subject.format != EQUATIONS}
+        self.steps = len(self._holdings)
+
+    def rounds(self) -> Iterator[list[Task]]:
+        library, name = self._library, self._name
+        yield [
+            Task((self._derived,), derive, (library, name)),
+            *(Task((self._read, one), read, (library.model_path(name, one), one)) for one in MODEL_SUFFIXES),
+        ]
+        yield list(self._loading())
 
     def result(self) -> Exhibit:
         self._exhibit.holdings = list(self._holdings.values())
@@ -111,27 +102,52 @@ class Exhibition(Rounds):
         self._exhibit.placements = next((placements for placements in drawn if placements is not None), None)
         return self._exhibit
 
-    def _reasons(self, library: Library, name: str) -> dict[Subject, str]:
+    def _find_reasons(self) -> dict[Subject, str]:
         try:
-            expectations = load_expectations(library)
+            expectations = load_expectations(self._library)
         except InvalidInput as problem:
             self.report(problem)
             return {}
-        reasons = {subject: why_no_model(library, name, subject, expectations) for subject in subjects(library)}
+        reasons = {subject: why_no_model(self._library, self._name, subject, expectations) for subject in subjects(self._library)}
         return {subject: reason for subject, reason in reasons.items() if reason}
 
-    def _load(self, library: Library, subject: Subject, with_picture: bool) -> Holding:
-        """Ask for a subject that can load its model; for the others the holding says why not."""
+    def _derived(self, outcome: Outcome) -> None:
+        if outcome.crash is not None:
+            raise InvalidInput(self._library.system_path(self._name), None, str(outcome.crash))
+        if outcome.exception is not None:
+            raise outcome.exception
+        self._exhibit = Exhibit(outcome.value, reasons=self._reasons)
+
+    def _read(self, outcome: Outcome, model_format: str) -> None:
+        self._models[model_format] = outcome
+
+    def _loading(self) -> Iterator[Task]:
+        """Ask for each subject that can load its model; for the others the holding says why not."""
         exhibit = self._exhibit
-        model = exhibit.models.get(subject.format)
-        if subject in exhibit.reasons:
-            return Holding(subject, remark=f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}")
-        if installed_version(load_engine(library, subject.engine)) is None:
-            return Holding(subject, remark="not installed")
-        if model is None:
-            return Holding(subject, remark=f"no valid {subject.format} model")
-        self._next.append(Task((self._held, subject), hold, (Assignment(library, subject, exhibit.mechanism, model), with_picture)))
-        return Holding(subject)
+        readers = [subject for subject in subjects(self._library) if subject not in exhibit.reasons]
+        for model_format in MODEL_SUFFIXES:
+            outcome = self._models[model_format]
+            if outcome.value is None:
+                if any(subject.format == model_format for subject in readers):
+                    self.failure(outcome)
+                continue
+            exhibit.models[model_format] = outcome.value
+            for row in joint_rows(outcome.value):
+                exhibit.joints.setdefault(row.joint, []).append((model_format, row))
+            exhibit.springs += [(model_format, text) for text in point_springs(outcome.value)]
+        for subject in self._holdings:
+            model, file = exhibit.models.get(subject.format), engine_files(self._library)[subject.engine]
+            if subject in exhibit.reasons:
+                remark = f"{Verdict.UNSUPPORTED}: {exhibit.reasons[subject]}"
+            elif not (remark := self.failure(file.outcome)) and file.version is None:
+                remark = "not installed"
+            elif not remark and model is None:
+                remark = f"no valid {subject.format} model"
+            self._holdings[subject] = Holding(subject, remark=remark)
+            if not remark:
+                # A picture is that of the format's own engine.
+                drawn = self._with_picture and is_native(self._library, subject)
+                yield Task((self._held, subject), hold, (Assignment(self._library, subject, exhibit.mechanism, model), drawn))
 
     def _held(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
         if failure := self.failure(outcome):
@@ -169,7 +185,7 @@ def audit_table(exhibit: Exhibit) -> Table:
             # An engine that feels none may say so by a negative zero.
             held = [_joints(loaded.joints), " ".join(number_text(component + 0.0) for component in loaded.gravity), _sum(loaded.total_mass)]
         rows.append([str(holding.subject), *held, holding.remark])
-    return Table(["", "joints with nq/nv", "gravity", "moving mass", ""], rows, style="plain")
+    return Table(["who", "joints with nq/nv", "gravity", "moving mass", "remark"], rows, "Held after loading", "plain")
 
 
 def _joints(sizes: Mapping[str, tuple[int, int]]) -> str:
@@ -199,7 +215,7 @@ def joint_table(exhibit: Exhibit) -> Table:
     ]
     filled = {name for place, name in enumerate(COLUMNS[1:], start=2) if any(row[place] for row in rows)}
     titles = [COLUMNS[0], "model", *COLUMNS[1:]]
-    return Table(titles, rows, style="plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
+    return Table(titles, rows, "Joints in the models", "plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
 
 
 def as_text(exhibit: Exhibit) -> Iterator[str]:
@@ -207,7 +223,9 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     mechanism = exhibit.mechanism
     yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
     yield "\nEquations of motion (' is d/dt, tau the applied force):"
-    yield from _indented(mechanism.equations_text or TOO_LONG)
+    yield from _indented(
+        mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from T and V:\n\n{mechanism.energies_text}"
+    )
     yield "\nParameters:"
     yield from _indented(str(parameter_table(mechanism)))
     yield "\nCoordinates:"
@@ -230,7 +248,7 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
 def parameter_table(mechanism: Mechanism) -> Table:
     """Symbol, value and unit of each parameter."""
     rows = [[symbol, number_text(value), unit] for symbol, value, unit in mechanism.parameters]
-    return Table(["parameter", Column("value", "plain"), "unit"], rows)
+    return Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
 
 
 def coordinate_table(mechanism: Mechanism) -> Table:
@@ -239,7 +257,7 @@ def coordinate_table(mechanism: Mechanism) -> Table:
         [coordinate, joint, "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}"]
         for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
     ]
-    return Table(["coordinate", "joint", "sampled"], rows)
+    return Table(["coordinate", "joint", "sampled"], rows, "Coordinates")
 
 
 def _indented(text: str) -> Iterator[str]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.resources import files
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from harness.report.html import equations
+from harness.report.html import environment
 from harness.show.exhibit import (
     Exhibit,
     audit_table,
@@ -24,9 +23,6 @@ from harness.show.placement import choose_view
 
 def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
     """The whole page."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"equations": equations, "whereabouts": whereabouts}
-    package = files("harness")
     pictures: list[Markup] = []
     view = None
     if exhibit.placements is not None:
@@ -34,12 +30,14 @@ def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str
         gravity = exhibit.mechanism.gravity
         view = choose_view(exhibit.placements)
         pictures = [Markup(draw(resting, [moved], view, gravity)), Markup(draw(moved, [resting], view, gravity, ghost=resting))]
-    return environment.from_string(package.joinpath("show", "show.html").read_text("utf-8")).render(
+    made = environment()
+    made.filters["whereabouts"] = whereabouts
+    return made.from_string(files(__package__).joinpath("show.html").read_text("utf-8")).render(
         mechanism=exhibit.mechanism,
         library=library,
         exhibit=exhibit,
         problems=problems,
-        style=Markup("\n".join(package.joinpath(*path).read_text("utf-8") for path in (("report", "style.css"), ("show", "show.css")))),
+        charts=[],
         pictures=pictures,
         view=view,
         joints=joint_table(exhibit),

@@ -1,6 +1,6 @@
 """A mechanism as an SVG drawing: joints, links and centres of mass, seen along one direction.
 
-Classes get their looks from the page that holds the drawing (``show.css``), so that it follows
+Classes get their looks from the page that holds the drawing (``report/style.css``), so that it follows
 a dark scheme.
 """
 
@@ -37,8 +37,7 @@ def draw(placement: Placement, others: Sequence[Placement], view: View, gravity:
     sheet.links(placement)
     sheet.joints(placement)
     sheet.centres(placement)
-    if ghost is None:
-        sheet.names(placement)
+    sheet.names(placement)
     sheet.axes(gravity)
     sheet.scale_bar()
     title = escape(f"Joints {', '.join(placement.joints)}; {view.name}")
@@ -198,13 +197,13 @@ class _Sheet:
                 self.taken.append((x - r, y - r, x + r, y + r))
 
     def names(self, placement: Placement) -> None:
-        for joint, body_number in placement.body_of.items():
-            self.label(joint, self.tips[joint], "name", _colour(body_number))
+        for joint in placement.body_of:
+            self.label(joint, self.tips[joint], "name")
         for number, body in enumerate(placement.bodies):
             if _is_heavy(placement, number) and len(placement.bodies) <= _MANY:
-                self.label(_title(body, number), self.at(body.centre), "name body", _colour(number))
+                self.label(_title(body, number), self.at(body.centre), "name body")
 
-    def label(self, text: str, place: Point, kind: str, colour: str) -> None:
+    def label(self, text: str, place: Point, kind: str) -> None:
         """Text near a point, at the first place around it where nothing stands yet."""
         width, height = 6.6 * len(text) + 2, 14.0
         best: tuple[float, tuple[float, float, float, float]] | None = None
@@ -219,9 +218,7 @@ class _Sheet:
                     best = cost, box
         assert best is not None
         self.taken.append(best[1])
-        self.parts.append(
-            f'<text class="{kind}" x="{best[1][0]:.1f}" y="{best[1][3] - 3.5:.1f}"{_coloured(colour, "fill")}>{escape(text)}</text>'
-        )
+        self.parts.append(f'<text class="{kind}" x="{best[1][0]:.1f}" y="{best[1][3] - 3.5:.1f}">{escape(text)}</text>')
 
     def axes(self, gravity: float) -> None:
         """The world's axes and gravity, in the lower left corner."""

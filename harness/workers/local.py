@@ -28,7 +28,10 @@ from harness.workers.tasks import MORE_MEMORY, MORE_TIME, Crash, Outcome, Task, 
 POLL_SECONDS = 0.2
 # Allowed beside the task itself, to start a process and to import the task's function on a busy machine.
 START_SECONDS = 60.0
-# In the environment of each process, with a value of its own; what the process forks inherits it.
+# Of what a process wrote before it died, from its end.
+MOST_CHARACTERS = 2000
+# In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
+# the other's value before its own.
 MARK = "HARNESS_WORKER"
 
 
@@ -84,7 +87,15 @@ class LocalPool:
             run.done.append(Outcome(task, exception=error))
             return True
         if process is None:
-            process = _Process()
+            try:
+                process = _Process()
+            except OSError:
+                if not self._processes:
+                    raise
+                # The system has no room for more; those that run do the work.
+                self._count = len(self._processes)
+                run.queue.add([task])
+                return False
             self._processes.append(process)
         if task.affinity is not None:
             self._owners[task.affinity] = process
@@ -126,7 +137,7 @@ class _Process:
     def __init__(self) -> None:
         self.run: _Run | None = None
         self.deadline = 0.0
-        self._mark = secrets.token_hex(16)
+        self._mark = os.environ.get(MARK, "") + secrets.token_hex(16)
         with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
             self._mail, self._notes, self._errors = (ours.enter_context(tempfile.TemporaryFile(buffering=0)).fileno() for _ in range(3))
             wake, self._wake = _pipe(reader=theirs, writer=ours)
@@ -137,7 +148,7 @@ class _Process:
             self._popen = subprocess.Popen(
                 [sys.executable, "-P", program.__file__, *map(str, descriptors)],
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
+                stdout=self._errors,
                 stderr=self._errors,
                 pass_fds=descriptors,
                 # A process group to be killed at once, which the interrupt of a terminal does not reach.
@@ -194,6 +205,8 @@ class _Process:
     def _crash(self, reason: str) -> Outcome:
         # What the interpreter adds is not the engine's.
         message = re.split(r"^Fatal Python error:", _text(self._errors), maxsplit=1, flags=re.MULTILINE)[0].strip()
+        if len(message) > MOST_CHARACTERS:
+            message = f"[...] {message[-MOST_CHARACTERS:]}"
         return Outcome(self._task, crash=Crash(reason, _text(self._notes), message))
 
     def _cause_of_death(self) -> str:
@@ -210,15 +223,17 @@ class _Process:
 
     def close(self) -> None:
         """Kill the process and all that was forked in it, also what left its process group where /proc shows it."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._popen.pid, signal.SIGKILL)
-        self._popen.wait()
+        # Its descendants are known by it while it lives, and it starts no more; what has replaced its environment has no mark.
+        self._popen.send_signal(signal.SIGSTOP)
         killed: set[int] = set()
-        while left := set(_marked(f"{MARK}={self._mark}".encode())) - killed:
-            for process in left:
+        while left := (_descendants(self._popen) | set(_marked(f"{MARK}={self._mark}".encode()))) - killed:
+            for process in left - {self._popen.pid}:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(process, signal.SIGKILL)
             killed |= left
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._popen.pid, signal.SIGKILL)
+        self._popen.wait()
         self._open.close()
 
 
@@ -228,6 +243,19 @@ def _pipe(reader: contextlib.ExitStack, writer: contextlib.ExitStack) -> tuple[i
     reader.callback(os.close, ends[0])
     writer.callback(os.close, ends[1])
     return ends
+
+
+def _descendants(process: subprocess.Popen[bytes]) -> set[int]:
+    """What a process that is alive has started, and what that has; nothing on a system without /proc."""
+    parents: dict[int, int] = {}
+    for status in Path("/proc").glob("[0-9]*/stat") if process.poll() is None else ():
+        with contextlib.suppress(OSError):
+            # The name, in parentheses, may hold anything.
+            parents[int(status.parent.name)] = int(status.read_bytes().rpartition(b")")[2].split()[1])
+    found = {process.pid}
+    while more := {child for child, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found - {process.pid}
 
 
 def _marked(mark: bytes) -> Iterator[int]:

@@ -30,7 +30,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Crash:
-    """A task whose process died: the reason, its last note, and what it wrote to standard error."""
+    """A task whose process died: the reason, its last note, and what it wrote to standard output and error."""
 
     reason: str
     note: str

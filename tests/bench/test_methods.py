@@ -15,6 +15,7 @@ from harness.arrays import Array
 from harness.bench import acceleration_cost
 from harness.bench.acceleration_cost import acceleration_costs, exponent, growth
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
+from harness.bench.study import BenchmarkSettings, _accelerations
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import sample
@@ -89,6 +90,16 @@ def test_the_frame_of_a_free_joint_matters(frame: bool) -> None:
     assert wrong.backward_error is not None and wrong.backward_error > 1e9
 
 
+def test_it_is_said_who_goes_from_state_to_state() -> None:
+    """A cost of Python's loop must not be taken for one of the engine."""
+    loops = {name: method.loop for name, method in METHODS.items()}
+    assert all(loops.values())
+    assert {loops[name] for name in ("pinocchio aba", "mujoco mj_forward", "lambdify, one state at a time")} == {"Python"}
+    assert (loops["mujoco batch"], loops["pinocchio abaInParallel"], loops["heyoka float64"]) == ("MuJoCo", "Pinocchio", "machine code")
+    (cost,) = costs("arm_2r", METHODS["pinocchio aba"])
+    assert cost.loop == "Python"
+
+
 def test_long_double_is_judged_beyond_float64() -> None:
     (cost,) = costs("arm_2r", METHODS["heyoka long double"])
     assert cost.backward_error is not None and cost.backward_error < 0.1
@@ -130,12 +141,19 @@ def test_what_a_method_cannot_do_is_its_note() -> None:
     assert done.note == "" and done.seconds_per_state is not None
 
 
-def test_an_error_of_a_method_is_not_swallowed() -> None:
+def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(scene: Scene, states: States) -> Prepared:
         raise ZeroDivisionError("planted")
 
-    with pytest.raises(ZeroDivisionError, match="planted"):
-        costs("arm_2r", Method("planted", "equations", fail))
+    planted, sound = Method("planted", "equations", fail), METHODS["heyoka float64"]
+    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)
+    assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
+    assert not done.failed and done.seconds_per_state is not None
+    monkeypatch.setattr("harness.bench.study.select_methods", lambda names: [planted])
+    settings = BenchmarkSettings(library=Library.built_in())
+    assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
+    with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):
+        growth(Library.built_in(), [planted], COUNT, 3, 0.0, lambda text: None, [1])
 
 
 def test_cost_is_per_state_and_notes_say_what_runs() -> None:

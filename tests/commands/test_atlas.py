@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -107,6 +108,16 @@ def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..
     result = invoke("stiff_spring", "--subject", "mujoco/mjcf")
     assert result.exit_code == 1
     assert "not as expected: stiff_spring, mujoco/mjcf: unstable at 1 points, which no entry expects" in result.output
+
+
+def test_a_verdict_that_is_expected_comes_with_its_reason(stage: Stage, invoke: Callable[..., Result]) -> None:
+    worse = replace(POINT, verdict="unstable", backward_error=1e5)
+    stage.answers = lambda task: Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
+    result = invoke("massless_knee", "--subject", "mujoco/mjcf", "--subject", "lagrange")
+    assert result.exit_code == 0, result.output
+    assert "every verdict is as expected" in result.output
+    [reason] = re.findall(r"^massless_knee, lagrange, mujoco/mjcf: unstable is expected: (.*)$", result.output, re.MULTILINE)
+    assert "the last pivot is the knee's own mass; give the knee an inertia" in reason and "section 10.1" in reason
 
 
 def test_a_step_beyond_theory_fails(stage: Stage, invoke: Callable[..., Result]) -> None:

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -270,6 +271,20 @@ def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     assert measured["pinocchio aba"]["seconds_per_state"] > 10 * measured["heyoka float64"]["seconds_per_state"]
     assert [entry["way"] for entry in document["benchmark"]["cheapest"]] == ["heyoka float64"] * 3
     assert "spring_damper: speed against error" in (tmp_path / "reports" / "index.html").read_text()
+
+
+def test_costs_say_their_spread_their_loop_and_the_load(invoke: Callable[..., Result], measure: Callable[..., None]) -> None:
+    entry = AccelerationCost(
+        system="collar", method="pinocchio aba", states=10, seconds_per_state=2e-6, fastest=1.5e-6, slowest=4e-6, repetitions=9,
+        backward_error=1e219, relative_error=5e203, loop="Python",
+    )  # fmt: skip
+    exact = replace(entry, method="certified balls", seconds_per_state=3e-6, fastest=2.5e-6, backward_error=0.5, relative_error=1e-16)
+    measure(Benchmark(accelerations=[entry, exact]))
+    done = invoke("collar")
+    assert re.search(r"collar +pinocchio aba +1 +Python +2\.00 µs +1\.50 µs ", done.output), done.output
+    assert "> 1" in done.output and "e+203" not in done.output
+    assert re.search(r"^times: .*; worker processes \d+, cpus \d+, load \d+\.\d\d at the start$", done.output, re.MULTILINE)
+    assert "3.00 µs per state, fastest 2.50 µs" in done.output
 
 
 def test_the_time_limit_is_the_profile_s_unless_one_is_given(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -118,7 +118,7 @@ def _refuse() -> None:
 
 
 PRINTED: dict[str, Callable[[], None]] = {
-    "records": lambda: _terminal.print_table([hostile(RECORD, but=("verdict", "expected"))]),
+    "records": lambda: _terminal.print_table([hostile(RECORD, but=("verdict", "expected"))], RUN),
     "unexpected": lambda: _terminal.print_unexpected([hostile(RECORD, but=("verdict", "expected"))]),
     "superfluous": lambda: _terminal.print_superfluous([SuperfluousPart(EVIL, EVIL, EVIL, 1, EVIL, EVIL, EVIL, EVIL)]),
     "causes": lambda: _terminal.print_causes([CAUSE, replace(CAUSE, diagnosed="")], Settings(library=Library.built_in())),

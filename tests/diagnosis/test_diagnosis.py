@@ -449,15 +449,14 @@ def test_the_command_has_nothing_to_say_of_a_sound_mechanism() -> None:
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_second_file_that_cannot_be_read_is_not_lost_behind_the_first_ones_diagnosis(tmp_path: Path) -> None:
+def test_a_second_file_that_cannot_be_read_ends_the_run_before_the_first_is_diagnosed(tmp_path: Path) -> None:
     faulty = tmp_path / "edited.xml"
     faulty.write_text(case("simple_pendulum", "mjcf").replaced(('mass="1.5"', 'mass="1.6"')))
     options = ["--mjcf", str(faulty), "--urdf", str(tmp_path / "nowhere.urdf"), "--states", "100"]
     done = CliRunner().invoke(main, ["diagnose", "simple_pendulum", *options])
     assert done.exit_code == 2
-    assert "nowhere.urdf" in done.output
-    assert 'edited.xml:16: <inertial mass="1.6"> explains it with 1.5' in done.output
-    assert "no engine could use its file" in done.output
+    [line] = done.output.splitlines()
+    assert line.startswith(f"harness: {tmp_path / 'nowhere.urdf'}: there is no such file")
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -295,3 +295,14 @@ def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
         if place < mechanism.nq:
             after = kernel(*row[:place], row[place] + 2 * flint.arb.pi(), *row[place + 1 :])
             assert all(first.overlaps(second) for first, second in zip(before, after, strict=True))
+
+
+@pytest.mark.parametrize("name", ["acrobot", "arm_3r"])
+def test_a_state_alone_is_rounded_as_it_is_among_others(name: str) -> None:
+    """What a replay computes of one state is what the batch computed, to the last bit."""
+    mechanism = load_mechanism(Library.built_in(), name)
+    states, kernel = sample(mechanism, 64, 0), Float64Kernel(mechanism.program)
+    together = kernel.accelerations(mechanism.inputs(states))
+    alone = [kernel.accelerations(mechanism.inputs(states[place : place + 1])) for place in range(64)]
+    assert np.array_equal(together, np.hstack(alone))
+    assert kernel.accelerations(mechanism.inputs(states[:0])).shape == (mechanism.nv, 0)

@@ -213,6 +213,7 @@ MALFORMED_MJCF = {
     "no worldbody": ("worldbody", "world", 5, "<world> in <mujoco> is unknown; did you mean 'worldbody'?"),
     "joint twice": ('name="pin"', 'name="slide"', 11, "repeats the name of line 7"),
     "joint without name": ('name="slide" ', "", 7, "has no name"),
+    "joint universe": ('name="slide"', 'name="universe"', 7, "joint 'universe', as Pinocchio calls the world"),
     "joint with empty name": ('name="slide" ', 'name="" ', 7, "has no name"),
     "joint in the world": (
         "<worldbody>",
@@ -339,6 +340,7 @@ MALFORMED_URDF = {
     "link without name": ('<link name="world"/>', "<link/>", 2, "<link> has no name"),
     "joint twice": ('<joint name="pin"', '<joint name="slide"', 22, "repeats the name of line 16"),
     "joint without name": ('<joint name="pin"', "<joint", 22, "<joint> has no name"),
+    "joint universe": ('<joint name="pin"', '<joint name="universe"', 22, "joint 'universe', as Pinocchio calls the world"),
     "joint without type": (' type="revolute"', "", 22, "no attribute 'type'"),
     "joint type": ("revolute", "revolut", 22, "did you mean 'revolute'?"),
     "no parent": ('<parent link="cart"/>', "", 22, "has no <parent>"),

@@ -17,7 +17,7 @@ from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.hard_states import FoundState, as_text, keep, load_found, merged, path_of, worst_cases
-from harness.results.records import Record
+from harness.results.records import Record, Representative
 from harness.workers import Workers
 
 FOUND = FoundState(
@@ -174,25 +174,24 @@ def record_of(system: str, subject: str, verdict: str, error: float | None, stat
 
 
 def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
+    dead = Representative(state=FOUND.state, backward_error=None, replay="harness check e --state there")
     records = [
-        record_of("a", "mujoco/mjcf", "agrees", 50.0),
+        record_of("a", "mujoco/mjcf", "unstable", 2e6),
         record_of("b", "mujoco/mjcf", "disagrees", 70.0),
         record_of("c", "mujoco/mjcf", "unstable", 1e6),
         record_of("d", "mujoco/mjcf", "undecided", None),
-        record_of("e", "mujoco/mjcf", "error", None),
+        replace(record_of("e", "mujoco/mjcf", "error", 50.0), representative=dead),
         record_of("f", "mujoco/mjcf", "error", None, state=False),
         record_of("a", "pinocchio/urdf", "agrees", 2.0),
     ]
-    found = {"a": [replace(FOUND, subject="mujoco/mjcf", verdict="unstable", backward_error=2e6)]}
-    ranking = worst_cases(records, found, replay_options=["--library", "my folder"])
+    ranking = worst_cases(records)
     assert [case.system for case in ranking if case.subject == "mujoco/mjcf"] == ["e", "b", "a", "c"]
     assert [(case.system, case.subject) for case in ranking[4:]] == [("a", "pinocchio/urdf")]
-    a, c = ranking[2:4]
-    assert (a.backward_error, a.statement) == (2e6, "planted")
-    assert a.replay.startswith("harness check a --subject mujoco/mjcf --library 'my folder' --state '{\"q\": [0.123]")
-    assert (c.reproducer, c.replay) == ("", "harness check c")
-    assert [case.system for case in worst_cases(records, found, most=1)] == ["e", "a"]
-    assert worst_cases(reversed(records), found, replay_options=["--library", "my folder"]) == ranking
+    e, c = ranking[0], ranking[3]
+    assert (e.backward_error, e.state, e.replay) == (None, FOUND.state, dead.replay)
+    assert (c.reproducer, c.replay, c.backward_error) == ("", "harness check c", 1e6)
+    assert [case.system for case in worst_cases(records, most=1)] == ["e", "a"]
+    assert worst_cases(reversed(records)) == ranking
 
 
 def test_plain_data_is_what_the_file_holds() -> None:

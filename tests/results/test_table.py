@@ -33,7 +33,7 @@ def test_each_medium_escapes_what_would_break_it() -> None:
     lines = table.markdown().splitlines()
     assert len(lines) == 4 and {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {3} and "<" not in table.markdown()
     page = table.html()
-    assert "<b>" not in page and html.unescape(page).count(EVIL) == 12
+    assert "<b>" not in page and html.unescape(page).count(EVIL) == 13
     assert set(Page(page).tags) == {"div", "table", "caption", "thead", "tbody", "tr", "th", "td", "a", "small", "span"}
 
 
@@ -61,7 +61,7 @@ def test_looks_of_a_cell() -> None:
     cells = [Cell("x", ["y"], "agrees", link="#z"), Cell("x", [], "empty", fills=True), Cell("x", tone="disagrees surprise")]
     table = Table(["1", "2", "3"], [cells], style="matrix")
     assert table.texts() == [["x, y", "x", "x"]]
-    assert '<th><a class="verdict agrees" href="#z">x<small> y</small></a></th>' in table.html()
+    assert '<th scope="row"><a class="verdict agrees" href="#z">x<small> y</small></a></th>' in table.html()
     assert '<td class="empty"><span>x</span></td><td><span class="verdict disagrees surprise">x</span></td>' in table.html()
     assert "\x1b[1;31mx" in printed(table)
 
@@ -75,3 +75,8 @@ def test_anything_can_be_shown(rows: list[tuple[str, float | None, int | None]])
     table = Table(["a", Column("b", "seconds"), Column("c", "count")], rows)
     assert len(str(table).split("\n")) == len(table.markdown().split("\n")) - 1 == len(rows) + 1
     assert table.html().count("<tr>") == len(rows) + 1 and printed(table)
+
+
+def test_a_relative_error_beyond_one_has_no_size() -> None:
+    table = Table([Column("there", "relative")], [[value] for value in (1e-16, 0.5, 1.0, 5e203, float("inf"), None)])
+    assert [text for [text] in table.texts()] == ["1.00e-16", "0.500", "1.00", "> 1", "> 1", "-"]

@@ -8,12 +8,13 @@ import xml.etree.ElementTree as ElementTree
 from functools import partial
 from pathlib import Path
 
+import lxml.html
 import numpy as np
 import pytest
 from support import harness, harness_in_a_process
 
 from harness.commands._scaffold import write_example
-from harness.engines import engine_names, load_engine
+from harness.engines import engine_paths, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
@@ -35,7 +36,7 @@ def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
     library = Library.built_in()
     model = read_model(library.model_path(name, model_format), model_format)
     mechanism = load_mechanism(library, name)
-    engine = next(engine for engine in map(partial(load_engine, library), engine_names(library)) if engine.formats[0] == model_format)
+    engine = next(engine for engine in map(partial(load_engine, library), engine_paths(library)) if engine.formats[0] == model_format)
     placed = place(engine.load(model, mechanism.joints, mechanism.gravity), mechanism)
     assert placed is not None
     return placed
@@ -59,8 +60,26 @@ def test_show_tells_joints_and_what_engines_hold(tmp_path: Path, name: str) -> N
     (sound,) = re.findall(r"^  (sound: .*)$", done.stdout, re.MULTILINE)
     assert sound in page
     assert page.count("<svg") == 2
-    assert "<math" in page or "Too long to read" in page
-    assert not re.search(r"(src|href)=", page)
+    assert "<math" in page or "kinetic, potential = energies(" in page
+    assert not re.search(r"""src=|href="[^#]|<link""", page)
+
+
+@pytest.mark.parametrize(("name", "words"), [("chain_6", "def system(n: int)"), ("scara", "def energies(links")])
+def test_long_equations_are_shown_by_their_energies(name: str, words: str) -> None:
+    mechanism = load_mechanism(Library.built_in(), name)
+    assert not mechanism.equations_text and words in mechanism.energies_text
+    assert "Source:" not in mechanism.energies_text.partition("# _serial_arm.py")[0] and "kinetic" in mechanism.energies_text
+    assert not load_mechanism(Library.built_in(), "collar").energies_text
+
+
+def test_the_page_has_landmarks_contents_and_captions(library: Path) -> None:
+    harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
+    page = lxml.html.fromstring((library / "page.html").read_text())
+    assert [child.tag for child in page.body] == ["header", "nav", "main"]
+    assert [link.get("href") for link in page.xpath("//nav/ul/li/a")] == [f"#{anchor}" for anchor in page.xpath("//main//h2/@id")]
+    assert page.xpath("//table") and all(table[0].tag == "caption" for table in page.xpath("//table"))
+    assert all(head.get("scope") and head.text_content().strip() for head in page.xpath("//th"))
+    assert len(page.xpath("//*[@id]")) == len(set(page.xpath("//@id")))
 
 
 def test_values_are_shown_in_full_and_joints_with_their_lines(tmp_path: Path) -> None:

@@ -240,6 +240,14 @@ def test_a_crash_has_its_note_and_standard_error_and_no_others() -> None:
     assert outcomes[2].crash == Crash(KILLED, "", "")
 
 
+def test_of_very_much_that_a_crash_wrote_the_end_is_kept() -> None:
+    with Workers(1) as workers:
+        [outcome] = workers.run([Task(0, work.babble, ())])
+    assert outcome.crash is not None
+    assert len(str(outcome.crash)) < 2100
+    assert str(outcome.crash).endswith("99998\n99999")
+
+
 def test_a_task_that_cannot_be_sent_costs_its_own_outcome() -> None:
     with Workers(1) as workers:
         tasks = [Task(0, work.echo, (lambda: 0,)), Task(1, work.echo, (1,)), Task(2, lambda note: 0, ())]

@@ -44,6 +44,7 @@ class Method:
     Attributes:
         name: for the command line and the report.
         format: what it reads: "equations", "mjcf" or "urdf".
+        loop: what goes from state to state: "Python", at the cost of a call for each, or what is called once for all of them.
         prepare: loads and converts. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
         growth: highest exponent of cost over the number of bodies of a chain that the algorithm allows, for
             the reader: "1", "up to 3".
@@ -54,6 +55,7 @@ class Method:
     name: str
     format: str
     prepare: Callable[[Scene, States], Prepared]
+    loop: str = ""
     growth: str = ""
     linear_velocity_in_body: bool = False
     most_states: int | None = None

@@ -22,6 +22,7 @@ from harness.crosscheck.tasks import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.derivation import load_system
 from harness.equations.kernels import heyoka_expressions, solve_symmetric
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
@@ -88,7 +89,7 @@ def _batch(scene: Scene, states: States) -> Prepared:
 
 def compiled_solution(program: StraightLineProgram, number: type) -> Callable[..., Any]:
     """heyoka's machine code for qdd, (nv, n), of the program's inputs, (number of inputs, n), in the type ``number``."""
-    import heyoka
+    heyoka = load_heyoka()
 
     inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
     outputs = heyoka_expressions(program, inputs)
@@ -132,9 +133,9 @@ def _balls(scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: last[0].high, "certified, with its data roundoff; the error is that of rounding to float64")
 
 
-ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, growth="up to 3", most_states=SLOW)
-BATCH = Method("lambdify, numpy batch", "equations", _batch, growth="up to 3")
-FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), growth="up to 3")
-FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), growth="up to 3")
-LONG_DOUBLE = Method("heyoka long double", "equations", partial(_machine_code, np.longdouble), growth="up to 3")
-BALLS = Method("certified balls", "equations", _balls, growth="up to 3", most_states=SLOW)
+ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, loop="Python", growth="up to 3", most_states=SLOW)
+BATCH = Method("lambdify, numpy batch", "equations", _batch, loop="NumPy", growth="up to 3")
+FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), loop="machine code", growth="up to 3")
+FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), loop="machine code", growth="up to 3")
+LONG_DOUBLE = Method("heyoka long double", "equations", partial(_machine_code, np.longdouble), loop="machine code", growth="up to 3")
+BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW)

@@ -15,7 +15,7 @@ from harness.bench.methods import Method, Prepared
 from harness.certify.compare import compare
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import reference_kernel
-from harness.engines import linear_velocity_in_body, load_engine
+from harness.engines import accelerations, linear_velocity_in_body, load_engine
 from harness.equations.states import States
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
@@ -27,11 +27,13 @@ def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
     last: list[Array] = [np.full_like(states.v, np.nan)]
 
     def compute() -> None:
-        last[0] = model.forward_dynamics(states.q, states.v, states.tau)
+        last[0] = accelerations(model, states)
         compare(reference, last[0])
 
     return Prepared(compute, lambda: last[0], CHECKED)
 
 
-MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), growth="up to 3")
-PINOCCHIO = Method("harness check of pinocchio", "urdf", partial(_check, "pinocchio", "urdf"), growth="1", linear_velocity_in_body=True)
+MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), loop="MuJoCo", growth="up to 3")
+PINOCCHIO = Method(
+    "harness check of pinocchio", "urdf", partial(_check, "pinocchio", "urdf"), loop="Python", growth="1", linear_velocity_in_body=True
+)

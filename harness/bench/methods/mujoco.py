@@ -58,6 +58,6 @@ def _batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     return Prepared(batch.forward, lambda: np.ascontiguousarray(found[:, velocities]))
 
 
-FORWARD = Method("mujoco mj_forward", "mjcf", _forward, growth="up to 3")
-BATCH = Method("mujoco batch", "mjcf", partial(_batch, False), growth="up to 3")
-ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(_batch, True), growth="up to 3")
+FORWARD = Method("mujoco mj_forward", "mjcf", _forward, loop="Python", growth="up to 3")
+BATCH = Method("mujoco batch", "mjcf", partial(_batch, False), loop="MuJoCo", growth="up to 3")
+ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(_batch, True), loop="MuJoCo", growth="up to 3")

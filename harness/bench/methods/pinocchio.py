@@ -87,6 +87,6 @@ def _composite_rigid_bodies(scene: Scene, states: States) -> Prepared:
     return _Batch(scene, states).one_by_one(accelerations)
 
 
-ABA = Method("pinocchio aba", "urdf", _aba, growth="1", linear_velocity_in_body=True)
-ABA_IN_PARALLEL = Method("pinocchio abaInParallel", "urdf", _aba_in_parallel, growth="1", linear_velocity_in_body=True)
-CRBA = Method("pinocchio CRBA + Cholesky", "urdf", _composite_rigid_bodies, growth="up to 3", linear_velocity_in_body=True)
+ABA = Method("pinocchio aba", "urdf", _aba, loop="Python", growth="1", linear_velocity_in_body=True)
+ABA_IN_PARALLEL = Method("pinocchio abaInParallel", "urdf", _aba_in_parallel, loop="Pinocchio", growth="1", linear_velocity_in_body=True)
+CRBA = Method("pinocchio CRBA + Cholesky", "urdf", _composite_rigid_bodies, loop="Python", growth="up to 3", linear_velocity_in_body=True)

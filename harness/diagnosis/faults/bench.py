@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
@@ -22,7 +21,18 @@ from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
-from harness.engines import EQUATIONS, Engine, Model, Subject, Unsupported, linear_velocity_in_body, load_engine, select_subjects
+from harness.engines import (
+    EQUATIONS,
+    Engine,
+    Model,
+    Subject,
+    Unsupported,
+    accelerations,
+    engine_files,
+    linear_velocity_in_body,
+    load_engine,
+    select_subjects,
+)
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -104,6 +114,9 @@ class FaultBench:
 
     def _join(self, subject: Subject) -> str:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
+        file = engine_files(self._library)[subject.engine]
+        if file.version is None:
+            return f"{subject}: {f'{file.requires[1]} is not installed' if file.outcome.value else 'its engine file cannot be loaded'}"
         engine = load_engine(self._library, subject.engine)
         source: Any = {EQUATIONS: self.mechanism, self.model.format: self.model}.get(subject.format)
         if source is None:
@@ -117,7 +130,7 @@ class FaultBench:
         try:
             if source is self.model:
                 watched = watch(engine, self.mechanism, self.model, self._states)
-            answers = watched.healthy if watched else self._load(engine, source).forward_dynamics(*self._inputs)
+            answers = watched.healthy if watched else accelerations(self._load(engine, source), self._states)
         except Unsupported as reason:
             return f"{subject}: {reason}"
         except ValueError as error:
@@ -130,10 +143,6 @@ class FaultBench:
         else:
             self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
         return ""
-
-    @property
-    def _inputs(self) -> tuple[Array, Array, Array]:
-        return self._states.q, self._states.v, self._states.tau
 
     def _load(self, engine: Engine, source: Any) -> Model:
         return engine.load(source, self.mechanism.joints, self.mechanism.gravity)
@@ -158,7 +167,7 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(one.engine, model)
-                answers = loaded.forward_dynamics(*self._inputs)
+                answers = accelerations(loaded, self._states)
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue

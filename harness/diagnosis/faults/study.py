@@ -8,7 +8,7 @@ from typing import Any
 from harness.crosscheck.expected import AGREES, load_expectations
 from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
 from harness.diagnosis.faults.summary import Fault, SmallestChange, broken_bars
-from harness.engines import EQUATIONS, Subject, select_subjects
+from harness.engines import EQUATIONS, Subject, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.study import Part, Rounds
@@ -36,6 +36,8 @@ class FaultStudy(Rounds):
         self._rows: list[Any] = []
         self.steps = len(models)
         library, *rest = given
+        for file in engine_files(library).values():
+            self.failure(file.outcome)
         self._next = [Task((self._taken, *model), function, (library, *model, *rest), model[0]) for model in models]
 
     def result(self) -> list[Any]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
+from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Advance, Integrator, keep
@@ -92,7 +93,7 @@ class Steps:
         return found
 
     def _whole_steps(self, system: FirstOrderSystem, count: int) -> Callable[[Array], None]:
-        import heyoka
+        heyoka = load_heyoka()
 
         positions, velocities = system.variables()
         now, step = heyoka.expression("now"), heyoka.expression("step")
@@ -113,7 +114,7 @@ class Steps:
         return go
 
     def _separate_stages(self, system: FirstOrderSystem, count: int) -> Callable[[Array], None]:
-        import heyoka
+        heyoka = load_heyoka()
 
         positions, velocities = system.variables()
         now = heyoka.expression("now")
@@ -142,7 +143,7 @@ class Steps:
 
 
 def _dormand_prince(scene: Scene) -> Advance:
-    import heyoka
+    heyoka = load_heyoka()
 
     mechanism = scene.mechanism
     nq = mechanism.nq

@@ -23,6 +23,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
+from harness.equations.machine_code import load_heyoka
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, keep
 from harness.motion.taylor import Path
@@ -43,7 +44,7 @@ class Variational:
     """
 
     def __init__(self, scene: Scene) -> None:
-        import heyoka
+        heyoka = load_heyoka()
 
         self._mechanism = mechanism = scene.mechanism
         if mechanism.attitudes:
@@ -115,7 +116,7 @@ class Variational:
 
     def _momenta_and_impulses(self, q: Sequence[Any], w: Sequence[Any], now: Any) -> tuple[list[Any], list[Any]]:
         """dL/dv and dL/dq + Q."""
-        import heyoka
+        heyoka = load_heyoka()
 
         positions, velocities = self._system.variables()
         time = heyoka.expression("midtime")
@@ -129,7 +130,7 @@ class Variational:
 
     def _improved(self, q: Sequence[Any], p: Sequence[Any], w: Sequence[Any], now: Any, step: Any) -> list[Any]:
         """w after one Newton iteration."""
-        import heyoka
+        heyoka = load_heyoka()
 
         unknowns = [heyoka.expression(f"unknown{i}") for i in range(len(w))]
         middle = [x + 0.5 * step * rate for x, rate in zip(q, unknowns, strict=True)]
@@ -152,7 +153,7 @@ class Variational:
 
     def _compiled(self, state: Sequence[Any], count: int) -> Any:
         """``count`` whole steps: the state after them, the last entry being the square of the largest last correction."""
-        import heyoka
+        heyoka = load_heyoka()
 
         n = self._mechanism.nv
         q, p, w, last = (list(state[i * n : (i + 1) * n]) for i in range(4))

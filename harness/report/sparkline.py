@@ -1,0 +1,44 @@
+"""The trend of one pair over the runs, as a line of the size of a word."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from harness.results.table import counted, error_text
+
+_WIDTH, _HEIGHT, _MARGIN = 80.0, 20.0, 3.0
+# Changes within this factor look as flat as they are.
+_LEAST_RATIO = 10.0
+
+
+class Sparkline:
+    """Positive numbers, oldest first, on a logarithmic scale: ``<svg>`` on a page, their extremes in words elsewhere.
+
+    A number that such a scale cannot show sits at its end.
+    """
+
+    def __init__(self, values: Sequence[float]) -> None:
+        self.values = [value for value in values if not math.isnan(value)]
+
+    def __str__(self) -> str:
+        if not self.values:
+            return "no number yet"
+        low, high = error_text(min(self.values)), error_text(max(self.values))
+        return f"{low if low == high else f'{low} to {high}'} in {counted(len(self.values), 'run')}"
+
+    def __html__(self) -> str:
+        drawn = f'<svg class="trend" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" aria-label="{self}">{self._line()}</svg>'
+        return f"{drawn}<small> {self}</small>"
+
+    def _line(self) -> str:
+        shown = [math.log10(value) for value in self.values if 0 < value < math.inf] or [0.0]
+        middle, span = (min(shown) + max(shown)) / 2, max(max(shown) - min(shown), math.log10(_LEAST_RATIO))
+        low, high = middle - span / 2, middle + span / 2
+        step = (_WIDTH - 2 * _MARGIN) / max(1, len(self.values) - 1)
+        places = []
+        for number, value in enumerate(self.values):
+            height = low if value <= 0 else high if math.isinf(value) else math.log10(value)
+            places.append((_MARGIN + number * step, _HEIGHT - _MARGIN - (height - low) / span * (_HEIGHT - 2 * _MARGIN)))
+        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+        return f'<polyline points="{line}"/>' + "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2"/>' for x, y in places[-1:])

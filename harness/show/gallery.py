@@ -1,0 +1,60 @@
+"""One picture of each system, for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+
+from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects
+from harness.equations.derivation import load_mechanism
+from harness.library import Library
+from harness.models.model_file import read_model
+from harness.results.cross_check import CrossCheckResult, Picture
+from harness.show.picture import draw
+from harness.show.placement import choose_view, place
+from harness.study import Part, Rounds
+from harness.workers import Outcome, Task
+
+
+class Gallery(Rounds):
+    """The pictures of systems; a ``harness.study.Study``. A system that no engine can place has none.
+
+    ``crashes`` are those of the cross-check, as ``CrossCheck`` has them: what died or hung there would again.
+    """
+
+    title = "pictures"
+
+    def __init__(self, library: Library, names: Sequence[str], crashes: Collection[tuple[str, str | None]] = ()) -> None:
+        super().__init__()
+        self._found = CrossCheckResult()
+        native = [subject for subject in subjects(library) if subject.format != EQUATIONS and is_native(library, subject)]
+        for name in names:
+            sound = [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))]
+            if sound:
+                self._next.append(Task((self._drawn, name), draw_system, (library, name, sound), name))
+        self.steps = len(self._next)
+
+    def result(self) -> CrossCheckResult:
+        return self._found
+
+    def _drawn(self, outcome: Outcome, name: str) -> Iterator[Part]:
+        # Why a system or a model cannot be used is in the records.
+        drawn = CrossCheckResult(pictures=[Picture(system=name, svg=outcome.value)] if outcome.value else [])
+        self._found.extend(drawn)
+        yield Part(name, drawn)
+
+
+def draw_system(library: Library, name: str, asked: Sequence[Subject], note: Callable[[str], None]) -> str:
+    """A system moved a little from its zero configuration, over its shadow there, by the first subject that can place it; "" for none."""
+    mechanism = load_mechanism(library, name)
+    for subject in asked:
+        note(str(subject))
+        try:
+            model = read_model(library.model_path(name, subject.format), subject.format)
+            placements = place(load_model(library, subject, mechanism, model), mechanism)
+        except Exception:
+            # The records say why; another engine may do.
+            continue
+        if placements is not None:
+            resting, moved = placements
+            return draw(moved, [resting], choose_view(placements), mechanism.gravity, ghost=resting)
+    return ""

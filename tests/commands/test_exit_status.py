@@ -1,0 +1,154 @@
+"""Exit status 1 is a verdict and nothing else; who is to blame for another one is said."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support import harness, make_library
+
+from harness.commands import check
+from harness.library import Library
+
+RECURSIONS = {
+    "calls_itself": "def again():\n    return again()\n\n\nagain()\n",
+    "nested": "x = " + "(" * 5000 + ")" * 5000 + "\n",
+    "chained": "x = " + "-" * 100_000 + "1\n",
+    "deep": """
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+from harness import TIME, System
+
+x = dynamicsymbols("x")
+m = sp.Symbol("m", positive=True)
+potential = x
+for _ in range(20_000):
+    potential = sp.sin(potential, evaluate=False)
+SYSTEM = System(coordinates={x: "slide"}, kinetic=m * x.diff(TIME)**2 / 2, potential=potential, parameters={m: (1.0, "kg")}, total_mass=m)
+""",
+    "no_expression": """
+from sympy.physics.mechanics import dynamicsymbols
+from harness import System
+
+
+class Odd:
+    def __getattr__(self, name):
+        return getattr(self, name + "x")
+
+
+x = dynamicsymbols("x")
+SYSTEM = System(coordinates={x: "slide"}, kinetic=Odd(), potential=0, parameters={}, total_mass=0)
+""",
+}
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    return make_library(tmp_path / "library", ["bar_pendulum"])
+
+
+def test_an_interrupt_is_130(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "harness", "check", "--states", "100000", "--workers", "1"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        # Workers are its children as soon as the study runs.
+        deadline = time.monotonic() + 60
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        while time.monotonic() < deadline and not children.read_text().strip():
+            time.sleep(0.02)
+        os.kill(process.pid, signal.SIGINT)
+        printed, told = process.communicate(timeout=60)
+    assert (process.returncode, printed) == (130, "")
+    assert told.splitlines() == ["harness: interrupted"]
+
+
+def test_a_fault_of_the_harness_is_70_and_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(*arguments: object) -> None:
+        raise ZeroDivisionError("nobody's model")
+
+    monkeypatch.setattr(check, "_parse_state", broken)
+    done = harness("check", "bar_pendulum", cwd=tmp_path)
+    assert done.returncode == 70
+    lines = done.stderr.splitlines()
+    assert lines[0].startswith("Traceback") and "ZeroDivisionError: nobody's model" in lines
+    assert lines[-1].startswith("harness: internal error") and "report" in lines[-1] and "not of your files" in lines[-1]
+
+
+def test_a_fault_in_a_worker_is_70_too_and_costs_no_other_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(*arguments: object) -> None:
+        raise ZeroDivisionError("nobody's engine")
+
+    monkeypatch.setattr("harness.crosscheck.hypothesis_search._draw", broken)
+    done = harness("check", "bar_pendulum", cwd=tmp_path)
+    assert done.returncode == 70, done.stdout + done.stderr
+    assert "nobody's engine" in done.stderr and done.stderr.splitlines()[-1].startswith("harness: internal error")
+    assert "bar_pendulum" in done.stdout
+
+
+def test_usage_stays_2_and_help_0() -> None:
+    assert harness("chek").returncode == harness("check", "--nonsense").returncode == harness().returncode == 2
+    assert harness("--help").returncode == harness("check", "--help").returncode == 0
+
+
+@pytest.mark.parametrize("case", RECURSIONS)
+def test_a_system_file_that_recurses_without_end_is_2(library: Path, case: str) -> None:
+    path = library / "systems" / f"{case}.py"
+    path.write_text('"""A.\n\nSource: none.\n"""\n' + RECURSIONS[case])
+    done = harness("check", case, "--library", str(library), "--states", "20", cwd=library)
+    assert done.returncode == 2, (done.returncode, done.stdout, done.stderr[-2000:])
+    assert "Traceback" not in done.stderr and str(path) in done.stderr
+
+
+@pytest.mark.parametrize("command", ["list", "show"])
+def test_listing_and_showing_it_is_2_as_well(library: Path, command: str) -> None:
+    (library / "systems" / "again.py").write_text('"""A.\n\nSource: none.\n"""\n' + RECURSIONS["calls_itself"])
+    arguments = ["again"] if command == "show" else []
+    done = harness(command, *arguments, "--library", str(library), cwd=library)
+    assert done.returncode == 2 and "again.py:6: raises RecursionError" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose"])
+@pytest.mark.parametrize(
+    ("text", "fragment"), [(None, "no such file"), ("<mujoco><", "stand_in.xml:1"), ("\0\0", "stand_in.xml"), ("<robot/>", "robot")]
+)
+def test_a_model_file_that_cannot_be_used_ends_the_run_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str | None, fragment: str
+) -> None:
+    def never(*arguments: object, **named: object) -> None:
+        raise AssertionError("something was computed")
+
+    for place in ("harness.crosscheck.tasks.load_mechanism", "harness.crosscheck.run.sample"):
+        monkeypatch.setattr(place, never)
+    path = tmp_path / "stand_in.xml"
+    if text is not None:
+        path.write_text(text)
+    for subject in ("mujoco/mjcf", "pinocchio/urdf"):
+        done = harness(command, "bar_pendulum", "--mjcf", str(path), "--subject", subject, cwd=tmp_path)
+        assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
+        assert len(done.stderr.splitlines()) == 1 and fragment in done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose"])
+def test_a_model_file_that_an_engine_refuses_ends_the_run_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    def never(*arguments: object) -> None:
+        raise AssertionError("something was computed")
+
+    monkeypatch.setattr("harness.crosscheck.run.compare_all", never)
+    path = tmp_path / "stand_in.xml"
+    path.write_text(
+        Library.built_in().model_path("bar_pendulum", "mjcf").read_text().replace("0.5 0.5 1e-15", "0.5 0.5 1.0000000000000002")
+    )
+    done = harness(command, "bar_pendulum", "--mjcf", str(path), cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
+    assert f"{path}: mujoco refuses it" in done.stderr and "at fault" not in done.stderr
+
+
+def test_a_model_file_that_cannot_be_opened_ends_the_run_at_once(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.urdf"
+    folder.mkdir()
+    done = harness("check", "bar_pendulum", "--urdf", str(folder), cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == "" and "folder.urdf" in done.stderr
