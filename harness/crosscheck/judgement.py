@@ -16,8 +16,8 @@ from harness.equations.states import States
 from harness.results.records import Record, Representative, half_decade
 from harness.verdict import Verdict, gravest
 
-# One answer: its state and its judgement, as rows of one.
-Answer = tuple[States, Comparison]
+# Rows of ``Evidence.shown``.
+GRAVEST, LARGEST = 0, 1
 
 
 @dataclass
@@ -26,8 +26,8 @@ class Evidence:
 
     Attributes:
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
-        worst: the answer that decides. largest: the one with the largest backward error.
-        found: what hypothesis found. stored: how many of the states are stored with the system.
+        shown: the answer that decides, and the one with the largest backward error, with their states.
+        stored: how many of the first batch are stored with the system. found: what hypothesis found.
         seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
         failure, unsupported: as of ``Answers``, where some of them are missing.
     """
@@ -35,10 +35,9 @@ class Evidence:
     counts: Counter[str] = field(default_factory=Counter)
     distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
-    worst: Answer | None = None
-    largest: Answer | None = None
-    found: Found | None = None
+    shown: tuple[States, Comparison] | None = None
     stored: int = 0
+    found: Found | None = None
     seconds: list[float] = field(default_factory=list)
     failure: str = ""
     unsupported: bool = False
@@ -52,24 +51,24 @@ class Evidence:
         self.counts.update(comparison.verdicts.tolist())
         self.distribution.update(map(half_decade, backward.tolist()))
         self.backward.append(backward)
-        for name in ("worst", "largest"):
-            known = [] if getattr(self, name) is None else [getattr(self, name)]
-            every = States.concatenate([*(one for one, _ in known), states])
-            judged = Comparison.concatenate([*(one for _, one in known), comparison])
-            chosen = [getattr(judged, name)]
-            setattr(self, name, (every[chosen], judged[chosen]))
+        before = () if self.shown is None else (self.shown,)
+        states = States.concatenate([*(known for known, _ in before), states])
+        comparison = Comparison.concatenate([*(known for _, known in before), comparison])
+        places = [comparison.worst, comparison.largest]
+        self.shown = states[places], comparison[places]
 
 
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
     """The record of ``evidence``: gravest verdict, worst error with its state, and another state that shows the verdict better."""
-    counts, backward, largest = evidence.counts, np.concatenate([np.empty(0), *evidence.backward]), evidence.largest
+    counts, backward = evidence.counts, np.concatenate([np.empty(0), *evidence.backward])
     failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
     verdict = failed.value if evidence.failure or not counts else gravest(counts)
     remarks = [evidence.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
     searched = 0 if evidence.found is None else len(evidence.found.states)
-    stored = evidence.stored if counts.total() > searched else 0
+    stored = min(evidence.stored, counts.total() - searched)
+    shown = evidence.shown
     return Record(
         system=system,
         subject=subject,
@@ -77,8 +76,8 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         verdict=verdict,
         expected=expectation.verdict,
         backward_error=float(backward.max()) if len(backward) else None,
-        relative_error=None if largest is None else largest[1].relative_error_at(0),
-        worst_state=evidence.failed_at if largest is None else largest[0].as_json(0),
+        relative_error=None if shown is None else shown[1].relative_error_at(LARGEST),
+        worst_state=evidence.failed_at if shown is None else shown[0].as_json(LARGEST),
         seconds_per_state=float(np.median(evidence.seconds)) if evidence.seconds else None,
         fastest_seconds_per_state=min(evidence.seconds, default=None),
         message=" ".join(filter(None, remarks)),
@@ -88,23 +87,19 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         expected_backward_error=expectation.limit,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
-        representative=_representative(evidence, verdict),
+        representative=None if shown is None else _representative(*shown, evidence, verdict),
         origins={"stored": stored, "sampled": counts.total() - searched - stored, "searched": searched},
     )
 
 
-def _representative(evidence: Evidence, verdict: str) -> Representative | None:
+def _representative(states: States, comparison: Comparison, evidence: Evidence, verdict: str) -> Representative | None:
     """The state of a death; else the simplest state with the verdict that hypothesis found; else one, where the worst has another."""
-    if evidence.worst is None or evidence.largest is None:
-        return None
     if evidence.failed_at is not None:
         return Representative(state=evidence.failed_at, backward_error=None)
-    (states, comparison), found, index = evidence.worst, evidence.found, 0
+    found, index, worst = evidence.found, GRAVEST, states.as_json(LARGEST)
     if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == verdict:
         states, comparison, index = found.states, found.comparison, found.simplest_failure
-    elif evidence.largest[1].verdicts[0] == comparison.verdicts[0]:
+    elif comparison.verdicts[GRAVEST] == comparison.verdicts[LARGEST]:
         return None
-    state, error = states.as_json(index), float(comparison.backward_error[index])
-    if state == evidence.largest[0].as_json(0):
-        return None
-    return Representative(state=state, backward_error=None if math.isnan(error) else error)
+    error, state = float(comparison.backward_error[index]), states.as_json(index)
+    return None if state == worst else Representative(state=state, backward_error=None if math.isnan(error) else error)

@@ -102,7 +102,7 @@ def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> No
     excuse(root, entries(*REASONS))
     (root / "engines").mkdir()
     (root / "engines" / "other.py").write_text(
-        'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n\n\nENGINE = Engine()\n'
+        'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n    load = print\n\n\nENGINE = Engine()\n'
     )
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, examples=None)
     records, study = cross_checked(settings)
