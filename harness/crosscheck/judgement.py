@@ -26,6 +26,7 @@ class Evidence:
 
     Attributes:
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
+        granted: to how many answers the share of the motion was.
         shown: the answer that decides, and the one with the largest backward error, with their states.
         stored: how many of the first batch are stored with the system. found: what hypothesis found.
         seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
@@ -33,6 +34,7 @@ class Evidence:
     """
 
     counts: Counter[str] = field(default_factory=Counter)
+    granted: int = 0
     distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
     shown: tuple[States, Comparison] | None = None
@@ -49,6 +51,7 @@ class Evidence:
             return
         backward = comparison.known("backward_error")
         self.counts.update(comparison.verdicts.tolist())
+        self.granted += int(comparison.granted.sum())
         self.distribution.update(map(half_decade, backward.tolist()))
         self.backward.append(backward)
         before = () if self.shown is None else (self.shown,)
@@ -84,6 +87,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         distribution=dict(evidence.distribution),
         verdict_counts=dict(counts),
+        granted=evidence.granted,
         expected_backward_error=expectation.limit,
         expected_reason=expectation.reason,
         expected_link=expectation.link,

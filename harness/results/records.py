@@ -58,6 +58,7 @@ class Record:
         expected_reason, expected_link: why another verdict than "agrees" is expected.
         replay: shell command that computes the worst state again.
         representative: another state that shows the verdict; None where the worst one does.
+        granted: number of states that agree only with the share of the motion, see ``harness.certify.reference``.
         origins: number of states that are "stored" with the system, "sampled", and "searched" for; empty for a given one.
 
     Raises:
@@ -83,6 +84,7 @@ class Record:
     replay: str = ""
     representative: Representative | None = None
     origins: dict[str, int] = field(default_factory=dict)
+    granted: int = 0
     fastest_seconds_per_state: float | None = None
 
     def __post_init__(self) -> None:
