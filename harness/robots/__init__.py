@@ -5,5 +5,5 @@ Lagrange's equations.
 
 Asks no engine. May use ``models``, ``equations`` and what is below them.
 
-Start with ``tree``, the plain data; ``mjcf`` and ``urdf`` read it, and ``recursion`` writes its program.
+Start with ``tree``, the plain data; ``mjcf`` and ``urdf`` read it, and ``recursion`` writes its program in the vectors of ``spatial``.
 """

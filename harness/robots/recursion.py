@@ -10,17 +10,15 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Ne
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.equations.calculus import ProgramWriter
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
 from harness.models.model_file import JointSpring, PointSpring
-from harness.robots.tree import WORLD, Axes, Inertia, Joint, Placement, Pose, Quaternion, Tree, Turn
+from harness.robots.spatial import Matrix, SpatialWriter, Three, transposed
+from harness.robots.tree import WORLD, Inertia, Joint, Pose, Tree
 
-# Places of instructions: a vector, a matrix by rows, and a motion or a force as its two vectors.
-Three = list[int]
-Matrix = list[Three]
+# A motion or a force as its two vectors.
 Pair = tuple[Three, Three]
 
 _SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
@@ -65,10 +63,9 @@ class _Node:
     columns: list[int]
     bias: Pair
     rigid: _Rigid
-    children: list[int] = field(default_factory=list)
 
 
-class _Recursion(ProgramWriter):
+class _Recursion(SpatialWriter):
     """Writes the program of one tree."""
 
     def __init__(self, tree: Tree, joints: Sequence[str]) -> None:
@@ -79,7 +76,7 @@ class _Recursion(ProgramWriter):
         sizes = [_SIZES[kinds[name]] for name in order]
         nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
         names = [f"{kind}{i}" for kind, count in (("q", nq), ("v", self.nv), ("tau", self.nv)) for i in range(count)]
-        super().__init__(StraightLineProgram((*names, "t"), (), {}))
+        super().__init__((*names, "t"))
         self._first_rate = nq
         self._places: dict[str, tuple[list[int], list[int]]] = {}
         q = v = 0
@@ -87,9 +84,6 @@ class _Recursion(ProgramWriter):
             self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
             q, v = q + positions, v + velocities
         self.tree = tree
-        self.zero, self.one = self.number(0), self.number(1)
-        self.still: Three = [self.zero] * 3
-        self.identity: Matrix = [[self.one if i == j else self.zero for j in range(3)] for i in range(3)]
         self.nodes: list[_Node] = []
         # Node, and the body's frame in that of the node.
         self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
@@ -97,100 +91,6 @@ class _Recursion(ProgramWriter):
             self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
             if body.inertia is not None and self.frames[body.name][0] >= 0:
                 self._load(self.frames[body.name], body.inertia)
-
-    # Vectors and matrices.
-
-    def added(self, first: Three, second: Three) -> Three:
-        return [self.sum(a, b) for a, b in zip(first, second, strict=True)]
-
-    def times(self, factor: int, values: Three) -> Three:
-        return [self.product(factor, value) for value in values]
-
-    def minus(self, values: Three) -> Three:
-        return [self.negative(value) for value in values]
-
-    def turned(self, matrix: Matrix, values: Three) -> Three:
-        return [self.dot(row, values) for row in matrix]
-
-    def turned_back(self, matrix: Matrix, values: Three) -> Three:
-        return self.turned(transposed(matrix), values)
-
-    def multiplied(self, first: Matrix, second: Matrix) -> Matrix:
-        return [[self.dot(row, column) for column in transposed(second)] for row in first]
-
-    def numbers(self, values: Iterable[Fraction]) -> Three:
-        return [self.number(value) for value in values]
-
-    def skew(self, values: Three) -> Matrix:
-        """The matrix of the vector product with ``values``."""
-        x, y, z = values
-        return [[self.zero, self.negative(z), y], [z, self.zero, self.negative(x)], [self.negative(y), x, self.zero]]
-
-    def unit(self, values: Three) -> Three:
-        """A vector at length 1."""
-        length = self.dot(values, values)
-        return values if self._value(length) == 1 else [self.quotient(value, self.add("sqrt", length)) for value in values]
-
-    # Rotations.
-
-    def about(self, axis: Three, angle: int) -> Matrix:
-        """The rotation about a unit axis, by Rodrigues' formula."""
-        sine, cosine = (self.add(name, angle) for name in ("sin", "cos"))
-        skew = self.skew(self.times(sine, axis))
-        rows = []
-        for i in range(3):
-            row = []
-            for j in range(3):
-                along = self.product(axis[i], axis[j])
-                across = self.difference(self.identity[i][j], along)
-                row.append(self.sum(self.sum(along, self.product(cosine, across)), skew[i][j]))
-            rows.append(row)
-        return rows
-
-    def of_quaternion(self, quaternion: Sequence[int]) -> Matrix:
-        """The rotation by a quaternion of any length."""
-        w, *rest = quaternion
-        scale = self.quotient(self.number(2), self.dot(quaternion, quaternion))
-        skew = self.skew(self.times(self.product(scale, w), rest))
-        size = self.dot(rest, rest)
-        rows = []
-        for i in range(3):
-            products = [self.product(rest[i], value) for value in rest]
-            products[i] = self.difference(products[i], size)
-            rows.append([self.sum(self.identity[i][j], self.sum(self.product(scale, products[j]), skew[i][j])) for j in range(3)])
-        return rows
-
-    def angle(self, value: Fraction, in_degrees: bool) -> int:
-        """An angle of a file in radians."""
-        return self.product(self.number(value / 180), self.add("pi")) if in_degrees and value else self.number(value)
-
-    def rotation(self, placement: Placement) -> Matrix:
-        """The orientation of a frame, as its file gives it."""
-        found = self.identity
-        for part in placement.rotation:
-            if isinstance(part, Turn):
-                axis = self.unit(self.numbers(part.axis))
-                turn = self.about(axis, self.angle(part.angle, part.in_degrees)) if part.angle else self.identity
-            elif isinstance(part, Quaternion):
-                turn = self.of_quaternion(self.numbers(part.components))
-            elif isinstance(part, Axes):
-                first, second = self.unit(self.numbers(part.x)), self.numbers(part.y)
-                second = self.unit(self.added(second, self.minus(self.times(self.dot(first, second), first))))
-                turn = transposed([first, second, self.cross(first, second)])
-            else:
-                x, y, z = direction = self.numbers(part.z)
-                # Twice the angle of this quaternion, and of all directions only the opposite one has none.
-                w = self.sum(self.add("sqrt", self.dot(direction, direction)), z)
-                turn = self.of_quaternion([w, self.negative(y), x, self.zero])
-            found = self.multiplied(found, turn)
-        return found
-
-    def placed(self, turn: Matrix, shift: Three, pose: Pose) -> tuple[Matrix, Three]:
-        """A pose in a frame, in what that frame stands in."""
-        for placement in pose:
-            position = self.numbers(placement.position)
-            turn, shift = self.multiplied(turn, self.rotation(placement)), self.added(shift, self.turned(turn, position))
-        return turn, shift
 
     # The tree.
 
@@ -411,7 +311,3 @@ class _Recursion(ProgramWriter):
             "passive": self._passive_forces(velocities),
         }
         return without_unused(self.program(outputs))
-
-
-def transposed(matrix: Matrix) -> Matrix:
-    return [list(column) for column in zip(*matrix, strict=True)]
