@@ -223,10 +223,10 @@ class _Process:
 
     def close(self) -> None:
         """Kill the process and all that was forked in it, also what left its process group where /proc shows it."""
-        # Its descendants are known by it while it lives, and it starts no more; what has replaced its environment has no mark.
+        # Its descendants are known by it while it lives, and it starts no more; later by its mark, or by what they write to.
         self._popen.send_signal(signal.SIGSTOP)
         killed: set[int] = set()
-        while left := (_descendants(self._popen) | set(_marked(f"{MARK}={self._mark}".encode()))) - killed:
+        while left := (_descendants(self._popen) | set(_left(f"{MARK}={self._mark}".encode(), self._errors))) - killed:
             for process in left - {self._popen.pid}:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(process, signal.SIGKILL)
@@ -258,12 +258,12 @@ def _descendants(process: subprocess.Popen[bytes]) -> set[int]:
     return found - {process.pid}
 
 
-def _marked(mark: bytes) -> Iterator[int]:
-    """Processes with ``mark`` in the environment they were started in; none on a system without /proc."""
-    for environment in Path("/proc").glob("[0-9]*/environ"):
+def _left(mark: bytes, errors: int) -> Iterator[int]:
+    """Processes started with ``mark`` in their environment or with the file ``errors`` as standard error; none without /proc."""
+    for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            if mark in environment.read_bytes():
-                yield int(environment.parent.name)
+            if mark in (process / "environ").read_bytes() or os.path.samestat((process / "fd" / "2").stat(), os.fstat(errors)):
+                yield int(process.name)
 
 
 def _text(descriptor: int) -> str:

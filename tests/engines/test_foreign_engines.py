@@ -59,6 +59,7 @@ AT_IMPORT = {
     "odd": engine(requires='requires = "numpy"'),
     "absent": engine(requires='requires = ("pydrake.all", "drake")'),
     "serving": engine(top=f"server = {SERVER}; {KEEP_NUMBER}; time.sleep(1000)"),
+    "leaving": engine(top=f"server = {SERVER}; {KEEP_NUMBER}; os._exit(0)"),
     "talking": engine(answer=f"{CHATTER}; return np.zeros_like(v)", top=CHATTER),
 }
 INVALID = ("exits", "raises", "misspelt", "nameless", "unknowing", "odd")
@@ -141,8 +142,9 @@ def gone(process: int) -> bool:
     return False
 
 
-def test_what_an_engine_file_starts_ends_with_its_time_limit(checked: tuple[int, dict[str, Any], str], library: Path) -> None:
-    servers = [int(line) for line in (library / "engines" / "serving.pid").read_text().split()]
+@pytest.mark.parametrize("name", ["serving", "leaving"])
+def test_what_an_engine_file_starts_ends_with_its_process(checked: tuple[int, dict[str, Any], str], library: Path, name: str) -> None:
+    servers = [int(line) for line in (library / "engines" / f"{name}.pid").read_text().split()]
     assert servers
     assert all(map(gone, servers))
 
