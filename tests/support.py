@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -141,6 +142,11 @@ def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess
     """A ``harness`` command as users run it."""
     command = [sys.executable, "-m", "harness", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+
+
+def without_progress(errors: str) -> str:
+    """Standard error without the lines that tell, on a busy machine, how far long work is."""
+    return re.sub(r"^harness: .* of \d+ after \d+ s.*\n", "", errors, flags=re.MULTILINE)
 
 
 @dataclass
