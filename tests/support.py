@@ -146,6 +146,11 @@ def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess
     return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
 
 
+def without_progress(errors: str) -> str:
+    """Standard error without the lines that tell, on a busy machine, how far long work is."""
+    return re.sub(r"^harness: .* of \d+ after \d+ s.*\n", "", errors, flags=re.MULTILINE)
+
+
 @dataclass
 class Stage:
     """Stands in for ``Workers``: remembers the rounds of tasks and with what it was made, and answers from ``answers``."""

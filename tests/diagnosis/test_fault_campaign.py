@@ -22,7 +22,7 @@ from harness.diagnosis.faults import baseline
 from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
 from harness.diagnosis.faults.bench import FaultBench
-from harness.diagnosis.faults.campaign import CampaignSettings, kinds_of_faults, number_faults, run_campaign
+from harness.diagnosis.faults.campaign import CampaignSettings, number_faults, run_campaign
 from harness.diagnosis.faults.study import select_models
 from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind
 from harness.diagnosis.model_side import Diagnosis, diagnose
@@ -224,11 +224,11 @@ def test_a_kind_that_can_be_made_nowhere_is_told() -> None:
     assert done.output.strip() == "no faults: mistakes of these kinds can be made nowhere in the models"
 
 
-def test_an_unknown_kind_is_told_with_all_there_are() -> None:
+def test_an_unknown_kind_is_told_with_the_nearest_and_the_command_that_lists_them() -> None:
     done = CliRunner().invoke(main, ["faults", "--kind", "dampig"])
     assert done.exit_code == 2
     assert "did you mean 'damping'?" in done.output
-    assert all(kind in done.output for kind in kinds_of_faults())
+    assert "harness list faults" in done.output
 
 
 @pytest.mark.nightly

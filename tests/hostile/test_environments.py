@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import worker_tasks as work
-from support import make_library
+from support import make_library, without_progress
 
 from harness.workers import Task, Workers, local
 
@@ -23,7 +23,9 @@ def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     harness = f"{shlex.quote(sys.executable)} -m harness"
     make_library(folder / "library", ["bar_pendulum", "spring_damper"])
     command = ["bash", "-c", f'harness() {{ {harness} "$@"; }}\n{line}']
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    done.stderr = without_progress(done.stderr)
+    return done
 
 
 def one_line(done: subprocess.CompletedProcess[str], *fragments: str) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from support import make_library
+from support import make_library, without_progress
 
 from harness.engines import load_engine
 from harness.library import Library
@@ -64,7 +64,7 @@ def test_a_kill_leaves_the_records_and_nothing_else(seed: int, tmp_path: Path) -
         time.sleep(moment)
         before = written(tmp_path / "out" / "history.sqlite")
         process.send_signal(number)
-        errors = process.communicate(timeout=60)[1]
+        errors = without_progress(process.communicate(timeout=60)[1])
     assert process.returncode in (SIGNALS[number], 0), errors
     assert len(errors.splitlines()) <= 3, errors
     assert written(tmp_path / "out" / "history.sqlite") >= before
