@@ -239,7 +239,7 @@ def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iter
     from harness.study import run_study
     from harness.workers import Workers
 
-    describe_engines(settings.library, Workers(workers, time_limit=time_limit))
+    describe_engines(settings.library, lambda: Workers(workers, time_limit=time_limit))
     study = CrossCheck(settings)
     with Workers(workers, time_limit=time_limit) as pool:
         for _ in run_study(study, pool):

@@ -154,7 +154,7 @@ class _Regression:
         from harness.errors import InvalidInput, InvalidRequest
 
         if not self._described:
-            self._described = bool(describe_engines(self.library, self._new_workers()))
+            self._described = bool(describe_engines(self.library, self._new_workers))
         try:
             return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
         except (InvalidInput, InvalidRequest) as error:

@@ -56,12 +56,12 @@ class Bracket:
         Raises:
             InvalidInput: there is no such library.
         """
-        from harness.engines import describe_engines
+        from harness.engines import LOADING_SECONDS, describe_engines
         from harness.library import Library
         from harness.workers import Workers
 
         library = Library.at(self.library_path)
-        describe_engines(library, Workers(self.workers, self.scheduler, self.time_limit or Workers.time_limit))
+        describe_engines(library, lambda: Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS))
         return library
 
     @property

@@ -15,7 +15,7 @@ import ast
 import contextlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -130,17 +130,18 @@ def engine_paths(library: Library) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
-def describe_engines(library: Library, workers: Workers) -> Mapping[str, EngineFile]:
+def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mapping[str, EngineFile]:
     """Every engine file by name, sorted; ``engine_files`` returns the same from then on.
 
-    A file of the library is loaded by a process of ``workers``, whose context is not entered yet: it may end, hang or print there.
+    A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
     The harness's own are loaded here.
     """
     paths = engine_paths(library)
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
     outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
     if foreign := [task for name, task in tasks.items() if name not in outcomes]:
-        with replace(workers, time_limit=min(workers.time_limit, LOADING_SECONDS)) as loading:
+        made = workers()
+        with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
             outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
     files = {}
     for name, path in paths.items():
@@ -156,7 +157,7 @@ _DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
 def engine_files(library: Library) -> Mapping[str, EngineFile]:
     """Every engine file of a library by name, as ``describe_engines`` found it in this process."""
     if library.engines not in _DESCRIBED:
-        describe_engines(library, Workers())
+        describe_engines(library, Workers)
     return _DESCRIBED[library.engines]
 
 

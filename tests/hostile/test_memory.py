@@ -29,12 +29,14 @@ def agreement(task: Task) -> Any:
     if task.function is stages.compare_all:
         assignments, states = task.arguments
         errors = np.linspace(0, 1, len(states))
-        answers = (stages.Answers(Comparison(errors + 1, errors / 1e16, np.full(len(states), "agrees")), 1e-6) for _ in assignments)
+        answers = (
+            stages.Answers(Comparison(errors + 1, errors / 1e16, errors > 9, np.full(len(states), "agrees")), [1e-6]) for _ in assignments
+        )
         return 1e-6, 0.0, {str(assignment.subject): answer for assignment, answer in zip(assignments, answers, strict=True)}
     if task.function is hypothesis_search.search:
         assignments, examples, seed, _ = task.arguments
         states = tasks.sample(assignments[0].mechanism, examples, seed)
-        comparison = Comparison(*np.ones((2, examples)), np.full(examples, "agrees"))
+        comparison = Comparison(*np.ones((2, examples)), np.zeros(examples, dtype=bool), np.full(examples, "agrees"))
         return {str(assignment.subject): hypothesis_search.Found(states, comparison, None) for assignment in assignments}
     return [] if task.function is tasks.find_superfluous else task.function(*task.arguments, lambda text: None)
 
