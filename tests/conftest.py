@@ -27,6 +27,8 @@ settings.load_profile("ci" if IN_CI else "local")
 
 # The desk runs the costly tests of a file on one in so many systems, each file on others; CI runs them on all.
 ONE_IN = 3
+# Their tests start processes and wait for them. They run first, so that no processor is left with one of their files in the end.
+SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -131,6 +133,7 @@ def plain_mechanism(plain_name: str) -> Mechanism:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.parent.name not in SLOW_ROOMS)
     if IN_CI:
         return
     left_out = {item for item in items if item.get_closest_marker("costly") and not item.get_closest_marker("nightly") and not _drawn(item)}

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import json
-import shlex
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed, cross_checked, harness, make_library
+from support import InThisProcess, completed, cross_checked, make_library
 
 from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
+from harness.equations.states import States
 from harness.library import Library
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
@@ -212,17 +212,14 @@ def test_energies_that_depend_on_time_are_compared_at_other_times(tmp_path: Path
     """At t = 0 the spring of the models is right."""
     library = make_library(tmp_path / "library", ["spring_damper"])
     system = library / "systems" / "spring_damper.py"
-    text = system.read_text()
-    system.write_text(text.replace("k * x**2 / 2", "k * x**2 / 2 * sp.cos(TIME)"))
-    done = harness("check", "--library", str(library), "--states", "40", "--json", "out.json", cwd=tmp_path)
-    assert done.returncode == 1
-    records = {record["subject"]: record for record in json.loads((tmp_path / "out.json").read_text())["records"]}
-    assert {record["verdict"] for subject, record in records.items() if subject != "lagrange"} == {"disagrees"}
-    assert records["lagrange"]["verdict"] == "agrees"
-    [moment] = records["mujoco/mjcf"]["worst_state"]["time"]
-    assert 0 < moment < 10
-    replayed = harness(*shlex.split(records["mujoco/mjcf"]["replay"])[1:], cwd=tmp_path)
-    assert replayed.returncode == 1 and "disagrees" in replayed.stdout
+    system.write_text(system.read_text().replace("k * x**2 / 2", "k * x**2 / 2 * sp.cos(TIME)"))
+    settings = Settings(library=Library.at(library), states=40, subjects=["lagrange", "mujoco/mjcf"], examples=None)
+    found = by_subject(cross_checked(settings)[0])
+    assert {subject: record.verdict for subject, record in found.items()} == {"lagrange": "agrees", "mujoco/mjcf": "disagrees"}
+    worst = found["mujoco/mjcf"].worst_state
+    assert worst is not None and 0 < worst["time"][0] < 10
+    [again] = cross_checked(replace(settings, subjects=["mujoco/mjcf"], state=States.at(**worst)))[0]
+    assert again.backward_error == pytest.approx(found["mujoco/mjcf"].backward_error, rel=1e-3)
 
 
 def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> None:

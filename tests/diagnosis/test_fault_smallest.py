@@ -52,8 +52,8 @@ CHANGE = 1e-11
 SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 
 
-# How many numbers of each model are walked; None for all.
-FEW = None if IN_CI else 4
+# How many numbers of each model are walked by day.
+FEW = 8 if IN_CI else 4
 EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=pytest.mark.nightly)]
 
 
