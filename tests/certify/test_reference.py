@@ -287,6 +287,7 @@ def test_precision_grows_with_cancellation(mechanism_of: Callable[[System], Mech
     assert (reference.radius <= CERTIFIED_RADIUS * reference.sensitivity).all()
 
 
+@pytest.mark.costly
 def test_states_that_are_no_numbers_are_marked(plain_mechanism: Mechanism, plain_reference: Any) -> None:
     nv = plain_mechanism.nv
     good = random_states(plain_mechanism, 1)
@@ -300,6 +301,7 @@ def test_states_that_are_no_numbers_are_marked(plain_mechanism: Mechanism, plain
     assert reference.certified.tolist() == [True] + [False] * 9
 
 
+@pytest.mark.costly
 def test_no_state_at_all_gives_an_empty_reference(plain_mechanism: Mechanism, plain_reference: Any) -> None:
     reference = plain_reference.evaluate(random_states(plain_mechanism, 0))
     assert len(reference) == 0

@@ -88,6 +88,7 @@ def without_rotations(states: States, mechanism: Mechanism) -> tuple[list[tuple[
     return ranges, positions
 
 
+@pytest.mark.costly
 def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism) -> None:
     """256 points of a Sobol sequence put one into each of 256 equal slices of every single axis (Owen 1998)."""
     states = sample(built_in_mechanism, 256, 11)

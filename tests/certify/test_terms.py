@@ -216,6 +216,7 @@ def test_states_that_are_no_numbers_are_marked() -> None:
 # The engines.
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", MODELLED)
 def test_terms_of_sound_engines_agree_and_sum_to_nothing(name: str) -> None:
     """M qdd + velocity + gravity - passive - applied is 0 for the engine's own qdd, to what solving for it leaves.

@@ -166,6 +166,7 @@ def audited(texts: Mapping[str, str], above: float = SOUND) -> list[Difference]:
     return differences("crane", held, models, above)
 
 
+@pytest.mark.costly
 def test_the_readers_of_the_catalogue_hold_the_same(modelled_name: str) -> None:
     """At most 69 ulps, in inertias of arm_7r that MuJoCo reads from URDF; everything else is equal to the last bit or nearly."""
     models = {name: read_model(BUILT_IN.model_path(modelled_name, name), name) for name in TEXTS}

@@ -479,6 +479,7 @@ def probe(case: Case, subject: Subject) -> Probe:
     return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)), file)
 
 
+@pytest.mark.costly
 def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> None:
     """The forces that an engine says its own accelerations need are those it was given.
 
@@ -499,6 +500,7 @@ def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> Non
         assert (error <= BAR * UNIT_ROUNDOFF * size).all(), (error / (UNIT_ROUNDOFF * size), states.as_json(index))
 
 
+@pytest.mark.costly
 def test_energies_are_those_of_the_textbook(case: Case, probe: Probe) -> None:
     """T, and differences of V between states, with springs and tendons.
 

@@ -83,6 +83,7 @@ def position_rates(mechanism: Mechanism, q: list[flint.arb], v: list[flint.arb])
     return rates
 
 
+@pytest.mark.costly
 def test_energy_changes_by_the_power_of_forces_in_every_chart(built_in_mechanism: Mechanism) -> None:
     states = sample(built_in_mechanism, 2, seed=7)
     states = States(states.q, states.v, states.tau, np.array([0.0, 0.75]))
@@ -107,6 +108,7 @@ def test_a_wrong_energy_program_is_caught(name: str, wrong: str) -> None:
         assert any(abs(residual) > ALLOWED * size for residual, size in energy_balance(mechanism, planted, sample(mechanism, 2, seed=7)))
 
 
+@pytest.mark.costly
 def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Mechanism) -> None:
     mechanism = built_in_mechanism
     states = sample(mechanism, 4, seed=3)
