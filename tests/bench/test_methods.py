@@ -163,7 +163,7 @@ def test_cost_is_per_state_and_notes_say_what_runs() -> None:
     assert notes == ["arm_2r: heyoka float64"]
     assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= acceleration_cost.MINIMUM_COUNT
     assert cost.fastest is not None and cost.seconds_per_state is not None and cost.slowest is not None
-    assert 0 < cost.fastest <= cost.seconds_per_state <= cost.slowest < 1e-3
+    assert 0 < cost.fastest <= cost.seconds_per_state <= cost.slowest and cost.fastest < 1e-3
 
 
 def test_all_stages_needs_stages_to_be_off() -> None:
