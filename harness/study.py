@@ -101,7 +101,12 @@ class Rounds:
             self.problems.append(problem)
 
 
+def is_out_of_memory(exception: BaseException | None) -> bool:
+    """True where there is no memory left, be it for a library that is imported late."""
+    return isinstance(exception, MemoryError) or (isinstance(exception, ImportError) and "failed to map segment" in str(exception))
+
+
 def sentence(exception: BaseException) -> str:
     """An exception as a sentence: kind and message, and what leaves more memory where that ran out."""
-    remedy = MORE_MEMORY if isinstance(exception, MemoryError) else ""
+    remedy = MORE_MEMORY if is_out_of_memory(exception) else ""
     return f"{type(exception).__name__}: {'; '.join(filter(None, [str(exception), remedy]))}"

@@ -68,7 +68,7 @@ def surroundings() -> Iterator[None]:
             remedy = _remedy(error)
             if remedy is None:
                 raise
-            _end(f"{getattr(error, 'strerror', None) or error or 'no memory is left'}; {remedy}")
+            _end(f"{getattr(error, 'strerror', None) or str(error) or 'no memory is left'}; {remedy}")
         finally:
             sys.stdout.flush()
             if output is not None and output.failure is not None and not isinstance(output.failure, BrokenPipeError):

@@ -33,7 +33,7 @@ from harness.models.model_file import ModelFile
 from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import replay_command
 from harness.results.records import Record
-from harness.study import Part, Rounds
+from harness.study import Part, Rounds, is_out_of_memory
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
 
@@ -314,7 +314,9 @@ class CrossCheck(Rounds):
         if outcome.crash is not None:
             self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
         if culprit is None:
-            if outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
+            if is_out_of_memory(outcome.exception):
+                self.report(InvalidRequest(f"{system.name}: {what} failed: {failure}"))
+            elif outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
                 self.faults.append(f"{system.name}: {what} failed: {failure}")
             for pair in pairs:
                 pair.fail(f"{what} failed: {failure}")
