@@ -103,7 +103,9 @@ class Rounds:
 
 def is_out_of_memory(exception: BaseException | None) -> bool:
     """True where there is no memory left, be it for a library that is imported late."""
-    return isinstance(exception, MemoryError) or (isinstance(exception, ImportError) and "failed to map segment" in str(exception))
+    if isinstance(exception, ImportError):
+        return any(words in str(exception) for words in ("failed to map segment", "bad_alloc"))
+    return isinstance(exception, MemoryError)
 
 
 def sentence(exception: BaseException) -> str:
