@@ -10,7 +10,7 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import literal_tag, parse_document
+from harness.models.xml import Document, literal_tag, parse_document
 from harness.robots.tree import ORIGIN, WORLD, Body, Inertia, Joint, Placement, Tree, Turn, Vector, vector
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "ball": "ball"}
@@ -23,9 +23,10 @@ def read_tree(model: ModelFile, gravity: float) -> Tree:
     """The tree of a validated URDF, whose format holds no gravity [m/s^2, along -z].
 
     Raises:
-        NotImplementedError: a planar joint.
+        InvalidModel: a planar joint, whose positions engines count differently.
     """
-    root = parse_document(model.path, model.text, ROOT_TAGS["urdf"]).root
+    document = parse_document(model.path, model.text, ROOT_TAGS["urdf"])
+    root = document.root
     links = {str(link.get("name")): link for link in root.iterchildren("link")}
     above = {str(joint.find("child").get("link")): joint for joint in root.iterchildren("*") if literal_tag(joint) in _JOINTS}
     armatures = {armature.joint: Fraction(armature.reflected_inertia) for armature in model.armatures}
@@ -34,11 +35,11 @@ def read_tree(model: ModelFile, gravity: float) -> Tree:
     while waiting:
         name = waiting.pop(0)
         waiting += [child for child, joint in above.items() if joint.find("parent").get("link") == name]
-        bodies.append(_body(name, links[name], above.get(name), armatures))
+        bodies.append(_body(document, name, links[name], above.get(name), armatures))
     return Tree(tuple(bodies), (Fraction(0), Fraction(0), -Fraction(gravity)), model.force_elements)
 
 
-def _body(name: str, link: etree._Element, above: etree._Element | None, armatures: dict[str, Fraction]) -> Body:
+def _body(document: Document, name: str, link: etree._Element, above: etree._Element | None, armatures: dict[str, Fraction]) -> Body:
     inertial = link.find("inertial")
     inertia = None
     if inertial is not None:
@@ -49,15 +50,15 @@ def _body(name: str, link: etree._Element, above: etree._Element | None, armatur
         # The root link is fixed; one called world is the world itself.
         return Body(name, WORLD, (), (), inertia)
     parent = str(above.find("parent").get("link"))
-    return Body(name, parent, (_placement(above),), _joints(above, armatures), inertia)
+    return Body(name, parent, (_placement(above),), _joints(document, above, armatures), inertia)
 
 
-def _joints(element: etree._Element, armatures: dict[str, Fraction]) -> tuple[Joint, ...]:
+def _joints(document: Document, element: etree._Element, armatures: dict[str, Fraction]) -> tuple[Joint, ...]:
     name, kind = str(element.get("name")), str(element.get("type"))
     if kind == "fixed":
         return ()
     if kind not in _KINDS:
-        raise NotImplementedError(f"joint {name!r} is {kind}")
+        document.refuse(element, f"joint {name!r} is {kind}; write two prismatic joints and a revolute one in its place")
     axis = ORIGIN if kind in ("ball", "floating") else _vector(element.find("axis"), "xyz", "1 0 0")
     return (Joint(name, _KINDS[kind], axis, armature=armatures.get(name, Fraction(0))),)
 

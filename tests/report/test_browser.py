@@ -21,7 +21,7 @@ GRAVE = ("serious", "critical")
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     if CHROMIUM is None:
-        pytest.skip("needs chromium")
+        pytest.skip("needs Chromium, which is no Python package")
     with Browser() as found:
         yield found
 

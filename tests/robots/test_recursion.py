@@ -19,6 +19,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
 from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.states import States
+from harness.errors import InvalidModel
 from harness.library import MODEL_SUFFIXES
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots import mjcf, urdf
@@ -193,3 +194,11 @@ def test_other_joints_than_those_of_the_tree_are_refused(tmp_path: Path) -> None
     tree = mjcf.read_tree(parse_model(tmp_path / "everything.xml", EVERYTHING, "mjcf"))
     with pytest.raises(ValueError, match=r"the tree has the joints .*'third'.*; expected .*'last'"):
         recursion_program(tree, ("first", "second", "last"))
+
+
+def test_a_planar_joint_is_refused_at_its_line(tmp_path: Path) -> None:
+    text = URDF_WITH_EVERYTHING.replace('name="third" type="revolute"', 'name="third" type="planar"')
+    model = parse_model(tmp_path / "everything.urdf", text, "urdf")
+    with pytest.raises(InvalidModel, match="joint 'third' is planar; write two prismatic joints") as caught:
+        urdf.read_tree(model, 9.81)
+    assert caught.value.line == text[: text.index('name="third"')].count("\n") + 1
