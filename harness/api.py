@@ -115,15 +115,18 @@ class LoadedSystem:
         reference = self._kernel.evaluate(self._states(q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
-    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None) -> Comparison:
+    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
+
+        ``factorises`` says that they were solved for by a factorisation of M, which loses digits as M's condition grows.
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
         from harness.certify.compare import compare
 
-        return compare(self._kernel.evaluate(self._states(q, v, tau)), np.atleast_2d(np.asarray(accelerations, dtype=np.float64)))
+        answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
+        return compare(self._kernel.evaluate(self._states(q, v, tau)), answers, factorises)
 
     @cached_property
     def _kernel(self) -> ReferenceKernel:
@@ -178,9 +181,10 @@ def check(
     workers: int | None = None,
     time_limit: float = 60.0,
 ) -> Records:
-    """Cross-check mechanisms, all of the library for none, on worker processes.
+    """Cross-check mechanisms, all of the library and the variants of their models for none, on worker processes.
 
     Args:
+        names: of mechanisms, of variants as "acrobot.frames", and patterns as "acrobot*".
         mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
         states: per system. workers: processes; one per CPU for None. time_limit: of one task [s].
 
@@ -222,13 +226,15 @@ def diagnose(
         return find_causes(settings, study.result().records, pool, crashes=study.crashes)
 
 
-def compare(name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, library: str | Path | None = None) -> Comparison:
+def compare(
+    name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False, library: str | Path | None = None
+) -> Comparison:
     """Hold anybody's accelerations of mechanism ``name`` against the truth; arguments as of ``LoadedSystem.compare``.
 
     Raises:
         ValueError: the sizes are not those of the mechanism; and as ``load``.
     """
-    return load(name, library).compare(q, v, accelerations, tau)
+    return load(name, library).compare(q, v, accelerations, tau, factorises=factorises)
 
 
 @contextmanager
@@ -254,9 +260,10 @@ def _settings(
 
     stand_ins: Mapping[str, Path] = {key: Path(path) for key, path in (("mjcf", mjcf), ("urdf", urdf)) if path is not None}
     given = [("--library", library), ("--mjcf", mjcf), ("--urdf", urdf)]
+    found = Library.at(library)
     return Settings(
-        library=Library.at(library),
-        names=[names] if isinstance(names, str) else list(names),
+        library=found,
+        names=found.matching([names] if isinstance(names, str) else names),
         subjects=[subjects] if isinstance(subjects, str) else list(subjects),
         states=states,
         seed=seed,

@@ -8,12 +8,16 @@ a name by an entry point of the group ``harness.libraries``, whose value is the 
 A system file that defines ``SIZES`` and ``system(n)`` is a family; ``mjcf/<family>.py`` and
 ``urdf/<family>.py`` define ``model(n)``, which returns the text of the model. A member's own path, as
 ``systems/chain_12.py``, does not exist; it stands for the family's file and the size.
+
+A model file ``<system>.<variant>.xml`` or ``<system>.<variant>.urdf`` is a *variant*: the same mechanism, written with other
+elements of the format. Its system is the one whose equations it must agree with; it may stand in one format alone.
 """
 
 from __future__ import annotations
 
 import ast
 import difflib
+import fnmatch
 import importlib.metadata
 import importlib.util
 import os
@@ -87,8 +91,8 @@ class Library:
             return []
         return [f"{path.stem}_{size}" for size in sizes(path)] or [path.stem]
 
-    def select(self, names: Iterable[str]) -> list[str]:
-        """``names`` as given, or every system for none.
+    def select(self, names: Iterable[str], with_variants: bool = False) -> list[str]:
+        """``names`` as given, or every system for none; ``with_variants`` the variants of models too.
 
         Raises:
             InvalidRequest: a name no system has; the message gives the nearest one.
@@ -97,18 +101,57 @@ class Library:
         known = self.system_names()
         if not known:
             raise InvalidInput(self.systems, None, "holds no system file; expected systems/<name>.py")
+        variants = self.variant_names() if with_variants else []
         chosen = list(dict.fromkeys(names))
         for name in chosen:
-            if name not in known and member_of(self.system_path(name)) is None:
-                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, known)}")
-        return chosen or known
+            if name not in known and name not in variants and not self._is_member(name):
+                if not with_variants and name in self.variant_names():
+                    raise InvalidRequest(
+                        f"{name!r} is a variant of models, which only check, diagnose and show take; name {self.system_of(name)}"
+                    )
+                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}")
+        return chosen or [*known, *variants]
+
+    def matching(self, names: Iterable[str]) -> list[str]:
+        """``names`` with each pattern, as ``double_pendulum.*``, replaced by the systems and variants that it fits.
+
+        Raises:
+            InvalidRequest: a pattern fits none.
+        """
+        found: list[str] = []
+        for name in names:
+            is_pattern = any(sign in name for sign in "*?[")
+            known = [*self.system_names(), *self.variant_names()] if is_pattern else [name]
+            fitting = fnmatch.filter(known, name) if is_pattern else known
+            if not fitting:
+                raise InvalidRequest(f"no system and no variant of models fits {name!r}; {nearest(name, known)}")
+            found += fitting
+        return found
+
+    def variant_names(self) -> list[str]:
+        """Names ``<system>.<variant>`` of all variants, sorted; each has a model file in one format at least."""
+        systems = self.system_names()
+        stems = {path.stem for path in self._model_files()}
+        return sorted(stem for stem in stems if self.is_variant(stem) and self._is_system(self.system_of(stem), systems))
+
+    def is_variant(self, name: str) -> bool:
+        """True for the name of a variant: it has a dot, and is not that of a system file."""
+        return self.system_of(name) != name
+
+    def system_of(self, name: str) -> str:
+        """The system of a variant, whose equations it has; the name itself for a system's own."""
+        return name if (self.systems / f"{name}.py").is_file() else name.partition(".")[0]
 
     def system_path(self, name: str) -> Path:
-        """The system's file; a family's member has a path of its own, which does not exist."""
-        return self.systems / f"{name}.py"
+        """The file of a system, or of a variant's system; a family's member has a path of its own, which does not exist."""
+        return self.systems / f"{self.system_of(name)}.py"
 
     def model_path(self, name: str, model_format: str) -> Path:
         return self.models / model_format / f"{name}{MODEL_SUFFIXES[model_format]}"
+
+    def formats_of(self, name: str) -> list[str]:
+        """The model formats of a system, which is to have all of them, or those that a variant has a file in."""
+        return [form for form in MODEL_SUFFIXES if not self.is_variant(name) or self.has_model(name, form)]
 
     def has_model(self, name: str, model_format: str) -> bool:
         """True where the system has a model of its own or one that its family writes, readable or not."""
@@ -118,8 +161,17 @@ class Library:
     def orphaned_models(self) -> list[Path]:
         """Model files that no system stands behind."""
         systems = {path.stem for path in self.systems.glob("*.py")}
-        files = [path for name, suffix in MODEL_SUFFIXES.items() for path in sorted((self.models / name).glob(f"*{suffix}"))]
-        return [path for path in files if path.stem not in systems]
+        variants = self.variant_names()
+        return [path for path in self._model_files() if path.stem not in systems and path.stem not in variants]
+
+    def _model_files(self) -> list[Path]:
+        return [path for name, suffix in MODEL_SUFFIXES.items() for path in sorted((self.models / name).glob(f"*{suffix}"))]
+
+    def _is_system(self, name: str, known: Iterable[str]) -> bool:
+        return name in known or self._is_member(name)
+
+    def _is_member(self, name: str) -> bool:
+        return not self.is_variant(name) and member_of(self.system_path(name)) is not None
 
 
 def installed_libraries() -> dict[str, str]:

@@ -19,8 +19,9 @@ from harness.library import BUILT_IN_NAME
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
+    from harness.engines import Subject
     from harness.library import Library
-    from harness.results.cross_check import Cause, SuperfluousPart
+    from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
     from harness.results.records import Record
     from harness.study import Part
     from harness.workers import Workers
@@ -148,15 +149,15 @@ class _Regression:
         seed = self.config.getoption("--harness-seed")
         return f"harness: library {self.library.name}, {self.states} states per system, seed {seed}"
 
-    def subjects(self) -> list[str]:
-        """Names of the subjects asked for."""
+    def subjects(self) -> list[Subject]:
+        """The subjects asked for."""
         from harness.engines import describe_engines, select_subjects
         from harness.errors import InvalidInput, InvalidRequest
 
         if not self._described:
             self._described = bool(describe_engines(self.library, self._new_workers))
         try:
-            return [str(subject) for subject in select_subjects(self.library, self.config.getoption("--harness-subject"))]
+            return select_subjects(self.library, self.config.getoption("--harness-subject"))
         except (InvalidInput, InvalidRequest) as error:
             raise pytest.UsageError(str(error)) from error
 
@@ -176,6 +177,23 @@ class _Regression:
         check, _ = self._check_of(system)
         return [part for part in check.result().superfluous if (part.system, part.subject) == (system, subject)]
 
+    def differs(self, system: str, subject: str) -> list[HeldDifference]:
+        """What a pair whose record is known holds otherwise than most subjects do; of a finding that is nobody's, all pairs have it.
+
+        None where a record of the system is not as expected: there the motion feels the difference, and that record fails.
+        """
+        check, _ = self._check_of(system)
+        found = [finding for finding in check.result().differs if finding.system == system and finding.fails]
+        own = [finding for finding in found if subject in finding.subjects or not finding.subjects]
+        return own if own and all(record.as_expected for record in self._all_of(system)) else []
+
+    def _all_of(self, system: str) -> list[Record]:
+        """The records of all subjects on a system, running the cross-check until they come."""
+        check, _ = self._check_of(system)
+        while len([known for known in self._known if known[0] == system]) < len(check.subjects_of(system)):
+            self._advance(system)
+        return [record for record in self._known.values() if record.system == system]
+
     def cause(self, system: str, subject: str) -> tuple[Cause | None, str]:
         """Why a record that is known is not as expected, None where there is nothing to say; and the command that says all."""
         check, _ = self._check_of(system)
@@ -184,9 +202,7 @@ class _Regression:
             from harness.diagnosis.model_side import EVALUATIONS
 
             # The party at fault follows from those that agree.
-            while len([known for known in self._known if known[0] == system]) < len(check.subjects):
-                self._advance(system)
-            records = [record for record in self._known.values() if record.system == system]
+            records = self._all_of(system)
             diagnosed = sum(map(len, self._causes.values()))
             evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
             found = find_causes(check.settings, records, self._workers("diagnosis"), evaluations=evaluations, crashes=check.crashes)
@@ -230,23 +246,26 @@ class _Regression:
 
 
 class SystemFile(pytest.File):
-    """A system file, which holds one test per subject. It is not imported here."""
+    """A system file, which holds one test per subject, and per variant and subject. It is not imported here."""
 
     def __init__(self, *, regression: _Regression, **options: Any) -> None:
         super().__init__(**options)
         self.regression = regression
 
     def collect(self) -> Iterator[CrossCheckItem]:
-        names = self.regression.library.names_in(self.path)
-        for name in names:
-            for subject in self.regression.subjects():
-                # The members of a family share a file, so their tests carry the member's name too.
-                title = subject if names == [self.path.stem] else f"{name}:{subject}"
+        from harness.engines import asked_of
+
+        library = self.regression.library
+        names = library.names_in(self.path)
+        for name in [*names, *(variant for variant in library.variant_names() if library.system_of(variant) in names)]:
+            for subject in map(str, asked_of(library, name, self.regression.subjects())):
+                # The members of a family and variants share a file, so their tests carry the name too.
+                title = subject if name == self.path.stem else f"{name}:{subject}"
                 yield CrossCheckItem.from_parent(self, name=title, regression=self.regression, system=name, subject=subject)
 
 
 class CrossCheckItem(pytest.Item):
-    """One subject on one system: passes where the verdict is the expected one and the model holds nothing superfluous that fails."""
+    """One subject on one system: passes where the verdict is the expected one, and neither a superfluous part nor a difference fails."""
 
     def __init__(self, *, regression: _Regression, system: str, subject: str, **options: Any) -> None:
         super().__init__(**options)
@@ -264,6 +283,8 @@ class CrossCheckItem(pytest.Item):
             if any(part.fails for part in superfluous):
                 pytest.fail(text, pytrace=False)
             warnings.warn(pytest.PytestWarning(text), stacklevel=2)
+        if differs := self.regression.differs(self.system, self.subject):
+            pytest.fail("\n".join(["not held alike after loading:", *(f"  {finding}" for finding in differs)]), pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         return self.path, None, f"{self.system}[{self.subject}]"

@@ -21,7 +21,7 @@ import sympy as sp
 from harness.bench import acceleration_cost
 from harness.bench.methods import select_methods
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
 from harness.equations.derivation import derive_mechanism, load_mechanism, load_system
@@ -58,7 +58,7 @@ def measure(benchmark: Any, name: str, method: str, states: int, call: Callable[
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_float64_kernel(benchmark: Any, name: str) -> None:
     mechanism = load_mechanism(LIBRARY, name)
-    states = sample(mechanism, MANY, seed=0)
+    states = generic_sample(mechanism, MANY, seed=0)
     kernel = mechanism.float64()
     inputs = kernel.inputs(states.q, states.v, states.tau)
     measure(benchmark, name, "float64 kernel", MANY, lambda: kernel.compiled.accelerations(inputs))
@@ -67,7 +67,7 @@ def test_float64_kernel(benchmark: Any, name: str) -> None:
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_certified_reference(benchmark: Any, name: str) -> None:
     mechanism = load_mechanism(LIBRARY, name)
-    kernel, states = ReferenceKernel(mechanism), sample(mechanism, FEW, seed=0)
+    kernel, states = ReferenceKernel(mechanism), generic_sample(mechanism, FEW, seed=0)
     measure(benchmark, name, "certified reference", FEW, lambda: kernel.evaluate(states))
 
 
@@ -80,7 +80,7 @@ def test_mpmath(benchmark: Any, name: str) -> None:
     inputs = [*equations.coordinates, *equations.rates, *forces, TIME, *system.parameters]
     right_hand_side = sp.Matrix(forces) + equations.right_hand_side
     evaluate = sp.lambdify(inputs, [equations.mass_matrix, right_hand_side], modules="mpmath", cse=True)
-    columns = mechanism.inputs(sample(mechanism, FEWEST, seed=0)).T.tolist()
+    columns = mechanism.inputs(generic_sample(mechanism, FEWEST, seed=0)).T.tolist()
 
     def loop() -> None:
         with mpmath.workdps(DIGITS):
@@ -124,7 +124,7 @@ def test_certifying_100_000_states_of_every_system(benchmark: Any) -> None:
 
     def certify() -> None:
         for mechanism in mechanisms:
-            assert ReferenceKernel(mechanism).evaluate(sample(mechanism, 100_000, seed=0)).certified.all()
+            assert ReferenceKernel(mechanism).evaluate(generic_sample(mechanism, 100_000, seed=0)).certified.all()
 
     benchmark.group = "100,000 certified states of every system, one process"
     benchmark.pedantic(certify, rounds=1)
@@ -144,7 +144,7 @@ def test_ratio(name: str, slow: str, fast: str) -> None:
 def cost_ratio(name: str, first: str, second: str) -> float:
     """Fastest of the first method over fastest of the second, timed in turns, so that both meet the same noise."""
     scene = Scene.of(LIBRARY, name)
-    states = sample(scene.mechanism, FEW, seed=0)
+    states = generic_sample(scene.mechanism, FEW, seed=0)
     calls = [method.prepare(scene, states).compute for method in select_methods([first, second])]
     rounds = [[min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     fastest = np.min(rounds, axis=0)
@@ -168,7 +168,7 @@ def test_kernel_over_pinocchio_in_a_loop(name: str) -> None:
     file = read_model(LIBRARY.model_path(name, "urdf"), "urdf")
     # As the harness loads it: Pinocchio's own reader gives a ball joint no place.
     loaded: Any = load_model(LIBRARY, Subject("pinocchio", "urdf"), mechanism, file)
-    model, states = loaded.model, sample(mechanism, FEW, seed=0)
+    model, states = loaded.model, generic_sample(mechanism, FEW, seed=0)
     data = model.createData()
     columns = loaded.columns(states.q, states.v, states.tau)
     rows = [tuple(map(np.ascontiguousarray, row)) for row in zip(*(part.T for part in columns), strict=True)]

@@ -20,4 +20,12 @@ def turns_freely(name: str) -> bool:
 
 # Systems whose joints carry their coordinates themselves.
 PLAIN = [name for name in BUILT_IN.system_names() if not turns_freely(name)]
+VARIANTS = BUILT_IN.variant_names()
+# Every model file: of a system's own and of its variants.
+MODELS = [
+    (name, model_format)
+    for name in [*BUILT_IN.system_names(), *VARIANTS]
+    for model_format in MODEL_SUFFIXES
+    if BUILT_IN.has_model(name, model_format)
+]
 MODELLED = [name for name in BUILT_IN.system_names() if all(BUILT_IN.has_model(name, form) for form in MODEL_SUFFIXES)]

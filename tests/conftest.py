@@ -21,13 +21,18 @@ if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
     from harness.equations.system import System
 
+# Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
+os.environ.setdefault("MUJOCO_GL", "disable")
+
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
 settings.load_profile("ci" if IN_CI else "local")
 
 # The desk runs the costly tests of a file on one in so many systems, each file on others; CI runs them on all.
 ONE_IN = 3
-# Their tests start processes and wait for them. They run first, so that no processor is left with one of their files in the end.
+# The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
+# two processes make it at once. Then come rooms whose tests start processes and wait for them, so that no processor is left with
+# one of their files in the end.
 SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
 
 
@@ -133,13 +138,19 @@ def plain_mechanism(plain_name: str) -> Mechanism:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.parent.name not in SLOW_ROOMS)
+    items.sort(key=_turn)
     if IN_CI:
         return
     left_out = {item for item in items if item.get_closest_marker("costly") and not item.get_closest_marker("nightly") and not _drawn(item)}
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]
+
+
+def _turn(item: pytest.Item) -> int:
+    if item.path.parent == BUILT_IN.systems:
+        return 0
+    return 1 if item.path.parent.name in SLOW_ROOMS else 2
 
 
 def _drawn(item: pytest.Item) -> bool:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import gzip
+import io
+import os
 import re
 import shutil
 import subprocess
@@ -30,6 +33,28 @@ from harness.library import MODEL_SUFFIXES
 from harness.results.records import Record
 from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
+
+_ENGINE = """
+import ctypes, math, os, subprocess, sys, time
+import numpy as np
+
+class Model:
+    def loaded(self):
+        return None
+
+    def forward_dynamics(self, q, v, tau):
+        {answer}
+
+class Engine:
+    {requires}
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        return Model()
+
+{top}
+ENGINE = Engine()
+"""
 
 
 def is_zero(expression: sp.Expr) -> bool:
@@ -89,6 +114,11 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
     return root
 
 
+def engine_source(answer: str = "return np.zeros_like(v)", top: str = "", requires: str = 'requires = ("numpy", "numpy")') -> str:
+    """An engine file that does ``top`` at import, and whose ``forward_dynamics(q, v, tau)`` has the body ``answer``."""
+    return _ENGINE.format(answer=answer, top=top, requires=requires)
+
+
 def given_out(tasks: Iterable[Task], further: Callable[[], Iterable[Task]]) -> Iterator[Task]:
     """The tasks one by one, and after each those that its outcome made possible."""
     waiting = deque(tasks)
@@ -144,6 +174,18 @@ def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess
     """A ``harness`` command as users run it."""
     command = [sys.executable, "-m", "harness", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+
+
+def pytest_in_this_process(*arguments: str, cwd: Path) -> Done:
+    """pytest within this one, as if no other were about, with ``InThisProcess`` for its workers."""
+    output, errors = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        patch.setattr("harness.workers.Workers", InThisProcess)
+        patch.chdir(cwd)
+        for variable in [name for name in os.environ if name.startswith("PYTEST_")]:
+            patch.delenv(variable)
+        status = pytest.main(["-p", "no:cacheprovider", "--capture=no", *arguments])
+    return Done(int(status), output.getvalue(), errors.getvalue())
 
 
 def without_progress(errors: str) -> str:

@@ -17,7 +17,7 @@ from catalogue import BUILT_IN
 from support import InThisProcess
 
 import harness
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_system
 from harness.errors import InvalidModel, InvalidRequest
 
@@ -66,7 +66,7 @@ def test_the_equations_are_sympy() -> None:
 def test_the_truth_is_within_its_bound(name: str, exact_of: Callable[[harness.System], Any]) -> None:
     """Against the equations in mpmath at 80 digits; the bound is no wider than the rounding to float64."""
     system, mechanism = harness.load(name), harness.load(name).mechanism
-    states = sample(mechanism, 4, 3)
+    states = generic_sample(mechanism, 4, 3)
     found = system.accelerations(states.q, states.v, states.tau)
     assert found.certified.all()
     exact = exact_of(load_system(BUILT_IN.system_path(name))[0])

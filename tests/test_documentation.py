@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from support import Done, harness
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -24,7 +24,8 @@ def walk_through(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("walk-through")
     for command in SHELL_BLOCK.findall(CONTRIBUTING):
         if command.startswith("harness new"):
-            subprocess.run([sys.executable, "-m", *command.split()], cwd=folder, check=True, timeout=60)
+            done = harness(*command.split()[1:], cwd=folder)
+            assert done.returncode == 0, done.stderr
     made = ["crba.py", "inverted_bar.py", "inverted_bar.urdf", "inverted_bar.xml"]
     assert sorted(path.name for path in folder.rglob("*.*")) == made
     for block in NAMED_BLOCK.finditer(CONTRIBUTING):
@@ -34,9 +35,8 @@ def walk_through(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def check(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "harness", "check", "--library", "mine", "--workers", "2", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+def check(folder: Path, *arguments: str) -> Done:
+    return harness("check", "--library", "mine", *arguments, cwd=folder)
 
 
 def test_readme_has_two_commands_of_one_line_and_marks_the_one_that_tests() -> None:

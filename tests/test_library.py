@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support import harness
 
 from harness.commands._scaffold import write_example
 from harness.errors import InvalidInput
@@ -81,19 +82,20 @@ def test_what_is_no_library_is_told(site: Path, name: str, fragments: list[str])
 
 
 def test_commands_and_pytest_take_the_name(site: Path, tmp_path: Path) -> None:
-    checked = run(site, "harness", "check", "--library", "my-arms", "--states", "40", "--workers", "1", cwd=tmp_path)
+    checked = harness("check", "--library", "my-arms", "--states", "40", cwd=tmp_path)
     assert checked.returncode == 0, checked.stdout + checked.stderr
     assert "example" in checked.stdout
-    listed = run(site, "harness", "list", "--library", "my-arms", cwd=tmp_path)
+    listed = harness("list", "--library", "my-arms", cwd=tmp_path)
     assert listed.returncode == 0
     assert "installed libraries: gone, hollow, my-arms, single" in listed.stdout.splitlines()
-    mistyped = run(site, "harness", "show", "example", "--library", "my-arm", cwd=tmp_path)
+    mistyped = harness("show", "example", "--library", "my-arm", cwd=tmp_path)
     assert mistyped.returncode == 2
     assert "did you mean 'my-arms'" in mistyped.stderr
     # Unlike the harness, pytest imports the packages it collects from.
     for file in (site / "robots").rglob("__init__.py"):
         file.write_text("")
-    tested = run(site, "pytest", "-p", "no:cacheprovider", "--harness-library", "my-arms", "--harness-states", "40", cwd=tmp_path)
+    options = ("-p", "no:cacheprovider", "--harness-library", "my-arms", "--harness-states", "40", "--harness-workers", "1")
+    tested = run(site, "pytest", *options, cwd=tmp_path)
     assert tested.returncode == 0, tested.stdout + tested.stderr
     assert "5 passed" in tested.stdout
 

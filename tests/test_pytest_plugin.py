@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from support import Done, InThisProcess, make_library
+from support import make_library, pytest_in_this_process
 
 
 @pytest.fixture
@@ -29,18 +26,6 @@ def run_in_a_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[
     """pytest as users run it."""
     command = [sys.executable, "-m", "pytest", *OPTIONS, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
-
-
-def run(*arguments: str, cwd: Path) -> Done:
-    """pytest within this one, with ``InThisProcess`` for its workers."""
-    output, errors = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        patch.setattr("harness.workers.Workers", InThisProcess)
-        patch.chdir(cwd)
-        for variable in [name for name in os.environ if name.startswith("PYTEST_")]:
-            patch.delenv(variable)
-        status = pytest.main([*OPTIONS, "--capture=no", *arguments])
-    return Done(int(status), output.getvalue(), errors.getvalue())
 
 
 def test_any_library_from_an_empty_folder(library: Path) -> None:
@@ -92,10 +77,10 @@ def test_processes_share_the_systems_and_none_runs_those_of_another(library: Pat
 
 def test_options_select_subjects_systems_and_states(library: Path) -> None:
     common = ("--harness-library", str(library), "--harness-states", "40")
-    done = run(*common, "--harness-subject", "pinocchio/urdf", cwd=library)
+    done = pytest_in_this_process(*common, "--harness-subject", "pinocchio/urdf", cwd=library)
     assert done.returncode == 0
     assert "2 passed" in done.stdout
-    done = run(*common, "-k", "spring_damper and lagrange", cwd=library)
+    done = pytest_in_this_process(*common, "-k", "spring_damper and lagrange", cwd=library)
     assert done.returncode == 0
     assert "1 passed, 9 deselected" in done.stdout
 
@@ -105,7 +90,7 @@ def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
     own = library.parent / "own"
     own.mkdir()
     (own / "test_own.py").write_text("def test_own(): pass\n")
-    done = run("--harness-states", "40", cwd=library.parent)
+    done = pytest_in_this_process("--harness-states", "40", cwd=library.parent)
     assert "2 failed, 9 passed" in done.stdout
 
 
@@ -113,7 +98,7 @@ def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> 
     settings = library.parent / "pytest.ini"
     for text, option, expected in (("30", (), 30), ("30", ("--harness-states=20",), 20), ("none", (), None)):
         settings.write_text(f"[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms\nharness_states = {text}\n")
-        done = run(*option, "-k", "spring_damper and lagrange", cwd=library.parent)
+        done = pytest_in_this_process(*option, "-k", "spring_damper and lagrange", cwd=library.parent)
         if expected is None:
             assert done.returncode == pytest.ExitCode.USAGE_ERROR
             assert "harness_states in the settings is 'none'" in done.stderr
@@ -122,7 +107,7 @@ def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> 
 
 
 def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
-    done = run(cwd=library)
+    done = pytest_in_this_process(cwd=library)
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED
 
 
@@ -135,7 +120,7 @@ def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
     ],
 )
 def test_bad_usage_is_a_usage_error(library: Path, arguments: list[str], message: str) -> None:
-    done = run(*arguments, cwd=library)
+    done = pytest_in_this_process(*arguments, cwd=library)
     assert done.returncode != 0
     assert message in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
@@ -144,7 +129,7 @@ def test_bad_usage_is_a_usage_error(library: Path, arguments: list[str], message
 
 def test_a_broken_system_fails_its_own_tests_only(library: Path) -> None:
     (library / "systems" / "bad.py").write_text("x = 1 / 0\n")
-    done = run("--harness-library", str(library), "--harness-states", "40", cwd=library)
+    done = pytest_in_this_process("--harness-library", str(library), "--harness-states", "40", cwd=library)
     assert "7 failed, 8 passed" in done.stdout
     assert "bad.py:1: raises ZeroDivisionError" in done.stdout
 
@@ -154,3 +139,14 @@ def test_loading_the_plugin_imports_no_engine() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     for heavy in ("mujoco", "pinocchio", "heyoka", "sympy", "numpy", "distributed"):
         assert f"'{heavy}'" not in done.stdout
+
+
+def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
+    model = library / "mjcf" / "bar_pendulum.xml"
+    model.with_name("bar_pendulum.twin.xml").write_text(model.read_text())
+    done = pytest_in_this_process("--harness-library", str(library), "--collect-only", "-q", cwd=library)
+    names = [line.partition("bar_pendulum.py::")[2] for line in done.stdout.splitlines() if "bar_pendulum.py::" in line]
+    assert len(names) == 5 + 2
+    assert names[5:] == ["bar_pendulum.twin:mujoco/mjcf", "bar_pendulum.twin:pinocchio/mjcf"]
+    done = pytest_in_this_process("--harness-library", str(library), "-k", "twin or (bar_pendulum and lagrange)", cwd=library)
+    assert "2 failed, 1 passed" in done.stdout and "bar_pendulum.twin mujoco/mjcf: disagrees" in done.stdout

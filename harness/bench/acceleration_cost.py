@@ -18,7 +18,7 @@ import numpy as np
 from harness.bench.methods import Method
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note, reference_kernel
 from harness.engines import Unsupported
@@ -44,7 +44,7 @@ def acceleration_costs(
     method is timed at least.
     """
     mechanism = scene.mechanism
-    states = sample(mechanism, count, seed)
+    states = generic_sample(mechanism, count, seed)
     references: dict[bool, Reference] = {}
     costs = []
     for method in methods:

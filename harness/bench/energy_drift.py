@@ -18,7 +18,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP
 from harness.certify.reference import UNIT_ROUNDOFF
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
@@ -58,7 +58,7 @@ def without_dampers(scene: Scene) -> Scene:
     of_dampers = _inputs_of(program, "forces") - _inputs_of(program, "energy")
     named = enumerate(mechanism.parameters, start=first)
     conservative = with_parameters(mechanism, {name: 0.0 for place, (name, _, _) in named if place in of_dampers})
-    if EnergyKernel(conservative).evaluate(sample(conservative, 8, seed=1)).power.any():
+    if EnergyKernel(conservative).evaluate(generic_sample(conservative, 8, seed=1)).power.any():
         raise ValueError(f"{mechanism.name} has non-conservative forces that no parameter switches off")
     undamped = {}
     for name, model in scene.models.items():

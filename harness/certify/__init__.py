@@ -2,5 +2,7 @@
 
 May use ``engines`` and what is below it.
 
-Start with ``reference`` and ``compare``; ``sampling`` makes the states, ``terms`` certifies each term by itself.
+Start with ``reference`` and ``compare``; ``sampling`` makes the states, ``sensitivity`` says what half an ulp in the data does to
+an answer, ``componentwise`` what error the norm hides, ``one_number`` whether one number explains the errors of all states;
+``terms`` certifies each term by itself.
 """

@@ -15,6 +15,9 @@ from harness.arrays import Array, Rows
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, energy_norm
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
+# Largest relative error of an answer that lost digits; one that is further off has too few left to be excused.
+LEAST_DIGITS = 1e-3
+
 
 @dataclass(frozen=True)
 class Comparison(Rows):
@@ -47,6 +50,9 @@ class Comparison(Rows):
         backward, relative = float(self.backward_error[index]), float(self.relative_error[index])
         return relative if relative <= min(backward, 1 / UNIT_ROUNDOFF) else None
 
+    def __len__(self) -> int:
+        return len(self.verdicts)
+
     @property
     def worst(self) -> int:
         """Index of the answer that decides: the gravest verdict, then the largest backward error."""
@@ -63,8 +69,12 @@ class Comparison(Rows):
         return np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf), severity
 
 
-def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> Comparison:
-    """Judge ``accelerations``, (n, nv) of any precision [SI per s^2], against the reference of the same states."""
+def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]], factorises: bool = False) -> Comparison:
+    """Judge ``accelerations``, (n, nv) of any precision [SI per s^2], against the reference of the same states.
+
+    ``factorises`` says that they come from a factorisation of M, in which digits are lost where M is ill-conditioned. Without
+    it no answer is ``unstable``; with it, none whose relative error is above ``LEAST_DIGITS``.
+    """
     if accelerations.shape != reference.high.shape:
         raise ValueError(f"accelerations have shape {accelerations.shape}; the reference has {reference.high.shape}")
     with np.errstate(all="ignore"):
@@ -75,9 +85,10 @@ def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.flo
         backward = np.where(granted, in_motion, backward)
         # Beside a subnormal answer a relative error says nothing.
         relative = np.where(reference.size >= np.finfo(np.float64).tiny, error / reference.size, np.nan)
+        lost_digits = factorises & (error <= np.minimum(UNIT_ROUNDOFF * reference.instability, LEAST_DIGITS * reference.size))
     finite = np.isfinite(np.ascontiguousarray(accelerations.T)).all(axis=0)
     verdicts = np.select(
-        [~finite, ~reference.certified, backward <= AGREEMENT, error <= UNIT_ROUNDOFF * reference.instability],
+        [~finite, ~reference.certified, backward <= AGREEMENT, lost_digits],
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value, Verdict.UNSTABLE.value],
         Verdict.DISAGREES.value,
     )

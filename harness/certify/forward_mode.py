@@ -16,28 +16,51 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.program import StraightLineProgram, earlier_results
 
-# f and its slopes by its arguments, given the arguments and f. An integer power has one slope: its exponent is a literal.
-_RULES: dict[str, tuple[Callable[..., Array], Callable[..., tuple[Any, ...]]]] = {
-    "neg": (np.negative, lambda x, f: (-1.0,)),
-    "sqrt": (np.sqrt, lambda x, f: (0.5 / f,)),
-    "sin": (np.sin, lambda x, f: (np.cos(x),)),
-    "cos": (np.cos, lambda x, f: (-np.sin(x),)),
-    "tan": (np.tan, lambda x, f: (1.0 + f * f,)),
-    "asin": (np.arcsin, lambda x, f: (1.0 / np.sqrt((1.0 - x) * (1.0 + x)),)),
-    "acos": (np.arccos, lambda x, f: (-1.0 / np.sqrt((1.0 - x) * (1.0 + x)),)),
-    "atan": (np.arctan, lambda x, f: (1.0 / (1.0 + x * x),)),
-    "sinh": (np.sinh, lambda x, f: (np.cosh(x),)),
-    "cosh": (np.cosh, lambda x, f: (np.sinh(x),)),
-    "tanh": (np.tanh, lambda x, f: (1.0 - f * f,)),
-    "exp": (np.exp, lambda x, f: (f,)),
-    "log": (np.log, lambda x, f: (1.0 / x,)),
-    "integer_power": (lambda x, n: x ** float(n), lambda x, n, f: (n * x ** float(n - 1),)),
-    "add": (np.add, lambda a, b, f: (1.0, 1.0)),
-    "sub": (np.subtract, lambda a, b, f: (1.0, -1.0)),
-    "mul": (np.multiply, lambda a, b, f: (b, a)),
-    "div": (np.divide, lambda a, b, f: (1.0 / b, -f / b)),
-    "pow": (np.power, lambda a, b, f: (b * a ** (b - 1.0), f * np.log(a))),
-    "atan2": (np.arctan2, lambda a, b, f: (b / (a * a + b * b), -a / (a * a + b * b))),
+# f by its arguments. An integer power has one operand that is a result: its exponent is a literal.
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "neg": np.negative,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "sinh": np.sinh,
+    "cosh": np.cosh,
+    "tanh": np.tanh,
+    "exp": np.exp,
+    "log": np.log,
+    "integer_power": lambda x, n: x ** float(n),
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "pow": np.power,
+    "atan2": np.arctan2,
+}
+# The partial derivatives of f, given a module of functions, the arguments and f: the same for numpy and for balls.
+PARTIAL_DERIVATIVES: dict[str, Callable[..., tuple[Any, ...]]] = {
+    "neg": lambda m, x, f: (-1.0,),
+    "sqrt": lambda m, x, f: (0.5 / f,),
+    "sin": lambda m, x, f: (m.cos(x),),
+    "cos": lambda m, x, f: (-m.sin(x),),
+    "tan": lambda m, x, f: (1.0 + f * f,),
+    "asin": lambda m, x, f: (1.0 / m.sqrt((1.0 - x) * (1.0 + x)),),
+    "acos": lambda m, x, f: (-1.0 / m.sqrt((1.0 - x) * (1.0 + x)),),
+    "atan": lambda m, x, f: (1.0 / (1.0 + x * x),),
+    "sinh": lambda m, x, f: (m.cosh(x),),
+    "cosh": lambda m, x, f: (m.sinh(x),),
+    "tanh": lambda m, x, f: (1.0 - f * f,),
+    "exp": lambda m, x, f: (f,),
+    "log": lambda m, x, f: (1.0 / x,),
+    "integer_power": lambda m, x, n, f: (n * x ** (n - 1),),
+    "add": lambda m, a, b, f: (1.0, 1.0),
+    "sub": lambda m, a, b, f: (1.0, -1.0),
+    "mul": lambda m, a, b, f: (b, a),
+    "div": lambda m, a, b, f: (1.0 / b, -f / b),
+    "pow": lambda m, a, b, f: (b * a ** (b - 1.0), f * m.log(a)),
+    "atan2": lambda m, a, b, f: (b / (a * a + b * b), -a / (a * a + b * b)),
 }
 
 
@@ -64,9 +87,8 @@ def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
             else:
                 earlier = earlier_results(instruction)
                 arguments = [*(values[place] for place in earlier), *operands[len(earlier) :]]
-                function, partials = _RULES[operation]
-                values.append(function(*arguments))
-                pairs = zip(earlier, partials(*arguments, values[-1]), strict=True)
+                values.append(FUNCTIONS[operation](*arguments))
+                pairs = zip(earlier, PARTIAL_DERIVATIVES[operation](np, *arguments, values[-1]), strict=True)
                 parts = [known * partial for place, partial in pairs if (known := slopes[place]) is not None]
                 slopes.append(sum(parts[1:], parts[0]) if parts else None)
     zero = np.zeros((count, n))

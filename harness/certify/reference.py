@@ -1,8 +1,7 @@
 """The certified acceleration at the exact float64 inputs, and its data roundoff.
 
 M and the right-hand side are evaluated in balls and solved rigorously; precision doubles until the
-radius is negligible beside the data roundoff. Data roundoff comes from M dqdd = d(rhs) - dM qdd with
-exact derivatives, compiled to float64.
+radius is negligible beside the data roundoff, which comes from ``harness.certify.sensitivity``.
 
 Beside it stands the share of the motion: half an ulp of twice the kinetic energy, as a torque on every rotating
 coordinate. Engines work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the
@@ -35,6 +34,10 @@ from harness.certify.factorisation import (
     scaled_cholesky,
     scaled_condition_number,
 )
+from harness.certify.sensitivity import PRECISIONS as PRECISIONS
+from harness.certify.sensitivity import SMALLEST_SCALE as SMALLEST_SCALE
+from harness.certify.sensitivity import UNIT_ROUNDOFF as UNIT_ROUNDOFF
+from harness.certify.sensitivity import Sensitivity
 from harness.equations.kernels import BallKernel, float64_kernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
@@ -42,16 +45,12 @@ from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_s
 from harness.equations.states import States
 from harness.storage import Kept
 
-UNIT_ROUNDOFF = 2.0**-53
-# Bits that are tried one after the other.
-PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80
 CERTIFIED_RADIUS = 2.0**-60
-# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
-# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
-SMALLEST_SCALE = 2.0**-1021
 _STATES_AT_ONCE = 2048
+# Of every entry of M that an unstable factorisation may lose.
+ROUNDINGS = 16
 # Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.
 MOST_IN_FLOAT64 = 1e8
 # Parameter sets whose constants are kept in balls.
@@ -153,6 +152,7 @@ class ChartKernel:
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
         self.mechanism = mechanism
         self.float64 = float64_kernel(program)
+        self._sensitivity = Sensitivity(self.float64)
         self._balls = BallKernel(program, len(mechanism.parameters))
         self._bound: Kept[Callable[..., tuple[Any, ...]]] = Kept(_MOST_BOUND)
 
@@ -160,16 +160,21 @@ class ChartKernel:
         """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
         n, nv = len(states), self.mechanism.nv
         high, low, radii, scale, factor = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((nv, n)), np.empty((nv, nv, n))
-        bits = np.zeros(n, dtype=np.int64)
+        norm_factor, sensitivity, motion, instability = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
+        bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
         with np.errstate(all="ignore"):
             pending = np.arange(n)
             for precision in PRECISIONS:
-                results = self._certify(states[pending], parameters[pending], precision)
+                now, values = states[pending], parameters[pending]
+                results = self._certify(now, values, precision)
                 high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
                 bits[pending] = precision
-                norm_factor, sensitivity, motion, instability = self._norms(states, parameters, high, scale, factor)
-                radius = energy_norm(np.abs(norm_factor), radii)
-                pending = np.flatnonzero(~(radius <= SOUGHT_RADIUS * sensitivity) & np.isfinite(states.q).all(axis=1))
+                inputs, found = self.mechanism.inputs(now, values), (results[0], scale[:, pending], factor[:, :, pending])
+                condition = condition_number(found[-1])
+                sensitivity[pending] = self._sensitivity.evaluate(inputs, *found, condition)
+                norm_factor[pending], motion[pending], instability[pending] = self._norms(now, inputs, *found, condition)
+                radius[pending] = energy_norm(np.abs(norm_factor[pending]), radii[pending])
+                pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
                 if not len(pending):
                     break
             certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
@@ -204,23 +209,19 @@ class ChartKernel:
             yield row, self._bound.get((flint.ctx.prec, values_of_parameters), bind)(*row)
 
     def _norms(
-        self, states: States, parameters: Array, accelerations: Array, scale: Array, factor: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """``norm_factor``, ``sensitivity``, ``motion`` and ``instability`` at the given accelerations and factors of M."""
+        self, states: States, inputs: Array, accelerations: Array, scale: Array, factor: Array, condition: Array
+    ) -> tuple[Array, Array, Array]:
+        """``norm_factor``, ``motion`` and ``instability`` at the given accelerations, factors of M and their condition numbers."""
         nv = self.mechanism.nv
-        inputs = self.mechanism.inputs(states, parameters)
         terms = self.float64.terms(inputs)
-        derivatives = self.float64.input_derivatives(inputs, np.ascontiguousarray(accelerations.T))
-        columns = derivatives * np.maximum(np.abs(inputs), SMALLEST_SCALE)[None]
-        sensitivity = norm_over_first_axis(forward_substitute(factor, columns / scale[:, None])).sum(axis=0)
         norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
         torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
         of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
         motion = energy_norm(norm_factor, states.v) ** 2 * of_torques
         separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
         of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
-        instability = 16 * nv * condition_number(factor) * (energy_norm(norm_factor, accelerations) + of_terms)
-        return norm_factor, sensitivity, motion, instability
+        instability = ROUNDINGS * nv * condition * (energy_norm(norm_factor, accelerations) + of_terms)
+        return norm_factor, motion, instability
 
 
 def parts_of(ball: Any) -> tuple[float, float, float]:

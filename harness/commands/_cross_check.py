@@ -19,11 +19,12 @@ def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
 
     study = CrossCheck(settings)
     found = study.result()
-    bracket.complete(study, lambda: {"records": found.records, "superfluous": found.superfluous})
+    bracket.complete(study, lambda: {"records": found.records, "superfluous": found.superfluous, "differs": found.differs})
     found.records.sort(key=lambda record: (record.system, record.subject))
     found.causes += causes_of(bracket, study)
-    bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, causes=found.causes))
-    bracket.write_json(found.records, superfluous=found.superfluous, **({"causes": found.causes} if found.causes else {}))
+    bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
+    causes = {"causes": found.causes} if found.causes else {}
+    bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **causes)
     return study
 
 
@@ -42,12 +43,13 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
 
 def finish(bracket: Bracket, study: CrossCheck) -> None:
     """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_count, print_superfluous, print_table, print_unexpected
+    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected
 
     found = study.result()
     print_table(found.records, bracket.run)
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
-    print_count(found.records, found.superfluous)
+    print_differs(found.differs)
+    print_count(found.records, found.superfluous, found.differs)
     print_causes(found.causes, study.settings)
     bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)

@@ -20,12 +20,12 @@ from harness.verdict import AGREEMENT
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from harness.crosscheck.held import Difference
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.faults.summary import KindOfFault, SmallestChange
-    from harness.diagnosis.held import Difference
     from harness.report.benchmarks import BenchmarkSummary
     from harness.report.hard_cases import HardSummary
-    from harness.results.cross_check import Cause, SuperfluousPart
+    from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
 
 _PIPE_WIDTH = 160
 SECONDS_BETWEEN_LINES, LOOK_SECONDS = 10.0, 0.5
@@ -131,17 +131,23 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
-    """Each unexpected record."""
+    """Each unexpected record, and what there is to say of one that is as expected although it was compared."""
     for record in Records(records).unexpected:
         say("", *record.explanation.split("\n"))
+    for record in Records(records):
+        if record.as_expected and record.message and record.backward_error is not None:
+            say("", f"{record.system} {record.subject}: {record.message}")
 
 
-def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart]) -> None:
-    """The number of records that are as expected, of all records and all superfluous parts that fail the check."""
+def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart], differs: Sequence[HeldDifference] = ()) -> None:
+    """The number of records that are as expected, of all records, superfluous parts and differences that fail the check."""
     failing = sum(part.fails for part in findings)
     warnings = len(findings) - failing
-    good, in_all = sum(record.as_expected for record in records), len(records) + failing
-    parts = f": {_superfluous(failing)} {'is' if failing == 1 else 'are'} not" if failing else ""
+    apart = sum(finding.fails for finding in differs)
+    good, in_all = sum(record.as_expected for record in records), len(records) + failing + apart
+    counts = [_superfluous(failing)] if failing else []
+    counts += [f"{apart} difference{'' if apart == 1 else 's'} after loading"] if apart else []
+    parts = f": {' and '.join(counts)} {'is' if failing + apart == 1 else 'are'} not" if counts else ""
     parts += f", and {_superfluous(warnings)} {'is a warning' if warnings == 1 else 'are warnings'}" if warnings else ""
     say("", f"{good} of {in_all} as expected{parts}; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
 
@@ -159,6 +165,17 @@ def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
             say("", f"{_superfluous(len(parts))}{warning}:")
         for part in sorted(parts, key=attrgetter("path", "subject", "line")):
             say(f"  {part}")
+
+
+def print_differs(findings: Sequence[HeldDifference]) -> None:
+    """A line for each quantity that subjects do not hold alike after loading, those that are not expected first."""
+    for fails in (True, False):
+        found = [finding for finding in findings if finding.fails == fails]
+        if found:
+            expected = "" if fails else ", as expected"
+            say("", f"not held alike after loading, whether the motion feels it or not{expected}:")
+        for finding in sorted(found, key=attrgetter("system", "joint", "quantity")):
+            say(f"  {finding}")
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
@@ -211,6 +228,20 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
         },
     )
     _print(table)
+    say("", "the number of each model that hides the largest error:")
+    pairs = [list(own) for _, own in itertools.groupby(caught, key=attrgetter("system", "subject"))]
+    _print(
+        Table.of(
+            [max(own, key=lambda found: found.smallest) for own in pairs],
+            {
+                "system": "system",
+                "subject": "subject",
+                "number": "number",
+                Column("smallest caught", "error"): "smallest",
+                Column("theory", "error"): "theory",
+            },
+        )
+    )
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
@@ -218,7 +249,9 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
 
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
-    """One row per kind of fault of a campaign, and one for all."""
+    """One row per kind of fault of a campaign, and sentences over the kinds that the diagnosis knows and over the others."""
+    from harness.diagnosis.faults.summary import shares
+
     if not kinds:
         say("no faults: no model was found to plant them in")
         return
@@ -227,9 +260,21 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
     columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
     columns[Column("blamed", "count")] = "blamed"
+    columns |= {Column("value right", "count"): lambda one: f"{one.right} of {one.found}" if one.found else ""}
+    columns |= {Column(name, "count"): name for name in ("misled", "stopped")}
     columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
     _print(Table.of(kinds, columns))
-    judged, known = sum(one.judged for one in kinds), sum(one.in_class for one in kinds)
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
-    named = f"; {sum(one.named for one in kinds) / judged:.1%} named first, {known / judged:.1%} first or in their class" if judged else ""
-    say("", f"{live} faults that change the dynamics, {caught} caught; {judged} of them judged{named}")
+    found = shares(kinds)
+    say("", f"{live} faults that change the dynamics, {caught} caught")
+    if (of := found.get("known")) and of["judged"]:
+        by_name = of["judged"] - of["diagnosed"]
+        say(f"{of['judged']} judged: {of['share_named']:.1%} named first, {of['share_in_class']:.1%} first or in their class")
+        if of["diagnosed"]:
+            without = f"{of['share_found']:.1%} named first, {of['share_found_in_class']:.1%} first or in their class"
+            say(f"{of['diagnosed']} of them diagnosed, without the {by_name} that a refusal names: {without}")
+            right = f"; {of['share_right']:.1%} of those named first with the right number" if of["found"] else ""
+            say(f"{of['misled']} explained by a change elsewhere, {of['stopped']} searches stopped{right}")
+    if (of := found.get("unknown")) and of["diagnosed"]:
+        outside = f"{of['diagnosed']} diagnosed of kinds that no hypothesis undoes"
+        say(f"{outside}: {of['found_in_class']} explained at one of their places, {of['misled']} elsewhere, {of['stopped']} stopped")

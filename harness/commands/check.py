@@ -26,11 +26,15 @@ from harness.commands._options import stand_in_options, states_option, subjects_
 def command(
     bracket: Bracket, names: tuple[str, ...], states: int, subjects: tuple[str, ...], stand_ins: Mapping[str, Path], state: str | None
 ) -> None:
-    """Cross-check NAMEs, or every mechanism, and print a table.
+    """Cross-check NAMEs, or all there are, and print a table.
+
+    NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
+    a pattern takes all that it fits. Without NAMEs it is all of both.
 
     \b
     Examples:
       harness check
+      harness check 'double_pendulum*'
       harness check double_pendulum arm_7r --states 10000
       harness check double_pendulum --mjcf edited.xml
       harness check --library mine --subject mujoco/mjcf --json out.json
@@ -40,12 +44,13 @@ def command(
     refuse_alone(bracket, "check", names, stand_ins)
     settings = Settings(
         library=bracket.library,
-        names=names,
+        names=bracket.library.matching(names),
         subjects=subjects,
         states=states,
         seed=bracket.seed,
         stand_ins=stand_ins,
         state=_parse_state(state),
+        componentwise=state is not None,
         replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
     bracket.begin(states, "check")

@@ -32,7 +32,7 @@ def command(
       harness diagnose double_pendulum --mjcf edited.xml
       harness diagnose arm_2r --library mine --subject pinocchio/urdf
     """
-    from harness.commands._terminal import print_diagnoses, print_superfluous, print_table, say
+    from harness.commands._terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
@@ -59,6 +59,7 @@ def command(
     if causes:
         print_diagnoses(causes, held)
     else:
+        print_differs(found.differs)
         say("", infer_from_records(found.records)[name].sentence)
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -66,7 +66,7 @@ def command(
     """
     from harness.diagnosis.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
     from harness.diagnosis.faults.study import CampaignStudy, SmallestStudy
-    from harness.diagnosis.faults.summary import by_kind
+    from harness.diagnosis.faults.summary import by_kind, shares
     from harness.errors import InvalidRequest
     from harness.library import nearest
 
@@ -87,7 +87,13 @@ def command(
         settings = CampaignSettings(kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=bracket.seed, diagnosed=diagnosed)
         study = CampaignStudy(bracket.library, names, settings)
     bracket.begin(states, "faults")
-    rows = bracket.complete(study, lambda: {"faults": [row.as_json() for row in study.result()]})
+
+    def document() -> dict[str, Any]:
+        rows = study.result()
+        summary = {} if isinstance(study, SmallestStudy) else {"shares": shares(by_kind(rows))}
+        return {"faults": [row.as_json() for row in rows], **summary}
+
+    rows = bracket.complete(study, document)
     for sentence in study.deaths:
         say(f"harness: {sentence}", err=True)
     if rows:
@@ -121,7 +127,7 @@ def _print_faults(faults: Sequence[Fault]) -> None:
             [] if fault.caught else ["not caught" + (f" in size {', '.join(f'{size:g}' for size in fault.missed)}" if fault.missed else "")]
         )
         wrong += [f"blamed on {fault.blamed}"] if fault.blamed else []
-        wrong += ["not named"] if fault.judged and not (fault.named or fault.in_class) else []
+        wrong += ["not named"] if fault.known and fault.judged and not (fault.named or fault.in_class) else []
         if wrong:
             line, element, attribute = fault.where[0]
             size = f" by {fault.diagnosed:g}" if fault.sizes and fault.diagnosed else ""

@@ -101,18 +101,23 @@ def _list_library(bracket: Bracket) -> None:
             elif outcome.crash is not None:
                 failures.report(InvalidInput(library.system_path(outcome.task.key), None, str(outcome.crash)))
     systems = {name: found[name] for name in names if name in found}
+    variants = {name: library.formats_of(name) for name in library.variant_names()}
     engines = engine_files(library)
     _write(
         bracket,
         {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
+            "variants": [{"name": name, "system": library.system_of(name), "formats": formats} for name, formats in variants.items()],
             "engines": [{"name": name, "formats": file.formats, "version": file.version} for name, file in engines.items()],
             "libraries": installed,
         },
     )
-    width = max(len(printable(name)) for name in [*systems, *engines])
+    width = max(len(printable(name)) for name in [*systems, *variants, *engines])
     for name, (nv, text) in systems.items():
         say(f"{printable(name):<{width}}  {nv:>2} dof  {text}")
+    say(*(["", "variants of their models:"] if variants else []))
+    for name, formats in variants.items():
+        say(f"{printable(name):<{width}}  {', '.join(formats)}")
     say("")
     for name, file in engines.items():
         state = failures.failure(file.outcome) or file.version or "not installed"

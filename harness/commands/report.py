@@ -29,7 +29,9 @@ def command(bracket: Bracket, profile: str) -> None:
     from harness.show.gallery import Gallery
 
     states = STATES_OF_PROFILE[profile]
-    settings = Settings(library=bracket.library, states=states, seed=bracket.seed, replay_options=bracket.replay_options)
+    settings = Settings(
+        library=bracket.library, states=states, seed=bracket.seed, componentwise=True, replay_options=bracket.replay_options
+    )
     bracket.begin(states, profile, CrossCheckResult)
     study = cross_check(bracket, settings)
     ranking = ranked(bracket.library, study.result().records, bracket.pool)

@@ -26,7 +26,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     from harness.show.exhibit import Exhibition, as_text
 
     refuse_alone(bracket, "check", [name])
-    bracket.library.select([name])
+    bracket.library.select([name], with_variants=True)
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
     exhibit = bracket.complete(study)

@@ -1,8 +1,9 @@
 """Verdicts that are expected to be other than ``agrees``: one file, each entry with its reason.
 
 ``expected_verdicts.toml`` of a library holds ``[[expected]]`` tables with ``system``, ``subject``,
-``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with
-the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
+``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with the verdict
+``unstable`` also bounds what the reason explains of the sampled states: the ``median_backward_error``, and the ``share`` of them that
+is unstable. An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -23,6 +24,12 @@ from harness.verdict import SEVERITY, Verdict
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 
 
+# Tables of a library's file; the second are read by ``harness.crosscheck.static_audit``.
+TABLES = ("expected", "differs")
+# Fields of an entry that are no texts.
+_NUMBERS = ("backward_error", "median_backward_error", "share")
+
+
 class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One ``[[expected]]`` table; those of a file say in further fields what they are about."""
 
@@ -31,11 +38,23 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     reason: Text
     link: Text
     backward_error: float | None = None
+    median_backward_error: float | None = None
+    share: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
 
     @property
     def limit(self) -> float:
         """The largest backward error that the reason explains; infinite where answers are not compared."""
         return math.inf if self.backward_error is None else self.backward_error
+
+    @property
+    def median_limit(self) -> float:
+        """The largest median backward error that the reason explains."""
+        return math.inf if self.median_backward_error is None else self.median_backward_error
+
+    @property
+    def share_limit(self) -> float:
+        """The largest share of unstable states that the reason explains."""
+        return 1.0 if self.share is None else self.share
 
 
 class Expectation(Entry, frozen=True, kw_only=True):
@@ -49,37 +68,56 @@ AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason
 _Entry = TypeVar("_Entry", bound=Entry)
 
 
-def read_entries(
-    path: Path, kind: type[_Entry], known: Mapping[str, Collection[str]], key: Collection[str], compared: Collection[str]
-) -> dict[tuple[str, ...], _Entry]:
-    """The ``[[expected]]`` tables of a file by the fields ``key``, which no two of them share.
-
-    ``known`` holds the values that a field may have; an entry has a ``backward_error`` where its verdict is one of ``compared``.
+def read_tables(path: Path, names: Collection[str]) -> dict[str, list[Any]]:
+    """The tables of a file by their names, of which it may have those given.
 
     Raises:
-        InvalidInput: the file is malformed, or an entry names what does not exist.
+        InvalidInput: the file is malformed.
     """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InvalidInput(path, None, f"cannot be read as TOML: {error}") from error
-    tables = data.pop("expected", [])
-    if data or not isinstance(tables, list):
-        raise InvalidInput(path, None, "holds something other than [[expected]] tables")
+    tables = {name: data.pop(name, []) for name in names}
+    if data or not all(isinstance(one, list) for one in tables.values()):
+        raise InvalidInput(path, None, f"holds something other than {' and '.join(f'[[{name}]]' for name in names)} tables")
+    return tables
+
+
+def read_entries(
+    path: Path,
+    kind: type[_Entry],
+    known: Mapping[str, Collection[str]],
+    key: Collection[str],
+    compared: Collection[str],
+    tables: Collection[str] = ("expected",),
+) -> dict[tuple[str, ...], _Entry]:
+    """The ``[[expected]]`` tables of a file by the fields ``key``, which no two of them share.
+
+    ``known`` holds the values that a field may have; an entry has a ``backward_error`` where its verdict is one of ``compared``.
+    ``tables`` are the names of all tables that the file may have.
+
+    Raises:
+        InvalidInput: the file is malformed, or an entry names what does not exist.
+    """
     entries: dict[tuple[str, ...], _Entry] = {}
-    for number, table in enumerate(tables, start=1):
+    for number, table in enumerate(read_tables(path, tables)["expected"], start=1):
         where = f"[[expected]] number {number}"
         try:
             entry = msgspec.convert(table, kind)
         except msgspec.ValidationError as error:
-            texts = ", ".join(name for name in kind.__struct_fields__ if name != "backward_error")
-            raise InvalidInput(path, None, f"{where}: {error}; expected the texts {texts}, none empty, and a backward_error") from error
+            texts = ", ".join(name for name in kind.__struct_fields__ if name not in _NUMBERS)
+            raise InvalidInput(path, None, f"{where}: {error}; expected the texts {texts}, none empty, and {_NUMBERS[0]}") from error
         for name, values in known.items():
             if (value := getattr(entry, name)) not in values:
                 raise InvalidInput(path, None, f"{where} names {name} {value!r}, which does not exist; {nearest(value, values)}")
         if (entry.backward_error is None) == (entry.verdict in compared):
             rest = "a backward_error" if entry.backward_error is None else f"no backward_error, for what is {entry.verdict} is not compared"
             raise InvalidInput(path, None, f"{where} must have {rest}")
+        bounds, wanted = [name for name in _NUMBERS[1:] if getattr(entry, name) is not None], entry.verdict == Verdict.UNSTABLE
+        if len(bounds) != (len(_NUMBERS) - 1) * wanted:
+            rest = f"{' and '.join(_NUMBERS[1:])}, for it is" if wanted else f"no {bounds[0]}, for it is not"
+            raise InvalidInput(path, None, f"{where} must have {rest} about lost digits")
         identity = tuple(getattr(entry, name) for name in key)
         if identity in entries:
             raise InvalidInput(path, None, f"{where} repeats {', '.join(identity)}")
@@ -95,9 +133,13 @@ def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]
     """
     if not library.expected_verdicts.is_file():
         return {}
-    known = {"system": library.system_names(), "subject": list(map(str, subjects(library))), "verdict": SEVERITY}
+    known = {
+        "system": [*library.system_names(), *library.variant_names()],
+        "subject": list(map(str, subjects(library))),
+        "verdict": SEVERITY,
+    }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject"), compared)
+    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject"), compared, TABLES)
     return {(entry.system, entry.subject): entry for entry in entries.values()}
 
 

@@ -21,13 +21,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison, compare
+from harness.certify.compare import Comparison
 from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited, reference_kernel
+from harness.crosscheck.tasks import Assignment, Note, frame_of, judge_by, reference_kernel
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
-from harness.engines import accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import SEVERITY, Verdict
@@ -48,11 +47,13 @@ class Found:
     Attributes:
         states: every state it was asked at, in order. comparison: the judgement of each.
         simplest_failure: index of the shrunk state that does not agree, None where all agree.
+        added: how many of the states were not asked for: those that earlier searches kept, and the shrunk one.
     """
 
     states: States
     comparison: Comparison
     simplest_failure: int | None
+    added: int = 0
 
 
 def search(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found | Answers]:
@@ -63,7 +64,9 @@ def search(assignments: Sequence[Assignment], examples: int, seed: int, folder: 
     names the subject that is being asked, and its states.
     """
     panel = _Panel(assignments, note)
-    panel.judge(_kept(folder, panel))
+    kept = _kept(folder, panel)
+    panel.judge(kept)
+    panel.kept = len(kept)
     _draw(panel, examples, seed)
     for subject in panel.subjects:
         panel.simplify(subject)
@@ -97,12 +100,14 @@ def objective(comparison: Comparison) -> Array:
 class _Panel:
     """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves, and has it in ``failures``.
 
-    ``simplest`` holds the simplest failing state of a subject, once ``simplify`` has found it.
+    ``simplest`` holds the simplest failing state of a subject, once ``simplify`` has found it; ``kept`` counts the states of earlier
+    searches.
     """
 
     def __init__(self, assignments: Sequence[Assignment], note: Note) -> None:
         self.mechanism: Mechanism = assignments[0].mechanism
         self.failures: dict[str, Exception] = {}
+        self.kept = 0
         self.simplest: dict[str, States] = {}
         self._assignments = {str(assignment.subject): assignment for assignment in assignments}
         self._frames = {subject: frame_of(assignment) for subject, assignment in self._assignments.items()}
@@ -138,7 +143,7 @@ class _Panel:
 
     def _ask(self, subject: str, states: States, reference: Reference) -> Comparison:
         self._note(note_of(subject, states))
-        return compare(reference, accelerations(load_audited(self._assignments[subject]), states))
+        return judge_by(reference, self._assignments[subject], states)
 
     def worst(self, count: int) -> Array:
         """``count`` rows, (count, columns): the worst states of the subjects, in turn."""
@@ -169,7 +174,8 @@ class _Panel:
         """The outcome for a subject; its simplest failing state comes last."""
         states = States.concatenate([states for states, _ in self._seen[subject]])
         comparison = Comparison.concatenate([comparison for _, comparison in self._seen[subject]])
-        return Found(states, comparison, len(states) - 1 if subject in self.simplest else None)
+        simplified = subject in self.simplest
+        return Found(states, comparison, len(states) - 1 if simplified else None, self.kept + simplified)
 
 
 def _draw(panel: _Panel, examples: int, seed: int) -> None:
@@ -179,17 +185,27 @@ def _draw(panel: _Panel, examples: int, seed: int) -> None:
 
     mechanism, left = panel.mechanism, examples
     variation = Variation(mechanism, np.random.default_rng(seed))
+    failures: list[BaseException] = []
+
+    def judged(drawn: Array) -> dict[str, Comparison]:
+        """The judgement of a block that begins with ``drawn`` rows; of nothing where all states are judged or nobody is left."""
+        nonlocal left
+        others = min(BLOCK, left) - len(drawn)
+        if others < 0 or not left or failures or not panel.subjects:
+            return {}
+        beside = variation.fresh(others) if left > (1 - FRESH_SHARE) * examples else variation.near(panel.worst(others))
+        left -= len(drawn) + others
+        try:
+            return panel.judge(states_of(mechanism, np.vstack([drawn, beside])))
+        except (Exception, SystemExit) as error:
+            # Hypothesis would ask again, where no state is left to be asked, and call the failure flaky.
+            failures.append(error)
+            return {}
 
     def judge(state: States) -> None:
-        nonlocal left
-        others = min(BLOCK, left) - 1
-        if others < 0 or not panel.subjects:
-            return
-        beside = variation.fresh(others) if left > (1 - FRESH_SHARE) * examples else variation.near(panel.worst(others))
-        left -= 1 + others
-        for subject, comparison in panel.judge(states_of(mechanism, np.vstack([rows_of(state), beside]))).items():
-            if 0 < (error := float(comparison.backward_error[0])) < math.inf:
-                hypothesis.target(math.log10(error), label=subject)
+        for subject, comparison in judged(rows_of(state)).items():
+            if 0 < (size := float(comparison.backward_error[0])) < math.inf:
+                hypothesis.target(math.log10(size), label=subject)
 
     settings = hypothesis.settings(
         max_examples=math.ceil(examples / BLOCK),
@@ -203,6 +219,11 @@ def _draw(panel: _Panel, examples: int, seed: int) -> None:
     # Hypothesis would also draw constants from the sources of whatever happens to be imported.
     providers.is_local_module_file = lambda path: False  # type: ignore[assignment, attr-defined]
     settings(hypothesis.seed(seed)(hypothesis.given(strategy(mechanism))(judge)))()
+    # Hypothesis ends early where it has no other draw; the states that were asked for are judged all the same.
+    while judged(np.empty((0, mechanism.nq + 2 * mechanism.nv))):
+        pass
+    for failure in failures:
+        raise failure
 
 
 def _kept(folder: Path | None, panel: _Panel) -> States:

@@ -16,6 +16,8 @@ from harness.equations.states import States
 from harness.results.records import Record, Representative, half_decade
 from harness.verdict import Verdict, gravest
 
+# A smaller sample says nothing of a median or a share.
+FEWEST_SAMPLED = 100
 # Rows of ``Evidence.shown``.
 GRAVEST, LARGEST = 0, 1
 
@@ -26,11 +28,15 @@ class Evidence:
 
     Attributes:
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
-        granted: to how many answers the share of the motion was.
+        granted: to how many answers the share of the motion was. sampled: the backward errors among them, and verdicts, that are of
+            sampled states.
         shown: the answer that decides, and the one with the largest backward error, with their states.
         stored: how many of the first batch are stored with the system. found: what hypothesis found.
         seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
-        failure, unsupported: as of ``Answers``, where some of them are missing.
+        failure, unsupported: as of ``Answers``, where some of them are missing. refused: whether the failure is that a file
+            cannot be used.
+        explained: the sentence of ``Explanation`` where one number explains what would be lost digits; None where none was looked for.
+        remarks: sentences that change no verdict.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -38,15 +44,28 @@ class Evidence:
     distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
     shown: tuple[States, Comparison] | None = None
+    sampled: list[Array] = field(default_factory=list)
+    sampled_verdicts: Counter[str] = field(default_factory=Counter)
     stored: int = 0
     found: Found | None = None
     seconds: list[float] = field(default_factory=list)
     failure: str = ""
     unsupported: bool = False
+    refused: bool = False
     failed_at: dict[str, list[float]] | None = None
+    explained: str | None = None
+    remarks: list[str] = field(default_factory=list)
 
-    def add(self, states: States, comparison: Comparison) -> None:
-        """Take the judgement of the answers at ``states``."""
+    @property
+    def verdict(self) -> str:
+        """The gravest of the answers; where one number explains the errors of all states they are no lost digits."""
+        if self.failure or not self.counts:
+            return (Verdict.UNSUPPORTED if self.unsupported else Verdict.ERROR).value
+        verdict = gravest(self.counts)
+        return Verdict.DISAGREES.value if verdict == Verdict.UNSTABLE and self.explained else verdict
+
+    def add(self, states: States, comparison: Comparison, sampled: slice = slice(0)) -> None:
+        """Take the judgement of the answers at ``states``; ``sampled`` are those of the sample."""
         if not len(states):
             return
         backward = comparison.known("backward_error")
@@ -54,6 +73,8 @@ class Evidence:
         self.granted += int(comparison.granted.sum())
         self.distribution.update(map(half_decade, backward.tolist()))
         self.backward.append(backward)
+        self.sampled.append(comparison[sampled].known("backward_error"))
+        self.sampled_verdicts.update(comparison[sampled].verdicts.tolist())
         before = () if self.shown is None else (self.shown,)
         states = States.concatenate([*(known for known, _ in before), states])
         comparison = Comparison.concatenate([*(known for _, known in before), comparison])
@@ -64,13 +85,17 @@ class Evidence:
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
     """The record of ``evidence``: gravest verdict, worst error with its state, and another state that shows the verdict better."""
     counts, backward = evidence.counts, np.concatenate([np.empty(0), *evidence.backward])
-    failed = Verdict.UNSUPPORTED if evidence.unsupported else Verdict.ERROR
-    verdict = failed.value if evidence.failure or not counts else gravest(counts)
+    sample, verdicts = np.concatenate([np.empty(0), *evidence.sampled]), evidence.sampled_verdicts
+    if not len(sample):
+        sample, verdicts = backward, counts
+    verdict = evidence.verdict
     remarks = [evidence.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
-    searched = 0 if evidence.found is None else len(evidence.found.states)
-    stored = min(evidence.stored, counts.total() - searched)
+    remarks += [evidence.explained or "", *evidence.remarks]
+    found = evidence.found
+    searched, added = (0, 0) if found is None else (len(found.states) - found.added, found.added)
+    stored = min(evidence.stored, counts.total() - searched - added)
     shown = evidence.shown
     return Record(
         system=system,
@@ -84,15 +109,20 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         seconds_per_state=float(np.median(evidence.seconds)) if evidence.seconds else None,
         fastest_seconds_per_state=min(evidence.seconds, default=None),
         message=" ".join(filter(None, remarks)),
-        median_backward_error=float(np.median(backward)) if len(backward) else None,
+        failed=bool(evidence.failure) and not (evidence.unsupported or evidence.refused),
+        median_backward_error=float(np.median(sample)) if len(sample) else None,
+        percentile_99_backward_error=float(np.percentile(sample, 99)) if len(sample) else None,
+        unstable_share=verdicts[Verdict.UNSTABLE.value] / max(1, verdicts.total()),
         distribution=dict(evidence.distribution),
         verdict_counts=dict(counts),
         granted=evidence.granted,
         expected_backward_error=expectation.limit,
+        expected_median_backward_error=expectation.median_limit if len(sample) >= FEWEST_SAMPLED else math.inf,
+        expected_share=expectation.share_limit if len(sample) >= FEWEST_SAMPLED else 1.0,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
         representative=None if shown is None else _representative(*shown, evidence, verdict),
-        origins={"stored": stored, "sampled": counts.total() - searched - stored, "searched": searched},
+        origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
     )
 
 

@@ -30,6 +30,7 @@ class Settings:
         stand_ins: model format to a file that stands in for the one system's own.
         state: the one state to compare at instead of sampling, for replays.
         examples: folder of hypothesis' example database; None for none.
+        componentwise: whether every record gets its componentwise backward error; without, those that may be beyond ``AGREEMENT``.
         replay_options: command-line options that say where library and stand-ins are, for replay commands.
     """
 
@@ -41,6 +42,7 @@ class Settings:
     stand_ins: Mapping[str, Path] = field(default_factory=dict)
     state: States | None = None
     examples: Path | None = Path(".hypothesis/harness")
+    componentwise: bool = False
     replay_options: Sequence[str] = ()
 
     def diagnosis(self, name: str) -> str:

@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference
-from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, reference_kernel
+from harness.crosscheck.repeatability import precision_of, require_repeatable
+from harness.crosscheck.tasks import Assignment, Note, factorises, frame_of, is_reference_known, load_audited, reference_kernel
 from harness.engines import Model, Unsupported, accelerations
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
+from harness.verdict import Verdict
 
 # Timings of a batch: that many at least, and more until they take that long, up to the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
@@ -36,6 +38,7 @@ class Answers:
         comparison: the judgement of each answer; None where there is none.
         seconds: cost per state of each timing [s]; none where there is no answer.
         failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
+        remark: what the answers have in common, as a sentence; "" for nothing.
         unsupported: whether the failure is that the engine cannot express the mechanism.
     """
 
@@ -44,6 +47,7 @@ class Answers:
     failure: str = ""
     problem: InvalidInput | None = None
     unsupported: bool = False
+    remark: str = ""
 
     @classmethod
     def missing(cls, error: Exception) -> Answers:
@@ -90,26 +94,33 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 
 
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
-    """The subject's accelerations at ``states``, timed and compared with the truth there."""
+    """The subject's accelerations at ``states``, timed, held against each other and compared with the truth there."""
     try:
-        answer, seconds = timed_accelerations(load_audited(assignment), states)
-        return Answers(compare(reference, answer), seconds)
+        model, may_lose_digits = load_audited(assignment), factorises(assignment)
+        answers, seconds = timed_accelerations(model, states)
+        require_repeatable(model, states, answers, reference, may_lose_digits)
+        comparison = compare(reference, answers[0], may_lose_digits)
+        disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
+        return Answers(comparison, seconds, remark=precision_of(model, states, answers[0]) if disagrees else "")
     except Exception as error:
         return Answers.missing(error)
 
 
-def timed_accelerations(model: Model, states: States) -> tuple[Array, list[float]]:
-    """The accelerations at ``states``, (n, nv), and seconds per state of each timing."""
+def timed_accelerations(model: Model, states: States) -> tuple[list[Array], list[float]]:
+    """The accelerations at ``states``, (n, nv), of each call, and seconds per state of each timing."""
     # What is compiled or allocated on first use is not charged to the engine.
     accelerations(model, states[:1])
+    answers: list[Array] = []
     seconds: list[float] = []
     while len(seconds) <= MOST_TIMINGS:
         started = time.perf_counter()
         answer = accelerations(model, states)
         seconds.append(time.perf_counter() - started)
+        # An engine may return one array each time.
+        answers.append(answer.copy())
         if seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS):
             break
-    return answer, [one / len(states) for one in seconds[1:] or seconds]
+    return answers, [one / len(states) for one in seconds[1:] or seconds]
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:

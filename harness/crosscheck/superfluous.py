@@ -3,7 +3,7 @@
 A number must be felt: lowered by a thousandth it moves some joint's acceleration, or its reader does not
 accept it lower. What is zero or at its default is left out where the reader allows that; so are elements
 whose absence nothing feels, and stages of the engine's pipeline that change nothing. Components of a
-joint's axis are the mechanism's structure and stay.
+joint's axis, and of the axes that turn a frame, are the mechanism's structure and stay.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from harness.arrays import Array
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.engines import Engine, Subject, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
@@ -27,7 +27,7 @@ from harness.equations.states import States
 from harness.library import Library
 from harness.models.formats import STAGES
 from harness.models.model_file import ModelFile
-from harness.models.text import Attribute, Element, Number, Watch, find_elements, scaled, with_values, without
+from harness.models.text import Attribute, Element, Number, Watch, find_elements, largest_change, scaled, with_values, without
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 
@@ -43,11 +43,15 @@ LEAST = 1e-15
 STATES, SEED = 8, 7
 # Elements and numbers. Each costs at least one loading of the whole model; a chain of sixty links has 1700.
 MOST_PARTS = 3000
+# Changed models times states they are asked at. Most numbers are felt at the first state, so that a chain of sixty links takes 2000.
+MOST_EVALUATIONS = 4000
 # Elements that hold others together or say how to read them: never unused.
 _KEPT = {
     "mjcf": {"mujoco", "worldbody", "tendon", "compiler", "option", "flag"},
     "urdf": {"robot", "axis"},
 }
+# Elements and attributes that hold directions, of which the length means nothing.
+_DIRECTIONS = {"axis", "xyaxes", "zaxis"}
 # Elements that only move what is inside them.
 _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 
@@ -90,32 +94,57 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 
 
+class _Spent(Exception):
+    """The evaluations are used up."""
+
+
 class _Examination:
     """One model in one engine, and what happens to its accelerations when parts of it change or go."""
 
     def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism) -> None:
         self._engine, self._mechanism = engine, mechanism
         self._format, self._text = model.format, model.text
-        self._states = sample(mechanism, STATES, SEED)
+        self._states = generic_sample(mechanism, STATES, SEED)
+        self._left = MOST_EVALUATIONS
+        self._healthy: Array | None = None
         # A changed number may contradict the system, for that is how it shows; a part that goes must not.
         self._watch = Watch(model, self._answer)
         self._audited = Watch(model, functools.partial(self._answer, audited=True))
+        self._healthy = self._watch.healthy
         self._elements = find_elements(model.text, model.format)
 
     def _answer(self, model: ModelFile, audited: bool = False) -> Array:
+        """The accelerations at all states; those of the unchanged model stand behind the first state that feels a change."""
         states: States = self._states
         loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
-        return accelerations(loaded, states)
+        if self._healthy is None:
+            return accelerations(loaded, states)
+        answers = self._healthy.copy()
+        for asked in (slice(0, 1), slice(1, None)):
+            self._left -= len(states[asked])
+            if self._left < 0:
+                raise _Spent
+            answers[asked] = accelerations(loaded, states[asked])
+            if largest_change(self._healthy, answers) > NOISE:
+                break
+        return answers
 
     def parts(self) -> Iterator[Row]:
-        """(line, element, attribute, value, why) of everything that is not needed."""
+        """(line, element, attribute, value, why) of everything that is not needed, as far as the evaluations reach."""
         root, count = self._elements[0], sum(1 + sum(len(part.numbers) for part in element.attributes) for element in self._elements)
         if count > MOST_PARTS:
             many = f"holds {count} elements and numbers, too many to ask for each whether it is felt; expected at most {MOST_PARTS}"
             yield root.line, root.tag, "", _named(root), many
             return
+        try:
+            yield from self._examined()
+        except _Spent:
+            spent = f"is examined in part: {MOST_EVALUATIONS} evaluations of changed models are used up"
+            yield root.line, root.tag, "", _named(root), spent
+
+    def _examined(self) -> Iterator[Row]:
         needed, dead = self._sorted_numbers()
         gone: list[Element] = []
         for element in self._elements:
@@ -148,7 +177,7 @@ class _Examination:
         for element in self._elements:
             bound: list[Number] = []
             for number in (number for attribute in element.attributes for number in attribute.numbers):
-                if number.value == 0 or "axis" in (element.tag, number.attribute):
+                if number.value == 0 or _DIRECTIONS & {element.tag, number.attribute}:
                     continue
                 movement = self._watch.movement(scaled(self._text, [number], 1 - CHANGE))
                 if movement is not None and movement <= NOISE:
@@ -180,7 +209,7 @@ class _Examination:
         return " and ".join(f"{number.value * high:.3g}" for number in numbers)
 
     def _is_default(self, element: Element, attribute: Attribute, needed: set[Number]) -> bool:
-        if not attribute.name or not attribute.numbers or "axis" in (element.tag, attribute.name) or needed & set(attribute.numbers):
+        if not attribute.name or not attribute.numbers or _DIRECTIONS & {element.tag, attribute.name} or needed & set(attribute.numbers):
             return False
         return self._unmoved(without(self._text, (attribute.start, attribute.end)), audited=True)
 

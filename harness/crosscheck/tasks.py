@@ -12,10 +12,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.componentwise import componentwise_error
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.engines import EQUATIONS, Model, Subject, Unsupported, accelerations, linear_velocity_in_body, load_engine, load_model
+from harness.engines import (
+    EQUATIONS,
+    Model,
+    Subject,
+    Unsupported,
+    accelerations,
+    factorises_mass_matrix,
+    linear_velocity_in_body,
+    load_engine,
+    load_model,
+)
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -72,10 +83,27 @@ def accept(assignments: Sequence[Assignment], note: Note) -> None:
             load_model(assignment.library, assignment.subject, assignment.mechanism, assignment.model)
 
 
+def measure_componentwise(assignment: Assignment, state: States, beyond: float, note: Note) -> float:
+    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
+    kernel = reference_kernel_of(assignment)
+    answer = accelerations(load_audited(assignment), state)
+    return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
+
+
 def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
     """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
-    model, kernel = load_audited(assignment), reference_kernel_of(assignment)
-    return lambda states: compare(kernel.evaluate(states), accelerations(model, states))
+    load_audited(assignment)
+    return lambda states: judge_by(reference_kernel_of(assignment).evaluate(states), assignment, states)
+
+
+def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
+    """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
+    return compare(reference, accelerations(load_audited(assignment), states), factorises(assignment))
+
+
+def factorises(assignment: Assignment) -> bool:
+    """True if the subject's engine declares that it factorises M."""
+    return factorises_mass_matrix(load_engine(assignment.library, assignment.subject.engine))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
@@ -93,7 +121,7 @@ def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
 
     def is_sound() -> bool:
-        verdicts = judge_of(assignment)(sample(assignment.mechanism, STATES, SEED)).verdicts
+        verdicts = judge_of(assignment)(generic_sample(assignment.mechanism, STATES, SEED)).verdicts
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
     return superfluous(assignment, is_sound)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.diagnosis.perturbation import Column
+from harness.crosscheck.perturbation import Column
 
 # The noise of columns is an estimate.
 SAFETY = 4.0

@@ -11,20 +11,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
+from harness.crosscheck.held import Difference, differences, held_by
+from harness.crosscheck.perturbation import diagnostic_states, watch
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment, reference_kernel_of
-from harness.diagnosis.held import Difference, differences, held_by
+from harness.crosscheck.tasks import Assignment, factorises, reference_kernel_of
+from harness.diagnosis.meaning import errors_of_files
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.pattern import infer_from_records, subject_named
-from harness.diagnosis.perturbation import diagnostic_states, watch
-from harness.diagnosis.result import Conclusion, Diagnosis
+from harness.diagnosis.result import Conclusion, Diagnosis, digits_of
 from harness.diagnosis.terms import TermComparison, compare_terms
 from harness.diagnosis.textbook_side import diagnose_textbook, textbook_evaluations
 from harness.engines import EQUATIONS, HeldModel, Subject, accelerations, engine_files, is_native, load_engine, load_model, subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
-from harness.library import Library, member_of
+from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.model_file import ModelFile
 from harness.results.cross_check import Cause
 from harness.results.records import Record
@@ -36,6 +37,8 @@ from harness.workers import Outcome, Task, Workers
 EVALUATIONS_IN_ALL, LEAST_EVALUATIONS = 30_000, 300
 # Positions at which terms are compared, of a mechanism of up to so many velocities; their cost grows with the cube of those.
 TERM_STATES, TERM_VELOCITIES, LEAST_TERM_STATES = 64, 12, 4
+# Of a parameter in a system file.
+MOST_DIGITS_WRITTEN = 12
 _WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
@@ -59,31 +62,68 @@ class Diagnoses(Rounds):
         crashes: Collection[tuple[str, str | None]] = (),
     ) -> None:
         super().__init__()
+        self._settings, self._records, self._evaluations = settings, records, evaluations
         self._causes: list[Cause] = []
-        inferences = infer_from_records(records, [str(subject) for subject in subjects(settings.library)])
+        self._meanings: dict[str, Mapping[str, float]] = {}
+        wrong = [(record, subject_named(record.subject)) for record in records if record.verdict in _WRONG and not record.as_expected]
+        wrong.sort(key=lambda pair: not is_native(settings.library, pair[1]))
+        # What failed has nothing to be diagnosed, or would fail again.
+        self._silent = [
+            record
+            for record, subject in wrong
+            if record.failed or any((record.system, what) in crashes for what in (record.subject, subject.format, None))
+        ]
+        self._wrong = [record for record, _ in wrong if record not in self._silent]
+        self._crashes = crashes
+        self.steps = len(self._wrong)
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        """What the files mean, where engines are wrong; then the diagnoses, which depend on it."""
+        yield [task for name in dict.fromkeys(record.system for record in self._wrong) if (task := self._reading(name)) is not None]
+        yield self._diagnosing()
+
+    def _reading(self, name: str) -> Task | None:
+        library, wrong = self._settings.library, [record for record in self._wrong if record.system == name]
+        states = [state for record in wrong for state in _states_of(record)]
+        if (name, None) in self._crashes or not any(subject_named(record.subject).format != EQUATIONS for record in wrong):
+            return None
+        paths = {
+            form: self._settings.stand_ins.get(form, library.model_path(name, form))
+            for form in MODEL_SUFFIXES
+            if (form in self._settings.stand_ins or library.has_model(name, form)) and (name, form) not in self._crashes
+        }
+        if not paths:
+            return None
+        return Task((self._read, name), errors_of_files, (library, name, paths, states, self._settings.seed), name)
+
+    def _read(self, outcome: Outcome, name: str) -> None:
+        self._meanings[name] = outcome.value or {}
+
+    def _diagnosing(self) -> list[Task]:
+        settings = self._settings
+        available = [str(subject) for subject in subjects(settings.library)]
+        inferences = infer_from_records(self._records, available, self._meanings, settings.library.system_of)
         # The record that is diagnosed, and the causes of all that are wrong for the same reason.
         chosen: dict[tuple[str, str], tuple[Record, list[Cause]]] = {}
-        wrong = [(record, subject_named(record.subject)) for record in records if record.verdict in _WRONG and not record.as_expected]
-        for record, subject in sorted(wrong, key=lambda pair: not is_native(settings.library, pair[1])):
-            inference = inferences[record.system]
+        for record in (*self._silent, *self._wrong):
+            inference, model_format = inferences[record.system], subject_named(record.subject).format
             cause = Cause(system=record.system, subject=record.subject, inference=inference.sentence, first_line=inference.sentence)
-            if any((record.system, what) in crashes for what in (record.subject, subject.format, None)):
+            if record in self._silent:
                 self._causes.append(cause)
                 continue
-            is_of_the_model = inference.party == f"model {subject.format}"
-            key = record.system, subject.format if is_of_the_model else record.subject
+            is_of_the_model = inference.party == f"model {model_format}"
+            key = record.system, model_format if is_of_the_model else record.subject
             chosen.setdefault(key, (record, []))[1].append(cause)
-        share = min(evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
+        share = min(self._evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))
+        tasks = []
         for record, alike in chosen.values():
             subject = subject_named(record.subject)
             tolerance = max(AGREEMENT, record.expected_backward_error if record.expected != Verdict.AGREES else 0.0)
-            shown = record.representative
-            worst = [state for state in (record.worst_state, shown.state if shown is not None else None) if state is not None]
             suspects_textbook = inferences[record.system].party == "equations"
-            scope = Scope(settings.seed, share, tolerance, worst)
+            scope = Scope(settings.seed, share, tolerance, _states_of(record))
             arguments = (settings.library, record.system, subject, settings.stand_ins.get(subject.format), scope)
-            self._next.append(Task((self._diagnosed, str(subject), alike, suspects_textbook), examine, arguments, record.system))
-        self.steps = sum(len(alike) for _, alike in chosen.values())
+            tasks.append(Task((self._diagnosed, str(subject), alike, suspects_textbook), examine, arguments, record.system))
+        return tasks
 
     def result(self) -> list[Cause]:
         return sorted(self._causes, key=lambda cause: (cause.system, cause.subject))
@@ -99,6 +139,12 @@ class Diagnoses(Rounds):
         for cause in alike:
             self._causes.append(replace(cause, **about))
             yield Part(f"{cause.system} {cause.subject}", self._causes[-1])
+
+
+def _states_of(record: Record) -> list[dict[str, list[float]]]:
+    """The states that are known to show a verdict."""
+    shown = record.representative
+    return [state for state in (record.worst_state, shown.state if shown is not None else None) if state is not None]
 
 
 def find_causes(settings: Settings, records: Sequence[Record], workers: Workers, **options: Any) -> list[Cause]:
@@ -156,10 +202,14 @@ class SubjectDiagnosis:
     def first_line(self, suspects_textbook: bool = False) -> str:
         """The model's place where one explains, else the textbook's parameter, else what the model's side came to.
 
-        ``suspects_textbook``: the textbook's parameter goes first where one explains.
+        ``suspects_textbook``: the textbook's parameter goes first where one explains, but for a value that nobody would have written
+        where the model has an explanation without any.
         """
         explained = self.model is not None and self.model.conclusion == Conclusion.EXPLAINED
         textbook_explains = self.textbook.conclusion == Conclusion.EXPLAINED
+        of_model, of_textbook = (side.first if side is not None else None for side in (self.model, self.textbook))
+        if of_model is not None and of_model.value is None and of_textbook is not None:
+            suspects_textbook = suspects_textbook and digits_of(of_textbook.value) <= MOST_DIGITS_WRITTEN
         if self.model is None or (textbook_explains and (suspects_textbook or not explained)):
             return self.textbook.first_line
         return self.model.first_line
@@ -213,12 +263,14 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     answer = accelerations(loaded, states) if watched is None else watched.healthy
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
-    positions = sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
-    terms = compare_terms(mechanism, loaded, kernel, positions, str(assignment.subject))
+    positions = generic_sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
+    terms = compare_terms(mechanism, loaded, kernel, positions, str(assignment.subject), factorises(assignment))
     note("diagnosing the model")
     of_model = None
     if watched is not None:
-        of_model = diagnose(watched, kernel.evaluate(states), evaluations=scope.evaluations, tolerance=scope.tolerance)
+        of_model = diagnose(
+            watched, kernel.evaluate(states), evaluations=scope.evaluations, tolerance=scope.tolerance, factorises=factorises(assignment)
+        )
     note("diagnosing the textbook's side")
     path = library.system_path(mechanism.name)
     member = member_of(path)
@@ -228,6 +280,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
         answer,
         path if member is None else member[0],
         tolerance=scope.tolerance,
+        factorises=factorises(assignment),
         evaluations=int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS),
     )
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)

@@ -12,34 +12,45 @@ from dataclasses import replace
 from functools import partial
 
 from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.reference import Reference
+from harness.crosscheck.perturbation import DIFFERENCE, NUMBER, Column, derivative, find_columns, numeric_candidates
 from harness.diagnosis.base_parameters import BaseParameters, base_parameters
 from harness.diagnosis.hypotheses import Candidate, find_hypotheses
-from harness.diagnosis.perturbation import DIFFERENCE, NUMBER, Column, derivative, find_columns, numeric_candidates
-from harness.diagnosis.result import Diagnosis, TriedChange, tag, to_four_digits, written
+from harness.diagnosis.least_inertia import felt_least_inertia
+from harness.diagnosis.result import Conclusion, Diagnosis, TriedChange, to_four_digits
 from harness.diagnosis.search import Search, Tried
 from harness.models.model_file import ModelFile
-from harness.models.text import Watch
-from harness.verdict import AGREEMENT
+from harness.models.text import Watch, tag, written
+from harness.verdict import AGREEMENT, Verdict
 
+# Of directions that explain the errors of all states, those are reported that are all but as significant as the strongest.
+AS_SIGNIFICANT = 0.9
 # Evaluations of a model that a diagnosis may take.
 EVALUATIONS = 1500
 
 
-def diagnose(watch: Watch, reference: Reference, *, evaluations: int = EVALUATIONS, tolerance: float = AGREEMENT) -> Diagnosis:
+def diagnose(
+    watch: Watch, reference: Reference, *, evaluations: int = EVALUATIONS, tolerance: float = AGREEMENT, factorises: bool = False
+) -> Diagnosis:
     """Find the one change of a model's text that explains why its accelerations are not the reference's.
 
     Args:
         watch: answers at the states of ``reference``, about 100 at rest and moving, of which every third is held out of
-            fits. Made by ``harness.diagnosis.perturbation.watch``, its states by ``harness.diagnosis.perturbation.diagnostic_states``.
+            fits. Made by ``harness.crosscheck.perturbation.watch``, its states by ``harness.crosscheck.perturbation.diagnostic_states``.
         reference: certified accelerations; states that are not certified do not count.
         evaluations: of changed texts, after which the best so far is reported.
         tolerance: the largest backward error that explains [data roundoffs].
+        factorises: as of ``harness.certify.compare.compare``; a number may then explain errors below the tolerance.
     """
     model = watch.model
-    search = _ModelSearch(watch, reference, tolerance, evaluations)
-    if not search.is_needed:
+    search = _ModelSearch(watch, reference, tolerance, evaluations, factorises)
+    if not search.is_needed and not factorises:
         return search.diagnosis(model.path, partial(_tried_change, model))
+    # Where lost digits are tolerated, nearly nothing explains as well as anything.
+    if tolerance <= AGREEMENT and (least := felt_least_inertia(watch, search.left_of, tolerance)) is not None:
+        return Diagnosis(model.path, Conclusion.EXPLAINED, search.before, (least,), evaluations)
     numbers = numeric_candidates(model)
     structural = [candidate for hypothesis in find_hypotheses() for candidate in hypothesis.mend(model)]
     valued = [candidate for candidate in structural if candidate.start is not None]
@@ -47,12 +58,16 @@ def diagnose(watch: Watch, reference: Reference, *, evaluations: int = EVALUATIO
     columns = find_columns(search.evaluated, reference, numbers, lambda: search.is_spent)
     # Of a part of the columns no count would be true.
     base = None if search.is_spent else base_parameters(columns)
-    search.fit_best(columns)
-    if search.is_large or not search.explaining:
-        search.try_without_value(candidate for candidate in structural if candidate.start is None)
-    search.fit_best(find_columns(search.evaluated, reference, valued, lambda: search.is_spent))
-    # What is left out may be felt by its square only, or there may be no answer without it.
-    search.fit_from_other_starts([*numbers, *valued])
+    # What lost digits cover is told by its direction; by its size, any change would explain it.
+    if factorises:
+        search.try_directions(columns)
+    if search.is_needed and not search.explaining:
+        search.fit_best(columns)
+        if search.is_large or not search.explaining:
+            search.try_without_value(candidate for candidate in structural if candidate.start is None)
+        search.fit_best(find_columns(search.evaluated, reference, valued, lambda: search.is_spent))
+        # What is left out may be felt by its square only, or there may be no answer without it.
+        search.fit_from_other_starts([*numbers, *valued])
     diagnosis = search.diagnosis(model.path, partial(_tried_change, model))
     if base is None:
         return diagnosis
@@ -63,8 +78,8 @@ def diagnose(watch: Watch, reference: Reference, *, evaluations: int = EVALUATIO
 class _ModelSearch(Search[Array]):
     """Changed texts of a model file are evaluated to the engine's accelerations."""
 
-    def __init__(self, watch: Watch, reference: Reference, tolerance: float, evaluations: int) -> None:
-        super().__init__(reference, watch.healthy, tolerance, evaluations)
+    def __init__(self, watch: Watch, reference: Reference, tolerance: float, evaluations: int, factorises: bool) -> None:
+        super().__init__(reference, watch.healthy, tolerance, evaluations, factorises)
         self._watch = watch
 
     def evaluate(self, text: str) -> Array | None:
@@ -72,6 +87,19 @@ class _ModelSearch(Search[Array]):
 
     def residual_of(self, evaluated: Array) -> Array:
         return self.whitening.residual(evaluated)
+
+    def try_directions(self, columns: Sequence[Column]) -> None:
+        """Keep the numbers that explain the errors of all states, each at the value that leaves no more than lost digits."""
+        here = self.residual_of(self.accelerations)
+        directions = explaining_directions([Projection.of(self.reference, here, [column.values for column in columns])])
+        for one in directions:
+            candidate = columns[one.index].candidate
+            value = (candidate.start or 0.0) - one.change
+            mended = self.evaluated(candidate.text(value))
+            if one.significance < AS_SIGNIFICANT * directions[0].significance or mended is None:
+                continue
+            if Verdict.DISAGREES.value not in compare(self.reference, mended, factorises=True).verdicts[self.certified]:
+                self._tried[id(candidate), value] = Tried(candidate, value, self.left_of(mended), True)
 
     def slope(self, candidate: Candidate, value: float) -> Array | None:
         slope = derivative(self.evaluated, candidate.text, value, DIFFERENCE * max(candidate.scale, abs(value)))

@@ -1,8 +1,9 @@
 """The party at fault, inferred from the subjects of one system that agree with the reference and those that do not.
 
 Each party that can be at fault makes certain subjects wrong and no others. A party is blamed where these are the wrong ones
-exactly, among the subjects that were judged. Subjects without an answer abstain: ``undecided`` and ``unsupported`` ones, and
-``unstable`` ones, which lost digits and show nothing of a model.
+exactly, among the subjects that were judged. Subjects without an answer abstain: ``undecided`` and ``unsupported`` ones,
+``unstable`` ones, which lost digits and show nothing of a model, and those that failed: an exception is no evidence about a model,
+nor about an engine's dynamics.
 
 Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), for a single fault.
 """
@@ -10,14 +11,15 @@ Source: Reiter, A theory of diagnosis from first principles, Artificial Intellig
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from harness.engines import EQUATIONS, Subject
 from harness.results.records import Record
-from harness.verdict import Verdict
+from harness.verdict import AGREEMENT, Verdict
 
-NOTHING, UNDECIDED = "nothing", "undecided"
+NOTHING, UNDECIDED, FAILURE = "nothing", "undecided", "failure"
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 
 
@@ -26,7 +28,8 @@ class Inference:
     """The conclusion from the pattern of agreement.
 
     Attributes:
-        party: "nothing", "model FORMAT", "engine NAME", "reader ENGINE/FORMAT", "equations", "kernel", "system" or "undecided".
+        party: "nothing", "model FORMAT", "engine NAME", "reader ENGINE/FORMAT", "readers FORMAT", "equations", "kernel", "system" or
+            "undecided"; "failure" where nothing is wrong but that subjects failed.
         sentence: the same for people, with the subjects that it rests on.
         ask: subjects that would decide, where the party is undecided and there are such.
     """
@@ -95,12 +98,70 @@ class _Party:
     spoiled: frozenset[Subject]
 
 
-def infer(verdicts: Mapping[str, str], available: Collection[str] | None = None) -> Inference:
+def infer(
+    verdicts: Mapping[str, str],
+    available: Collection[str] | None = None,
+    failures: Mapping[str, str] = MappingProxyType({}),
+    meanings: Mapping[str, float] = MappingProxyType({}),
+) -> Inference:
     """The party at fault, from the verdict of each subject by its name.
 
-    ``available`` are all subjects there are; by default every engine of ``verdicts`` with every format of them.
+    ``available`` are all subjects there are; by default every engine of ``verdicts`` with every format of them. ``failures`` are
+    the messages of the subjects with the verdict ``error`` that failed, by name. ``meanings`` are the backward errors of what the
+    files themselves mean, by format (see ``harness.diagnosis.meaning``): they go before any majority of the subjects.
     """
-    given = {subject_named(name): verdict for name, verdict in verdicts.items()}
+    everything = {subject_named(name): verdict for name, verdict in verdicts.items()}
+    failed = {subject_named(name): message for name, message in failures.items()}
+    silenced = {subject for subject, verdict in everything.items() if verdict == Verdict.ERROR}
+    answered = {Verdict.AGREES.value, Verdict.DISAGREES.value} & set(everything.values())
+    if not answered and {_reads(subject) for subject in silenced} == {True, False}:
+        return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(silenced)})")
+    given = {subject: verdict for subject, verdict in everything.items() if subject not in failed}
+    silent = "; ".join(_failed(failed))
+    if failed and not {verdict for verdict in given.values() if verdict in _WRONG}:
+        right = {subject for subject, verdict in given.items() if verdict == Verdict.AGREES}
+        return Inference(FAILURE, f"{silent}; right are {_listed(right) or 'none'}")
+    inference = _infer_with_files(given, _everyone(everything, available) - set(failed), meanings)
+    return replace(inference, sentence=f"{inference.sentence}; {silent}") if silent else inference
+
+
+def _failed(failures: Mapping[Subject, str]) -> Iterator[str]:
+    """A sentence for each engine that failed, and each way in which it did."""
+    ways: dict[tuple[str, str], list[Subject]] = {}
+    for subject, message in failures.items():
+        ways.setdefault((subject.engine, message.partition("\n")[0]), []).append(subject)
+    for (engine, message), alike in ways.items():
+        yield f"{engine} gave no answers to judge ({_listed(alike)}: {message}), which says nothing of a model or of dynamics"
+
+
+def _infer_with_files(given: Mapping[Subject, str], everyone: Collection[Subject], meanings: Mapping[str, float]) -> Inference:
+    """``_infer``, with the readers of a file that is wrong set aside: one that agrees does not read what the file says."""
+    wrong_files = {name for name, error in meanings.items() if error > AGREEMENT}
+    right_files = set(meanings) - wrong_files
+    # Where all files differ from the energies, these may be what is wrong.
+    suspects = wrong_files if right_files else set()
+    others = {one: verdict for one, verdict in given.items() if one.format not in suspects}
+    rest = _infer(others, everyone, right_files)
+    if not suspects or not any(verdict in _WRONG for verdict in given.values()):
+        return rest
+    sentences = [_about_file(name, meanings[name], given) for name in sorted(suspects)]
+    if any(verdict in _WRONG for verdict in others.values()):
+        return Inference(UNDECIDED, "more than one fault: " + "; ".join([*sentences, rest.sentence]), rest.ask)
+    party = f"model {min(suspects)}" if len(suspects) == 1 else UNDECIDED
+    return Inference(party, "; ".join(sentences))
+
+
+def _about_file(name: str, error: float, given: Mapping[Subject, str]) -> str:
+    readers = {one: verdict for one, verdict in given.items() if one.format == name}
+    wrong = [one for one, verdict in readers.items() if verdict in _WRONG]
+    right = [one for one, verdict in readers.items() if verdict == Verdict.AGREES]
+    as_it_says = f"; wrong with it: {_listed(wrong)}" if wrong else ""
+    otherwise = f"; {_listed(right)} agrees with the energies, and so does not use what the file says" if right else ""
+    return f"the {name} model is at fault: it means another mechanism, by {error:.3g} data roundoffs{as_it_says}{otherwise}"
+
+
+def _infer(given: Mapping[Subject, str], everyone: Collection[Subject], right_files: Collection[str] = ()) -> Inference:
+    """``infer`` from those that did not fail, of ``everyone`` who could be asked; files that are right are no party."""
     wrong = {subject for subject, verdict in given.items() if verdict in _WRONG}
     right = {subject for subject, verdict in given.items() if verdict == Verdict.AGREES}
     unstable = {subject for subject, verdict in given.items() if verdict == Verdict.UNSTABLE}
@@ -109,36 +170,69 @@ def infer(verdicts: Mapping[str, str], available: Collection[str] | None = None)
         if not right | unstable:
             return Inference(UNDECIDED, "no subject was judged")
         return Inference(NOTHING, f"nothing is wrong{f' with {_listed(right)}' if right else ''}{lost}")
-    failed = {subject for subject in wrong if given[subject] == Verdict.ERROR}
-    if failed == wrong and not right and {_reads(subject) for subject in wrong} == {True, False}:
-        return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(wrong)})")
-    everyone = _everyone(given, available)
-    parties = _parties(wrong, right, everyone)
-    if len(parties) == 1 and parties[0].name == "equations" and failed == wrong:
+    refused = {subject for subject in wrong if given[subject] == Verdict.ERROR}
+    parties = [party for party in _parties(wrong, right, everyone) if not _is_cleared(party, right_files)]
+    if len(parties) == 1 and parties[0].name == "equations" and refused == wrong:
         # Two files that cannot be used are no sign of wrong equations.
         return Inference("equations", f"the system or every model is at fault: no engine could use its file ({_listed(wrong)})" + lost)
     if len(parties) == 1:
         return Inference(parties[0].name, parties[0].sentence + lost)
+    formats = {subject.format for subject in wrong}
+    if not parties and len(formats) == 1 and formats <= set(right_files):
+        [name] = formats
+        return Inference(f"readers {name}", f"the {name} model is right by what it says: {_listed(wrong)} misread it or are wrong{lost}")
     if not parties:
         kept = f" and leaves {_listed(right)} right" if right else ""
         return Inference(UNDECIDED, f"more than one fault: no single one makes {_listed(wrong)} wrong{kept}{lost}")
-    ask = _deciding(parties, everyone - set(given), wrong)
+    ask = _deciding(parties, set(everyone) - set(given), wrong)
     names = ", or ".join(party.name for party in parties)
     asked = f"ask {' and '.join(map(str, ask))}" if ask else "no other subject can tell"
     pattern = f"wrong: {_listed(wrong)}; right: {_listed(right) or 'none'}"
     return Inference(UNDECIDED, f"{names}: {asked} ({pattern}){lost}", tuple(map(str, ask)))
 
 
-def infer_from_records(records: Iterable[Record], available: Collection[str] | None = None) -> dict[str, Inference]:
-    """System to the party at fault, for every system of ``records``."""
-    by_system = itertools.groupby(sorted(records, key=lambda record: record.system), key=lambda record: record.system)
-    return {system: infer({record.subject: record.verdict for record in own}, available) for system, own in by_system}
+def infer_from_records(
+    records: Iterable[Record],
+    available: Collection[str] | None = None,
+    meanings: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    system_of: Callable[[str], str] = str,
+) -> dict[str, Inference]:
+    """System to the party at fault, for every system of ``records``; ``meanings`` of their files, as of ``infer``, by system.
+
+    Of a variant of models, for whose name ``system_of`` gives another, the plain models of its system are further files: what
+    reads them right has right equations.
+    """
+    by_system: dict[str, list[Record]] = {}
+    for record in sorted(records, key=lambda record: record.system):
+        by_system.setdefault(record.system, []).append(record)
+    found = {}
+    for name, own in by_system.items():
+        verdicts = {record.subject: record.verdict for record in own}
+        failures = {record.subject: record.message for record in own if record.failed}
+        if (system := system_of(name)) == name:
+            found[name] = infer(verdicts, available, failures, meanings.get(name, {}))
+        else:
+            plain = {_of_plain_model(record.subject): record.verdict for record in by_system.get(system, ())}
+            known = [*verdicts, *map(_of_plain_model, available or ())]
+            found[name] = infer(verdicts | plain, known, failures, meanings.get(name, {}))
+    return found
+
+
+def _of_plain_model(subject: str) -> str:
+    """The name of a subject that reads the plain model, beside those that read a variant."""
+    return subject.replace("/", "/plain ")
 
 
 def subject_named(name: str) -> Subject:
     """The subject that prints as ``name``."""
     engine, _, model_format = name.partition("/")
     return Subject(engine, model_format or EQUATIONS)
+
+
+def _is_cleared(party: _Party, right_files: Collection[str]) -> bool:
+    kind, _, name = party.name.partition(" ")
+    readers = {subject.format for subject in party.spoiled if _reads(subject)}
+    return (kind == "model" and name in right_files) or (kind == "equations" and readers <= set(right_files))
 
 
 def _everyone(given: Collection[Subject], available: Collection[str] | None) -> set[Subject]:

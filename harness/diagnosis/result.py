@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import shown_path
-from harness.models.text import Place, find_elements
+from harness.models.text import Place
 
 PARAMETER = "parameter"
 
@@ -187,24 +187,3 @@ def to_four_digits(value: float, start: float) -> float:
     return next(
         (short for digits in range(4, 17) if abs((short := float(f"{value:.{digits}g}")) - value) <= 0.01 * abs(value - start)), value
     )
-
-
-def written(text: str, model_format: str, place: Place) -> str:
-    """The whole of the attribute that a place is in, or what the place says was found."""
-    of_place = (
-        attribute
-        for element in find_elements(text, model_format)
-        for attribute in element.attributes
-        if element.tag == place.element and attribute.name == place.attribute
-        for line in {attribute.line, *(number.line for number in attribute.numbers if place.index in (None, number.index))}
-        if line == place.line
-    )
-    attribute = next(of_place, None)
-    return place.found if attribute is None else " ".join(attribute.value.split())
-
-
-def tag(place: Place, whole: str) -> str:
-    """An attribute as a reader finds it in the file."""
-    if not place.attribute:
-        return f"<{place.element}>{whole}</{place.element}>" if whole else f"<{place.element}>"
-    return f'<{place.element} {place.attribute}="{whole}">' if whole else f"<{place.element} {place.attribute}>"

@@ -24,10 +24,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
+from harness.crosscheck.perturbation import NUMBER, Column, Whitening, held_out
 from harness.diagnosis.base_parameters import are_parallel
 from harness.diagnosis.fit import fit, screen, settled
 from harness.diagnosis.hypotheses import Candidate
-from harness.diagnosis.perturbation import NUMBER, Column, Whitening, held_out
 from harness.diagnosis.result import PARAMETER, Conclusion, Diagnosis, TriedChange, digits_of
 from harness.verdict import Verdict
 
@@ -69,14 +69,14 @@ class Search(ABC, Generic[Evaluated]):
         is_large: true where the error is beyond what derivatives describe.
     """
 
-    def __init__(self, reference: Reference, accelerations: Array, tolerance: float, evaluations: int) -> None:
+    def __init__(self, reference: Reference, accelerations: Array, tolerance: float, evaluations: int, factorises: bool = False) -> None:
         self.reference, self.accelerations, self.tolerance, self.evaluations = reference, accelerations, tolerance, evaluations
         self.whitening = Whitening(reference)
         self.certified = reference.certified
         self._evaluated: dict[str, Evaluated | None] = {}
         self._tried: dict[tuple[int, float | None], Tried] = {}
         here = self.whitening.residual(accelerations)
-        comparison = compare(reference, accelerations)
+        comparison = compare(reference, accelerations, factorises)
         self._verdicts = set(comparison.verdicts[self.certified].tolist())
         finite = np.isfinite(here).all(axis=1)
         self.seen = self.certified & ~held_out(len(reference))
@@ -115,10 +115,10 @@ class Search(ABC, Generic[Evaluated]):
         return bool(self.certified.any()) and self.before > self.tolerance
 
     def _conclusion(self) -> Conclusion:
-        if not self.is_needed:
-            return Conclusion.SOUND if self.certified.any() else Conclusion.UNDECIDED
         if self.explaining:
             return Conclusion.EXPLAINED
+        if not self.is_needed:
+            return Conclusion.SOUND if self.certified.any() else Conclusion.UNDECIDED
         if not np.isfinite(self.accelerations[self.certified]).all():
             return Conclusion.NOT_FINITE
         return Conclusion.UNEXPLAINED if Verdict.DISAGREES.value in self._verdicts else Conclusion.UNSTABLE

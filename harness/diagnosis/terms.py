@@ -135,15 +135,19 @@ class TermComparison:
         return {**asdict(self), "sentences": list(self.sentences)}
 
 
-def compare_terms(mechanism: Mechanism, model: Model, kernel: ReferenceKernel, states: States, subject: str) -> TermComparison:
+def compare_terms(
+    mechanism: Mechanism, model: Model, kernel: ReferenceKernel, states: States, subject: str, factorises: bool = False
+) -> TermComparison:
     """Judge every term that ``model`` states, at the positions of ``states`` at rest, at their velocities, and under their forces.
 
-    ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``.
+    ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``. ``factorises`` as of
+    ``harness.certify.compare.compare``.
     """
     still = np.zeros_like(states.v)
     batches = {AT_REST: States(states.q, still, still, states.time), MOVING: States(states.q, states.v, still, states.time), LOADED: states}
     verdicts = {
-        name: gravest(compare(kernel.evaluate(batch), accelerations(model, batch)).verdicts.tolist()) for name, batch in batches.items()
+        name: gravest(compare(kernel.evaluate(batch), accelerations(model, batch), factorises).verdicts.tolist())
+        for name, batch in batches.items()
     }
     wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
     unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]

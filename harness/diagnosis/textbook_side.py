@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.reference import Reference, ReferenceKernel
+from harness.crosscheck.perturbation import Column, Whitening
 from harness.diagnosis.hypotheses import Candidate
-from harness.diagnosis.perturbation import Column, Whitening
 from harness.diagnosis.result import PARAMETER, Diagnosis, TriedChange, to_four_digits
 from harness.diagnosis.search import Search, Tried
 from harness.equations.mechanism import Mechanism
@@ -46,18 +47,19 @@ def diagnose_textbook(
     *,
     evaluations: int | None = None,
     tolerance: float = AGREEMENT,
+    factorises: bool = False,
 ) -> Diagnosis:
     """Find the one parameter of the textbook that a subject seems to have another value of.
 
     Args:
         kernel: certified accelerations of the system, in the subject's frames.
-        states: n of them; every third is held out of fits. See ``harness.diagnosis.perturbation.diagnostic_states``.
+        states: n of them; every third is held out of fits. See ``harness.crosscheck.perturbation.diagnostic_states``.
         accelerations: the subject's answers, (n, nv) [SI per s^2]. file: of the system, to be named.
         evaluations: of the certified reference, after which the best so far is reported; ``textbook_evaluations`` by default.
-        tolerance: as for ``harness.diagnosis.model_side.diagnose``.
+        tolerance, factorises: as for ``harness.diagnosis.model_side.diagnose``.
     """
     evaluations = textbook_evaluations(kernel.mechanism) if evaluations is None else evaluations
-    search = _TextbookSearch(kernel, states, accelerations, tolerance, evaluations)
+    search = _TextbookSearch(kernel, states, accelerations, tolerance, evaluations, factorises)
     if search.is_needed:
         candidates = [_candidate(kernel, file, number) for number in range(len(kernel.mechanism.parameters))]
         columns = [Column(candidate, values, ROUNDING) for candidate, values in zip(candidates, search.columns(), strict=True)]
@@ -81,8 +83,10 @@ def _candidate(kernel: ReferenceKernel, file: Path, number: int) -> Candidate:
 class _TextbookSearch(Search[Reference]):
     """Texts of parameter values are evaluated to the reference that has them."""
 
-    def __init__(self, kernel: ReferenceKernel, states: States, accelerations: Array, tolerance: float, evaluations: int) -> None:
-        super().__init__(kernel.evaluate(states), accelerations, tolerance, evaluations)
+    def __init__(
+        self, kernel: ReferenceKernel, states: States, accelerations: Array, tolerance: float, evaluations: int, factorises: bool
+    ) -> None:
+        super().__init__(kernel.evaluate(states), accelerations, tolerance, evaluations, factorises)
         self._kernel, self._states = kernel, states
         self._names = [name for name, _, _ in kernel.mechanism.parameters]
 
@@ -117,18 +121,9 @@ class _TextbookSearch(Search[Reference]):
 
         They are -M^-1 d(force - M qdd)/dp in the measure of the unchanged reference, M = R^T R of ``reference``.
         """
-        parameters = self._for_all(values)
-        forces = np.empty((len(values), *reference.high.shape))
-        for chart, chosen in self._kernel.by_chart(self._states):
-            inputs = self._kernel.mechanism.inputs(self._states[chosen], parameters[chosen])
-            derivatives = chart.float64.input_derivatives(inputs, np.ascontiguousarray(reference.high[chosen].T))
-            forces[:, chosen] = derivatives[:, -len(values) :].transpose(1, 2, 0)
-        found = np.zeros_like(forces)
-        with np.errstate(all="ignore"):
-            factor = reference.norm_factor[self.seen]
-            slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces[:, self.seen].transpose(1, 2, 0)))
-            found[:, self.seen] = -slopes.transpose(2, 0, 1)
-            found = np.array([self.whitening.change(column) for column in found])
+        slopes = -parameter_derivatives(self._kernel, self._states, reference, values)
+        found = np.array([self.whitening.change(column) for column in slopes])
+        found[:, ~self.seen] = 0.0
         return np.where(np.isfinite(found), found, 0.0)
 
 

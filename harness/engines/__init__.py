@@ -15,7 +15,7 @@ import ast
 import contextlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -81,7 +81,8 @@ class Engine(Protocol):
             native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
 
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
-    attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant.
+    attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
+    factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
     """
 
     requires: tuple[str, str]
@@ -254,6 +255,11 @@ def linear_velocity_in_body(engine: Engine) -> bool:
     return bool(getattr(engine, "linear_velocity_in_body", False))
 
 
+def factorises_mass_matrix(engine: Engine) -> bool:
+    """True where the engine declares that it solves for accelerations by a factorisation of M, which may lose digits."""
+    return bool(getattr(engine, "factorises_mass_matrix", False))
+
+
 def installed_version(engine: Engine) -> str | None:
     """Version of the program behind an engine, without importing it; None where it is not installed."""
     module, distribution = engine.requires
@@ -267,6 +273,12 @@ def installed_version(engine: Engine) -> str | None:
 def subjects(library: Library) -> list[Subject]:
     """Every subject of every engine, sorted by name."""
     return sorted(Subject(name, model_format) for name, file in engine_files(library).items() for model_format in file.formats)
+
+
+def asked_of(library: Library, name: str, among: Sequence[Subject], more: Collection[str] = ()) -> list[Subject]:
+    """Those of ``among`` that can be asked of a system, or of a variant: of that, readers of its formats and of ``more``."""
+    formats = {*library.formats_of(name), *more, *([] if library.is_variant(name) else [EQUATIONS])}
+    return [subject for subject in among if subject.format in formats]
 
 
 def is_native(library: Library, subject: Subject) -> bool:

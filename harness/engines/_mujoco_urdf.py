@@ -81,6 +81,8 @@ def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
     for joint in root.iterfind("joint"):
         if joint.get("type") == "planar":
             yield joint, "is planar, for which MuJoCo makes three joints of other names; write them out"
+        if joint.find("mimic") is not None:
+            yield joint, "mimics another, of which MuJoCo makes an equality constraint, and that is soft"
         if joint.get("type") == "floating":
             above: etree._Element | None = joint
             while above is not None:

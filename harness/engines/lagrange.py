@@ -40,6 +40,7 @@ class LagrangeModel:
 class LagrangeEngine:
     requires = ("heyoka", "heyoka")
     formats = (EQUATIONS,)
+    factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> LagrangeModel:
         if isinstance(source, ModelFile):

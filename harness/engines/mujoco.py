@@ -117,6 +117,7 @@ class MujocoModel:
 class MujocoEngine:
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
+    factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> MujocoModel:
         import mujoco

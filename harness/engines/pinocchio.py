@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _pinocchio_held, _pinocchio_mjcf, require_model
+from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocchio_held, _pinocchio_mjcf, require_model
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
@@ -152,6 +152,9 @@ class PinocchioEngine:
             model, composites = _pinocchio_mjcf.read(file)
             model.gravity.linear = np.array(file.gravity)
             return PinocchioModel(model, joints, file, composites)
+        if file.mimics:
+            follower = file.mimics[0]
+            raise Unsupported(f"line {follower.line}: joint {follower.joint!r} mimics {follower.leader!r}, and aba refuses such a model")
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from harness.equations.mechanism import Mechanism
-from harness.equations.states import DEFAULT_ACCELERATION, DEFAULT_RATES
+from harness.equations.states import DEFAULT_RATES
 from harness.errors import InvalidSystem
 from harness.library import CannotRun, Library, member_of, raised_in, run_file
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
@@ -35,17 +35,16 @@ if TYPE_CHECKING:
     from harness.equations.system import System
 
 MOST_INSTRUCTIONS_SIMPLIFIED = 200
-# (w, x, y, z) at which no chart is singular.
-ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 
 
 def load_mechanism(library: Library, name: str) -> Mechanism:
-    """The mechanism of system ``name``, from the cache where that is sound, else derived and cached.
+    """The mechanism of system ``name``, or of a variant's system, from the cache where that is sound, else derived and cached.
 
     Raises:
         InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
     """
+    name = library.system_of(name)
     path, entry = library.system_path(name), _entry(library, name)
     with contextlib.suppress(ValueError, RecursionError):
         cached = Mechanism.from_json(read_entry(entry) or "")
@@ -102,6 +101,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     """
     import sympy as sp
 
+    from harness.equations.applied_forces import applied_forces
     from harness.equations.assembly import energy_program_of, lagrange_program, program_of
     from harness.equations.lagrange import derive, in_symbols
     from harness.equations.notation import printed
@@ -139,7 +139,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         rotating=system.rotating,
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
-        force_ranges=_force_ranges(program, system),
+        **vars(applied_forces(program, system)),
         attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
@@ -200,23 +200,6 @@ def _source(path: Path) -> str:
 
 def _is_short(program: StraightLineProgram) -> bool:
     return len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED
-
-
-def _force_ranges(program: StraightLineProgram, system: System) -> tuple[tuple[float, float], ...]:
-    """Applied forces that would give each coordinate alone a brisk acceleration, in the middle of its range."""
-    from harness.equations.kernels import BallKernel
-    from harness.equations.program import upper_triangle
-
-    n = len(system.coordinates)
-    middle = [sum(system.ranges.get(q, (0.0, 0.0))) / 2 for q in system.coordinates]
-    for attitude in reversed(system.attitudes):
-        place = list(system.coordinates).index(attitude.angles[0])
-        middle[place : place + 3] = ANY_ROTATION
-    values = [value for value, _ in system.parameters.values()]
-    mass = BallKernel(program, len(values)).bind(values)(*middle, *[0.0] * (2 * n + 1))
-    inertias = [abs(float(mass[position])) for position, (i, j) in enumerate(upper_triangle(n)) if i == j]
-    forces = [DEFAULT_ACCELERATION * inertia if 0 < inertia < math.inf else DEFAULT_ACCELERATION for inertia in inertias]
-    return tuple((-force, force) for force in forces)
 
 
 def load_system(path: Path) -> tuple[System, str]:

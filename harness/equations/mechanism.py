@@ -33,6 +33,8 @@ class Mechanism:
         rotating: for each coordinate, whether it is an angle.
         position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
         force_ranges: (lowest, highest) applied force per coordinate [N or N m].
+        static_loads, moving_loads: per coordinate, the largest applied force that holds it at rest, or without acceleration at
+            rates of its range, over a few positions [N or N m]; 0 where nothing is to be held; () where nobody asked.
         attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
             rotation takes four numbers (w, x, y, z) of q and three of v.
         program: the equations of motion; see ``harness.equations.kernels`` for its inputs and outputs.
@@ -66,6 +68,8 @@ class Mechanism:
     charts_in_body: tuple[StraightLineProgram, ...] = ()
     energy_programs: tuple[StraightLineProgram, ...] = ()
     start: tuple[tuple[float, float], ...] = ()
+    static_loads: tuple[float, ...] = ()
+    moving_loads: tuple[float, ...] = ()
     energies_text: str = ""
 
     @property
@@ -152,6 +156,8 @@ class Mechanism:
             raise ValueError("an attitude does not fit the coordinates")
         if len(self.start) not in (0, nv):
             raise ValueError("the start does not fit the coordinates")
+        if {len(self.static_loads), len(self.moving_loads)} - {0, nv}:
+            raise ValueError("the loads do not fit the coordinates")
         for program in (self.program, *self.other_charts, *self.charts_in_body):
             program.checked()
             sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}

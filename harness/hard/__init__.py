@@ -2,5 +2,5 @@
 
 May use ``motion``, ``crosscheck`` and what is below them.
 
-Start with ``atlas`` and ``search``; each family is a declaration in ``cases``.
+Start with ``atlas``, whose rows ``measurement`` measures, and ``search``; each family is a declaration in ``cases``.
 """

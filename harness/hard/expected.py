@@ -2,12 +2,14 @@
 
 ``expected.toml`` beside this module holds ``[[expected]]`` tables with ``case``, ``subject``, ``verdict``, ``reason`` (the step
 of the algorithm that loses the digits), ``remedy`` (what a user can do) and ``link``; where answers are compared
-also ``backward_error``, the largest that the reason explains. A family has one entry for each verdict that occurs
+also ``backward_error``, the largest that the reason explains, and for ``unstable`` ``median_backward_error`` over those
+points and ``share``, how many of all points they are. A family has one entry for each verdict that occurs
 along it; an entry whose verdict occurs nowhere fails.
 """
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -49,10 +51,14 @@ def judged(row: HardRow, expected: Mapping[Key, HardExpectation]) -> HardRow:
     problems += [f"{verdict} at {row.verdicts[verdict]} points, which no entry expects" for verdict in sorted(met - foreseen)]
     problems += [f"the entry for {verdict} holds at no point any more" for verdict in sorted(foreseen - met)]
     for verdict in sorted(met & foreseen):
-        most = expected[row.case, row.subject, verdict].limit
         errors = [point.backward_error for point in row.points if point.verdict == verdict and point.backward_error is not None]
-        if errors and max(errors) > most:
-            problems.append(f"{verdict} with backward error {max(errors):.3g}; the entry explains {most:.3g}")
+        entry, share = expected[row.case, row.subject, verdict], row.verdicts[verdict] / len(row.points)
+        if errors and max(errors) > entry.limit:
+            problems.append(f"{verdict} with backward error {max(errors):.3g}; the entry explains {entry.limit:.3g}")
+        if errors and (median := statistics.median(errors)) > entry.median_limit:
+            problems.append(f"{verdict} with median backward error {median:.3g}; the entry explains {entry.median_limit:.3g}")
+        if share > entry.share_limit:
+            problems.append(f"{verdict} at {share:.0%} of the points; the entry explains {entry.share_limit:.0%}")
     silent = [point for point in row.points if point.verdict in _NOT_COMPARED and not point.reason]
     problems += [f"{point.verdict} at {row.knob} = {point.knob:g} without a reason" for point in silent]
     entries = [(verdict, expected[row.case, row.subject, verdict]) for verdict in sorted(foreseen, key=SEVERITY.__getitem__)]

@@ -85,6 +85,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
                 "eulerseq": Choice(
                     tuple(map("".join, itertools.chain(itertools.product("xyz", repeat=3), itertools.product("XYZ", repeat=3))))
                 ),
+                "fusestatic": Choice(("true", "false")),
             },
             "option": {"gravity": _VECTOR},
             "default": {"class": _NAME},
@@ -128,6 +129,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             "axis": {"xyz": Numbers(3, required=True)},
             "limit": {"lower": _SCALAR, "upper": _SCALAR, "effort": _LIMIT, "velocity": _LIMIT},
             "dynamics": {"damping": _NOT_NEGATIVE, "friction": _NO_FRICTION},
+            "mimic": {"joint": Text(required=True), "multiplier": _SCALAR, "offset": _SCALAR},
         },
         "gazebo": {"springStiffness": {"": Numbers(required=True)}, "springReference": {"": Numbers(required=True)}},
         "transmission": {"type": {"": Text(required=True)}, "joint": {"name": _NAME}, "actuator": {"name": Text(required=True)}},
@@ -195,7 +197,7 @@ AT_MOST_ONE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "urdf": {
         "link": ("inertial",),
         "link/inertial": ("origin", "mass", "inertia"),
-        "joint": ("parent", "child", "origin", "axis", "limit", "dynamics"),
+        "joint": ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
         "gazebo": ("springStiffness", "springReference"),
         "transmission": ("type", "joint", "actuator"),
     },

@@ -5,6 +5,7 @@ Texts are the file's own; what it leaves out and its reader then assumes stands 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -59,7 +60,11 @@ def moving_joints(path: Path, model_format: str) -> frozenset[str]:
         InvalidModel: the file cannot be read, or is not XML of that format.
     """
     document = read_document(path, ROOT_TAGS[model_format])
-    return frozenset(element.get("name", "") for element in _joints(document, model_format) if element.get("type") != "fixed")
+    return frozenset(element.get("name", "") for element in _joints(document, model_format) if _moves_by_itself(element))
+
+
+def _moves_by_itself(joint: etree._Element) -> bool:
+    return joint.get("type") != "fixed" and joint.find("mimic") is None
 
 
 def _joints(document: Document, model_format: str) -> Iterator[etree._Element]:
@@ -97,18 +102,22 @@ def _summary(element: etree._Element) -> str:
 
 def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
     kind = "free" if joint.tag == "freejoint" else resolved_text(joint, "type", "(hinge)")
-    body = joint.getparent()
-    frames = []
-    while body.tag == "frame":
-        frames.append(f"in frame {_pose(body)}")
-        body = body.getparent()
+    inner = list(_frames_around(joint))
+    body = (inner[-1] if inner else joint).getparent()
     shift = resolved_text(joint, "pos")
     inertial = body.find("inertial")
     return JointRow(
         joint=name,
         kind=kind,
         axis=resolved_text(joint, "axis", "" if kind in ("free", "ball") else "(0 0 1)"),
-        origin=", ".join([_pose(body), *([f"joint at {shift}"] if shift else []), *frames]),
+        origin=", ".join(
+            [
+                _pose(body),
+                *(f"body in frame {_pose(frame)}" for frame in _frames_around(body)),
+                *([f"joint at {shift}"] if shift else []),
+                *(f"in frame {_pose(frame)}" for frame in inner),
+            ]
+        ),
         body=body.get("name", ""),
         mass="" if inertial is None else inertial.get("mass", ""),
         damping=resolved_text(joint, "damping"),
@@ -116,6 +125,11 @@ def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name:
         armature=resolved_text(joint, "armature"),
         line=document.lines[joint],
     )
+
+
+def _frames_around(element: etree._Element) -> Iterator[etree._Element]:
+    """The MJCF frames that ``element`` stands in directly, the innermost first."""
+    return itertools.takewhile(lambda ancestor: ancestor.tag == "frame", element.iterancestors())
 
 
 def _pose(element: etree._Element) -> str:

@@ -23,6 +23,9 @@ URDF states neither springs nor reflected inertias. These conventions, and no ot
 - a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
   Drake, "Parsing model files", tag drake:joint.
 
+A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.models.urdf_mimics``). No
+engine gives the accelerations of such a model, and each refuses it for itself.
+
 MJCF states gravity, springs, dampers and ``armature`` itself. MuJoCo applies them; for readers that pass over them
 they are listed like those of a URDF (``harness.models.mjcf_forces``).
 """
@@ -38,6 +41,7 @@ from lxml import etree
 from harness.models.checks import check_elements, check_inertia, numbers
 from harness.models.mjcf_forces import Unexpressed, gravity, read_forces
 from harness.models.urdf_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
+from harness.models.urdf_mimics import Mimic, is_follower, mimics
 from harness.models.values import Numbers, positive
 from harness.models.xml import MAXIMUM_DEPTH, Document, add_named, describe, literal_tag, parse_document, read_document, resolve
 
@@ -45,6 +49,7 @@ __all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile"
 
 _DRAKE_JOINT = "drake:joint"
 _UNIVERSE = "universe"
+_WORLD = "world"
 ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
 
 
@@ -55,12 +60,13 @@ class ModelFile:
     Attributes:
         format: "mjcf" or "urdf".
         text: the content handed to the engine, exactly as read.
-        joint_lines: moving joint to the line of its element, in document order.
+        joint_lines: joint that moves by itself to the line of its element, in document order.
         gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
         root_line: line of the root element.
         force_elements: springs and dampers that the file declares; the harness adds them where a reader passes over them.
         armatures: reflected inertias that a URDF declares, in document order, to be added likewise; none for MJCF.
         ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
+        mimics: joints of a URDF that mimic another.
         gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
         unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
     """
@@ -74,6 +80,7 @@ class ModelFile:
     force_elements: tuple[ForceElement, ...]
     armatures: tuple[Armature, ...] = ()
     ball_joint: str | None = None
+    mimics: tuple[Mimic, ...] = ()
     gravity: tuple[float, float, float] | None = None
     unexpressed: tuple[Unexpressed, ...] = ()
 
@@ -118,6 +125,10 @@ def _read_mjcf(document: Document) -> ModelFile:
             _add_joint(document, joint, joints)
             moving.add(body)
         for body in world.iter("body"):
+            if body.get("name") == _WORLD:
+                document.refuse(
+                    body, f"{describe(body)} has the name of the world itself, on which its joints hang it; give it another one"
+                )
             if _owner(body) in moving:
                 moving.add(body)
             _check_mjcf_inertial(document, body, body in moving)
@@ -184,7 +195,7 @@ def _read_urdf(document: Document) -> ModelFile:
         document.refuse(root, "has no link; expected the bodies of the mechanism and the world they hang on")
     for joint in root.iterfind("joint"):
         _add_joint(document, joint, joints)
-    moving_joints = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
+    moving_joints = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed" and not is_follower(joint)}
     balls: dict[str, etree._Element] = {}
     for joint in (element for element in root.iterchildren("*") if literal_tag(element) == _DRAKE_JOINT):
         if balls:
@@ -195,6 +206,9 @@ def _read_urdf(document: Document) -> ModelFile:
     moving_joints |= balls
     if not moving_joints:
         document.refuse(root, "has no moving joint; expected one for each coordinate of the system")
+    for joint in balls.values() if _WORLD in links else ():
+        hung = f"{describe(joint)} hangs the root link on the world, which a <{_DRAKE_JOINT}> knows by itself"
+        document.refuse(links[_WORLD], f"{describe(links[_WORLD])} is a second root: {hung}; remove the link")
     root_link = _check_urdf_tree(document, links, joints, root_moves=bool(balls))
     for joint in balls.values():
         _check_ball_joint(document, joint, root_link)
@@ -208,11 +222,12 @@ def _read_urdf(document: Document) -> ModelFile:
         force_elements=tuple(force_elements(document, links, joints)),
         armatures=tuple(armatures(document, joints)),
         ball_joint=next(iter(balls), None),
+        mimics=tuple(mimics(document, joints)),
     )
 
 
 def _check_ball_joint(document: Document, joint: etree._Element, root_link: str) -> None:
-    for tag, expected in (("parent", "world"), ("child", root_link)):
+    for tag, expected in (("parent", _WORLD), ("child", root_link)):
         part = joint.find(tag)
         found = None if part is None else part.get("link")
         if found != expected:

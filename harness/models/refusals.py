@@ -36,7 +36,6 @@ ELEMENTS: Mapping[str, Mapping[str, str]] = {
     },
     "urdf": {
         "drake:linear_bushing_rpy": "is a force element that is not read; use joint springs and drake:linear_spring_damper",
-        "mimic": "ties one joint to another, which some readers ignore; write the mechanism without it",
         **dict.fromkeys(("safety_controller", "calibration"), _NOT_FELT),
         "mechanicalReduction": "is not read as a reflected inertia; write the ratio as <drake:gear_ratio>",
         "sensor": _NOT_FELT,
@@ -58,7 +57,6 @@ ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
             (f"compiler@{name}" for name in ("boundmass", "boundinertia", "balanceinertia", "settotalmass", "inertiafromgeom")),
             _CHANGES_MASS,
         ),
-        "compiler@fusestatic": "makes other bodies than this file spells out; remove it",
         **dict.fromkeys(("compiler@alignfree", "freejoint@align"), "turns the frame of a free body; remove it"),
         **dict.fromkeys(("compiler@meshdir", "compiler@texturedir", "compiler@assetdir", "compiler@strippath"), _MESHES),
         **dict.fromkeys(

@@ -58,6 +58,26 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Candidate:
+    """One change of a model's text that may explain why an engine's accelerations are not the reference's.
+
+    Attributes:
+        hypothesis: name of the hypothesis; statement: what it says here, as "its damping was left out".
+        place: what would change.
+        text: of the whole file, with the change at a value; a change without a free value ignores it.
+        start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
+        scale: a natural size of the value, above 0, for steps and for relative changes.
+    """
+
+    hypothesis: str
+    statement: str
+    place: Place
+    text: Callable[[float], str]
+    start: float | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
 class Number:
     """One number of a model file.
 
@@ -244,3 +264,24 @@ def largest_change(healthy: Array, moved: Array) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.where(moved == healthy, 0.0, np.abs(moved - healthy) / np.abs(healthy).max(axis=0))
     return float(np.nan_to_num(change, nan=np.inf, posinf=np.inf).max())
+
+
+def written(text: str, model_format: str, place: Place) -> str:
+    """The whole of the attribute that a place is in, or what the place says was found."""
+    of_place = (
+        attribute
+        for element in find_elements(text, model_format)
+        for attribute in element.attributes
+        if element.tag == place.element and attribute.name == place.attribute
+        for line in {attribute.line, *(number.line for number in attribute.numbers if place.index in (None, number.index))}
+        if line == place.line
+    )
+    attribute = next(of_place, None)
+    return place.found if attribute is None else " ".join(attribute.value.split())
+
+
+def tag(place: Place, whole: str) -> str:
+    """An attribute as a reader finds it in the file."""
+    if not place.attribute:
+        return f"<{place.element}>{whole}</{place.element}>" if whole else f"<{place.element}>"
+    return f'<{place.element} {place.attribute}="{whole}">' if whole else f"<{place.element} {place.attribute}>"

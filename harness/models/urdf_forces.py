@@ -15,7 +15,7 @@ from harness.models.formats import POINT_SPRING
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import Document, describe, literal_tag, resolve, shorten
 
-_SINGLE_AXIS = ("revolute", "prismatic", "continuous")
+SINGLE_AXIS = ("revolute", "prismatic", "continuous")
 _ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
 
 Point = tuple[float, float, float]
@@ -137,8 +137,8 @@ def _once(document: Document, element: etree._Element) -> list[etree._Element]:
 
 def _require_single_axis(document: Document, element: etree._Element, joint: etree._Element, what: str) -> None:
     kind = joint.get("type")
-    if kind not in _SINGLE_AXIS:
-        document.refuse(element, f"{describe(joint)} is {kind}; {what} needs a joint that is {' or '.join(_SINGLE_AXIS)}")
+    if kind not in SINGLE_AXIS:
+        document.refuse(element, f"{describe(joint)} is {kind}; {what} needs a joint that is {' or '.join(SINGLE_AXIS)}")
 
 
 def _joint_damper(document: Document, joint: etree._Element) -> Iterator[JointDamper]:
@@ -152,7 +152,7 @@ def _joint_damper(document: Document, joint: etree._Element) -> Iterator[JointDa
     (damping,) = numbers(document, dynamics, "damping", Numbers(check=not_negative))
     if damping:
         _require_single_axis(document, dynamics, joint, "a damper")
-    if joint.get("type") in _SINGLE_AXIS:
+    if joint.get("type") in SINGLE_AXIS:
         yield JointDamper(joint.get("name"), damping, document.lines[dynamics])
 
 

@@ -6,6 +6,7 @@ silence and answer with NaN.
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable
@@ -58,6 +59,8 @@ class Numbers:
     check: Check | None = None
     required: bool = False
 
+    # A diagnosis reads a file a thousand times with one number changed.
+    @functools.lru_cache(maxsize=4096)  # noqa: B019  (rules live as long as the process)
     def read(self, text: str) -> tuple[float, ...]:
         """The numbers in ``text``; ValueError says what is wrong and what was expected."""
         words = _SPACE.split(text.strip(" \t\r\n")) if text.strip(" \t\r\n") else []

@@ -50,7 +50,7 @@ def build(
     run = summary.run if summary else max((part.run for part in (measured, hard) if part), key=lambda run: run.started)
     parts: dict[str, Any] = {}
     if summary:
-        parts["superfluous"] = summary.superfluous
+        parts |= {"superfluous": summary.superfluous, "differs": summary.differs}
         parts |= {"worst_cases": found.worst_cases} if found and found.worst_cases else {}
         parts |= {"causes": [cause for _, cause in sorted(summary.causes.items())]} if summary.causes else {}
     parts |= {"benchmark": {"run": measured.run} | vars(measured.benchmark)} if measured else {}

@@ -44,6 +44,7 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield summary.sentence
     yield _bullets(f"**{_pair(r)}: {r.verdict}**, expected {r.expected}" for r in summary.unexpected)
     yield _bullets(f"**superfluous**, {_pair(finding)}: {markdown_line(str(finding))}" for finding in summary.superfluous)
+    yield _bullets(f"**not held alike**, {markdown_line(str(finding))}" for finding in summary.differs)
     yield from summary.remarks
     yield "## Verdicts and worst backward errors"
     yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
@@ -94,8 +95,9 @@ def _volatile(summary: Summary) -> Iterator[str]:
     )
     if summary.earlier:
         yield "### Changed since the last run"
-        changes = [*summary.changed_verdicts(), *summary.changed_versions()]
-        yield changes_table("what", changes).markdown() or "Neither a verdict nor a version."
+        medians = [(f"median of {what}", before, now) for what, before, now in summary.changed_medians()]
+        changes = [*summary.changed_verdicts(), *medians, *summary.changed_versions()]
+        yield changes_table("what", changes).markdown() or "Neither a verdict, a median nor a version."
     yield "### Cost and relative error"
     yield summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown()
     yield "### Time to derive and to compile"

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 Earlier = tuple[Run, Sequence[Record]]
 # A verdict or a version that is not what it was in the run before: its name, before, and now.
 ChangedValue = tuple[str, str, str]
+# Backward errors that are followed from run to run, by their names for the reader.
+_TRACKED = {"worst": "backward_error", "99 %": "percentile_99_backward_error", "median": "median_backward_error"}
+# A median of so many states is the same from run to run but for a tenth; of fewer it says nothing.
+FEWEST_STATES, CHANGED_BY = 200, 1.5
 
 
 class Summary:
@@ -35,9 +39,10 @@ class Summary:
         cells: (system, subject) to its records, nearly always one.
         unexpected: records whose verdict is not the expected one.
         listed: records that are expected to differ.
-        missing: (system, subject) pairs without a record.
+        missing: (system, subject) pairs without a record, of the systems that have a card.
         superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
             and the file stay, because reports are published.
+        differs: what subjects do not hold alike after loading, by system; with such paths as well.
         causes: (system, subject) to why its record is wrong, where that was looked for; with such paths as well.
         pictures: system to its ``<svg>`` element.
         worst_cases: subject to its worst cases, worst first; empty where none were looked for.
@@ -55,10 +60,15 @@ class Summary:
             self.cells[record.system, record.subject].append(record)
         self.unexpected = self.records.unexpected
         self.listed = [record for record in self.records if record.expected != "agrees"]
-        self.missing = [(system, subject) for system in self.systems for subject in self.subjects if not self.cells.get((system, subject))]
+        # A variant of models, which has no card, need not stand in every format.
+        self.missing = [
+            (system, subject) for system in sorted(self.cards) for subject in self.subjects if not self.cells.get((system, subject))
+        ]
         self.causes = {(cause.system, cause.subject): _published(cause) for cause in found.causes}
         named = [replace(part, path=_short(part.path)) for part in found.superfluous]
         self.superfluous = sorted(named, key=lambda part: (part.path, part.line, part.subject))
+        shortened = [replace(finding, places=[_short(place) for place in finding.places]) for finding in found.differs]
+        self.differs = sorted(shortened, key=lambda finding: (finding.system, finding.joint, finding.quantity))
         self.pictures = {picture.system: picture.svg for picture in found.pictures}
         self.worst_cases: dict[str, list[RankedCase]] = {}
         for case in found.worst_cases:
@@ -67,14 +77,18 @@ class Summary:
     @property
     def is_good(self) -> bool:
         """True where something was compared and everything is as expected."""
-        return bool(self.records) and not self.unexpected and not any(part.fails for part in self.superfluous)
+        failing = any(part.fails for part in self.superfluous) or any(finding.fails for finding in self.differs)
+        return bool(self.records) and not self.unexpected and not failing
 
     @property
     def sentence(self) -> str:
         """The result in one sentence, without the names of what is not as expected."""
         parts = len(self.superfluous)
         superfluous = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
-        return f"{self._compared.removesuffix('.')}; {superfluous}." if parts else self._compared
+        apart = len([finding for finding in self.differs if finding.fails])
+        held = f"{counted(apart, 'difference')} after loading {'is' if apart == 1 else 'are'} not expected"
+        found = [*([superfluous] if parts else []), *([held] if apart else [])]
+        return f"{'; '.join([self._compared.removesuffix('.'), *found])}." if found else self._compared
 
     @property
     def _compared(self) -> str:
@@ -117,24 +131,39 @@ class Summary:
         table = records.table().without("system", "expected").captioned(f"Verdicts on {system}")
         if not self.earlier:
             return table
-        rows = [[*row, Sparkline(self._pairs[system, record.subject])] for row, record in zip(table.rows, records, strict=True)]
-        return Table([*table.columns, "trend"], rows, table.caption)
+        trends = [[Sparkline(self._tracked[name][system, record.subject]) for name in _TRACKED.values()] for record in records]
+        rows = [[*row, *own] for row, own in zip(table.rows, trends, strict=True)]
+        return Table([*table.columns, *(f"trend of the {name}" for name in _TRACKED)], rows, table.caption)
 
     @cached_property
-    def _pairs(self) -> dict[tuple[str, str], list[float]]:
-        """(system, subject) to its worst backward errors, oldest run first."""
-        errors: dict[tuple[str, str], list[float]] = defaultdict(list)
+    def _tracked(self) -> dict[str, dict[tuple[str, str], list[float]]]:
+        """Each tracked field of a record to (system, subject) to its values, oldest run first."""
+        found: dict[str, dict[tuple[str, str], list[float]]] = {field: defaultdict(list) for field in _TRACKED.values()}
         for records in (*(records for _, records in self.earlier), self.records):
             for record in records:
-                errors[record.system, record.subject] += [] if record.backward_error is None else [record.backward_error]
-        return errors
+                for field, values in found.items():
+                    value = getattr(record, field)
+                    values[record.system, record.subject] += [] if value is None else [value]
+        return found
+
+    def changed_medians(self) -> list[ChangedValue]:
+        """Medians of sampled states that are another multiple of those of the last run: an engine has changed long before it is wrong."""
+        before = {(record.system, record.subject): record for record in self.earlier[-1][1]} if self.earlier else {}
+        changes = []
+        for record in self.records:
+            known = before.get((record.system, record.subject))
+            old, new = known and known.median_backward_error, record.median_backward_error
+            if known and old and new and min(known.states, record.states) >= FEWEST_STATES and max(old / new, new / old) >= CHANGED_BY:
+                changes.append((f"{record.system}, {record.subject}", f"{old:.3g}", f"{new:.3g}"))
+        return changes
 
     def matrix(self, anchors: Mapping[str, str] | None = None) -> Table:
         """System by subject: verdict and worst backward error; ``anchors`` of the systems on a page."""
         links = {system: f"#{anchors[system]}" if anchors else "" for system in self.systems}
         cells = {pair: _verdict_cell(found, links[pair[0]]) for pair, found in self.cells.items()}
-        empty = Cell("not run", tone="empty", fills=True)
-        rows = [[system, *(cells.get((system, subject), empty) for subject in self.subjects)] for system in self.systems]
+        cells |= {pair: Cell("not run", tone="empty", fills=True) for pair in self.missing}
+        not_asked = Cell("not asked", tone="empty", fills=True)
+        rows = [[system, *(cells.get((system, subject), not_asked) for subject in self.subjects)] for system in self.systems]
         return Table(["system", *self.subjects], rows, "Verdict and worst backward error", "matrix")
 
     def worst_per_engine(self) -> list[tuple[str, Record | None]]:

@@ -37,6 +37,34 @@ class SuperfluousPart:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeldDifference:
+    """A quantity that subjects of one system do not hold alike after loading, felt by its motion or not.
+
+    Attributes:
+        quantity, joint: what differs, and the joint that it belongs to; "" for none.
+        subjects: those that hold it otherwise than most. statement: the values, and how far apart they are.
+        places: of the model files, as "path:line".
+        reason: why it is expected; "" where it is not, and ``fails`` the check.
+    """
+
+    system: str
+    quantity: str
+    joint: str
+    subjects: list[str]
+    statement: str
+    places: list[str]
+    reason: str = ""
+
+    @property
+    def fails(self) -> bool:
+        return not self.reason
+
+    def __str__(self) -> str:
+        expected = f"expected because {self.reason}" if self.reason else ""
+        return f"{self.system}: {'; '.join(filter(None, [self.statement, *self.places, expected]))}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Picture:
     """A system as an ``<svg>`` element."""
 
@@ -87,7 +115,7 @@ class CrossCheckResult(StudyResult):
 
     Attributes:
         records: one for each pair of system and subject; systems: what a report shows of each system.
-        superfluous: parts of models that their scenes do not need.
+        superfluous: parts of models that their scenes do not need. differs: what subjects do not hold alike after loading.
         causes: why records that are not as expected are wrong.
         worst_cases: of each subject, the worst first.
         pictures: of the systems that an engine can place.
@@ -98,11 +126,13 @@ class CrossCheckResult(StudyResult):
     records: list[Record] = field(default_factory=list)
     systems: list[SystemCard] = field(default_factory=list)
     superfluous: list[SuperfluousPart] = field(default_factory=list)
+    differs: list[HeldDifference] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
     worst_cases: list[RankedCase] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
 
     @property
     def as_expected(self) -> bool:
-        """True where every verdict is the expected one and no model holds a superfluous part that fails."""
-        return all(record.as_expected for record in self.records) and not any(part.fails for part in self.superfluous)
+        """True where every verdict is the expected one, and no superfluous part and no difference after loading fails the check."""
+        failing = any(part.fails for part in self.superfluous) or any(finding.fails for finding in self.differs)
+        return all(record.as_expected for record in self.records) and not failing

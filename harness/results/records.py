@@ -51,15 +51,23 @@ class Record:
         worst_state: {"q": (nq,), "v": (nv,), "tau": (nv,)} of the state with the worst backward error.
         seconds_per_state: cost of the subject, the median of repeated calls; fastest_seconds_per_state: of the fastest.
         message: plain sentences, as what an engine raised; "" where there is nothing to say.
-        median_backward_error: over the states [units of data roundoff].
+        failed: whether the engine, or what runs it, failed: an exception, a death, or answers that contradict each other. A file that
+            is refused is no such failure.
+        median_backward_error, percentile_99_backward_error: over the sampled states, which no search has chosen [units of data
+            roundoff]; over all where none is sampled.
+        unstable_share: of those states, how many are ``unstable``, from 0 to 1.
         distribution: ``half_decade`` of a backward error to number of states.
         verdict_counts: verdict to number of states.
-        expected_backward_error: the largest backward error that goes with the expected verdict.
+        expected_backward_error, expected_median_backward_error, expected_share: the largest backward error, median and share of
+            unstable states that go with the expected verdict.
         expected_reason, expected_link: why another verdict than "agrees" is expected.
         replay: shell command that computes the worst state again.
         representative: another state that shows the verdict; None where the worst one does.
+        componentwise_error: componentwise backward error at the worst state, see ``harness.certify.componentwise``; None where
+            it is certainly not beyond ``AGREEMENT`` and was not asked for, and where it is not known.
         granted: number of states that agree only with the share of the motion, see ``harness.certify.reference``.
-        origins: number of states that are "stored" with the system, "sampled", and "searched" for; empty for a given one.
+        origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
+            of this run and of earlier ones, which come on top; empty for a given state.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -86,6 +94,12 @@ class Record:
     origins: dict[str, int] = field(default_factory=dict)
     granted: int = 0
     fastest_seconds_per_state: float | None = None
+    componentwise_error: float | None = None
+    percentile_99_backward_error: float | None = None
+    unstable_share: float = 0.0
+    expected_median_backward_error: float = math.inf
+    expected_share: float = 1.0
+    failed: bool = False
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -94,8 +108,18 @@ class Record:
 
     @property
     def as_expected(self) -> bool:
-        """True for the expected verdict with no larger an error than the expectation explains."""
-        return self.verdict == self.expected and (self.backward_error or 0.0) <= self.expected_backward_error
+        """True for the expected verdict with no larger errors than the expectation explains."""
+        return self.verdict == self.expected and not self.beyond
+
+    @property
+    def beyond(self) -> list[str]:
+        """What is larger than the expectation explains, a phrase each."""
+        bounds = (
+            ("worst backward error", self.backward_error, self.expected_backward_error),
+            ("median backward error", self.median_backward_error, self.expected_median_backward_error),
+            ("share of unstable states", self.unstable_share, self.expected_share),
+        )
+        return [f"{name} {found:.3g}, expected up to {most:g}" for name, found, most in bounds if (found or 0.0) > most]
 
     @property
     def explanation(self) -> str:
@@ -104,9 +128,11 @@ class Record:
         if self.backward_error is not None:
             over = f"over {self.states:,} states; up to {AGREEMENT:g} agrees"
             lines.append(f"worst backward error {self.backward_error:.3g} data roundoffs {over}")
+        if self.componentwise_error is not None:
+            lines.append(f"componentwise {self.componentwise_error:.3g} there: every input and answer moves by that many half ulps")
+        lines += self.beyond
         if self.expected_reason:
-            limit = f", up to {self.expected_backward_error:g}," if math.isfinite(self.expected_backward_error) else ""
-            lines.append(f"expected{limit} because {self.expected_reason} ({self.expected_link})")
+            lines.append(f"expected because {self.expected_reason} ({self.expected_link})")
             lines.append("remove or mend the entry in expected_verdicts.toml if that is past")
         if self.message:
             lines.append(self.message)
@@ -142,9 +168,10 @@ class Records(UserList[Record]):
         known = [record.origins for record in self if any(record.origins.values())]
         if not known:
             return ""
-        sampled, searched, stored = (_range([origins.get(name, 0) for origins in known]) for name in ("sampled", "searched", "stored"))
-        search = f"{searched} searched for by hypothesis (less what it would repeat, plus what it simplified)"
-        return f"states: {sampled} sampled, {search}, {stored} stored with the system"
+        names = ("sampled", "searched", "stored", "simplest")
+        sampled, searched, stored, simplest = (_range([origins.get(name, 0) for origins in known]) for name in names)
+        on_top = f"; on top {stored} stored with the system, {simplest} simplest failing ones of this run and earlier ones"
+        return f"states: {sampled} sampled, {searched} searched for by hypothesis{on_top}"
 
     def table(self) -> Table:
         """One row per record."""
@@ -157,7 +184,9 @@ class Records(UserList[Record]):
                 "verdict": _verdict_cell,
                 "expected": "expected",
                 Column("worst backward error", "error"): "backward_error",
+                Column("componentwise there", "error"): "componentwise_error",
                 Column("median backward error", "error"): "median_backward_error",
+                Column("99 % backward error", "error"): "percentile_99_backward_error",
                 Column("relative error there", "relative"): "relative_error",
                 Column("time per state", "seconds"): "seconds_per_state",
                 Column("fastest", "seconds"): "fastest_seconds_per_state",
@@ -167,7 +196,9 @@ class Records(UserList[Record]):
 
     def brief(self) -> Table:
         """The columns that fit a terminal."""
-        return self.table().without("expected", "median backward error", "states by verdict")
+        compared = [record for record in self if record.backward_error is not None]
+        unknown = () if compared and all(record.componentwise_error is not None for record in compared) else ("componentwise there",)
+        return self.table().without("expected", "median backward error", "99 % backward error", "states by verdict", *unknown)
 
     def __str__(self) -> str:
         return str(self.brief())

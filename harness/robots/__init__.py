@@ -5,5 +5,6 @@ Lagrange's equations.
 
 Asks no engine. May use ``models``, ``equations`` and what is below them.
 
-Start with ``tree``, the plain data; ``mjcf`` and ``urdf`` read it, and ``recursion`` writes its program in the vectors of ``spatial``.
+Start with ``tree``, the plain data; ``mjcf`` and ``urdf`` read it, ``recursion`` writes its program in the vectors of ``spatial``,
+and ``accelerations`` evaluates that in balls.
 """

@@ -6,7 +6,7 @@ Frame orientations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 
 from lxml import etree
@@ -33,7 +33,7 @@ from harness.robots.tree import (
 )
 
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
-_ALONG_Z = "0 0 1"
+Numbers = tuple[Fraction, ...]
 
 
 def read_tree(model: ModelFile) -> Tree:
@@ -48,7 +48,7 @@ def _last(root: etree._Element, attribute: str, default: str) -> str:
     return [default, *(str(compiler.get(attribute)) for compiler in root.iterfind(f"compiler[@{attribute}]"))][-1]
 
 
-def _numbers(text: str | None, default: str = "0 0 0") -> tuple[Fraction, ...]:
+def _numbers(text: str | None, default: str = "0 0 0") -> Numbers:
     return tuple(Fraction(float(word)) for word in (text or default).split())
 
 
@@ -57,6 +57,13 @@ class _Reader:
 
     def __init__(self, in_degrees: bool, sequence: str) -> None:
         self._in_degrees, self._sequence = in_degrees, sequence
+        self._rotations: Mapping[str, Callable[[Numbers], Rotation]] = {
+            "quat": lambda numbers: (Quaternion(numbers),),
+            "axisangle": self._turned,
+            "euler": self._by_euler_angles,
+            "xyaxes": lambda numbers: (Axes(vector(numbers[:3]), vector(numbers[3:])),),
+            "zaxis": lambda numbers: (Direction(vector(numbers)),),
+        }
 
     def body(self, element: etree._Element) -> Body:
         inertial = element.find("inertial")
@@ -80,21 +87,17 @@ class _Reader:
         return Placement(vector(_numbers(element.get("pos"))), tuple(self._rotation(element)))
 
     def _rotation(self, element: etree._Element) -> Rotation:
-        given = {name: _numbers(element.get(name)) for name in ORIENTATIONS if name in element.attrib}
-        for name, numbers in given.items():
-            if name == "quat":
-                w, x, y, z = numbers
-                return (Quaternion((w, x, y, z)),)
-            if name == "axisangle":
-                return (Turn(vector(numbers[:3]), numbers[3], self._in_degrees),)
-            if name == "xyaxes":
-                return (Axes(vector(numbers[:3]), vector(numbers[3:])),)
-            if name == "zaxis":
-                return (Direction(vector(numbers)),)
-            turns = [Turn(_UNITS[letter.lower()], angle, self._in_degrees) for letter, angle in zip(self._sequence, numbers, strict=True)]
-            # Capital letters turn about axes that stay.
-            return tuple(reversed(turns) if self._sequence.isupper() else turns)
-        return ()
+        given = [(name, _numbers(element.get(name))) for name in ORIENTATIONS if name in element.attrib]
+        return tuple(part for name, numbers in given for part in self._rotations[name](numbers))
+
+    def _turned(self, numbers: Numbers) -> Rotation:
+        *axis, angle = numbers
+        return (Turn(vector(axis), angle, self._in_degrees),)
+
+    def _by_euler_angles(self, numbers: Numbers) -> Rotation:
+        turns = [Turn(_UNITS[letter.lower()], angle, self._in_degrees) for letter, angle in zip(self._sequence, numbers, strict=True)]
+        # Capital letters turn about axes that stay.
+        return tuple(turns if self._sequence.islower() else reversed(turns))
 
     def _inertia(self, element: etree._Element) -> Inertia:
         full = _numbers(element.get("fullinertia"), "") or (*_numbers(element.get("diaginertia")), *ORIGIN)

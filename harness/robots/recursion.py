@@ -70,7 +70,7 @@ class _Recursion(SpatialWriter):
 
     def __init__(self, tree: Tree, joints: Sequence[str]) -> None:
         order = list(dict.fromkeys(joints))
-        kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints}
+        kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints if not joint.follows}
         if sorted(order) != sorted(kinds):
             raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
         sizes = [_SIZES[kinds[name]] for name in order]
@@ -107,15 +107,17 @@ class _Recursion(SpatialWriter):
         return node, turn, shift
 
     def _add(self, parent: int, turn: Matrix, shift: Three, joint: Joint, axis: Three) -> None:
-        positions, columns = self._places[joint.name]
+        positions, columns = self._places[joint.follows or joint.name]
         about = [(row, self.still) for row in self.identity]
         bias: Pair = (self.still, self.still)
         if joint.kind in ("hinge", "slide"):
-            moved = self.difference(positions[0], self.angle(joint.reference, joint.in_degrees))
+            multiplier = self.number(joint.multiplier)
+            position = self.sum(self.product(multiplier, positions[0]), self.number(joint.offset))
+            moved, felt = self.difference(position, self.angle(joint.reference, joint.in_degrees)), self.times(multiplier, axis)
             if joint.kind == "hinge":
-                turn, motions = self.multiplied(turn, self.about(axis, moved)), [(axis, self.still)]
+                turn, motions = self.multiplied(turn, self.about(axis, moved)), [(felt, self.still)]
             else:
-                shift, motions = self.added(shift, self.turned(turn, self.times(moved, axis))), [(self.still, axis)]
+                shift, motions = self.added(shift, self.turned(turn, self.times(moved, axis))), [(self.still, felt)]
         elif joint.kind == "ball":
             turn, motions = self.multiplied(turn, self.of_quaternion(positions)), about
         else:
@@ -204,7 +206,8 @@ class _Recursion(SpatialWriter):
         for number in reversed(range(len(self.nodes))):
             node = self.nodes[number]
             for motion, column in zip(node.motions, node.columns, strict=True):
-                found[column] = self._power(motion, carried[number])
+                # A joint and those that mimic it share a column.
+                found[column] = self.sum(found[column], self._power(motion, carried[number]))
             if node.parent >= 0:
                 carried[node.parent] = self._both(carried[node.parent], self._up(node, carried[number]))
         return found
@@ -241,12 +244,17 @@ class _Recursion(SpatialWriter):
             node = self.nodes[number]
             if node.parent >= 0:
                 composite[node.parent] = self._joined(composite[node.parent], self._moved(composite[number], node.turn, node.shift))
-            for motion, column in zip(node.motions, node.columns, strict=True):
-                force, at = self._momentum(composite[number], motion), number
+            own = list(zip(node.motions, node.columns, strict=True))
+            for place, (motion, column) in enumerate(own):
+                force, at, others = self._momentum(composite[number], motion), number, own[: place + 1]
                 while at >= 0:
-                    for other, row in zip(self.nodes[at].motions, self.nodes[at].columns, strict=True):
-                        entries[min(row, column), max(row, column)] = self._power(other, force)
+                    for other, row in others:
+                        # Of two nodes that share a column, both products are part of its entry.
+                        times = self.number(2 if row == column and at != number else 1)
+                        entry = min(row, column), max(row, column)
+                        entries[entry] = self.sum(entries.get(entry, self.zero), self.product(times, self._power(other, force)))
                     force, at = self._up(self.nodes[at], force), self.nodes[at].parent
+                    others = list(zip(self.nodes[at].motions, self.nodes[at].columns, strict=True))
             for column in node.columns:
                 entries[column, column] = self.sum(entries[column, column], self.number(node.joint.armature))
         return [entries.get(pair, self.zero) for pair in upper_triangle(self.nv)]

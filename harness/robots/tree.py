@@ -26,7 +26,7 @@ class Turn:
 class Quaternion:
     """A rotation by a quaternion (w, x, y, z) of any length but 0."""
 
-    components: tuple[Fraction, Fraction, Fraction, Fraction]
+    components: tuple[Fraction, ...]
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ class Joint:
         axis, anchor: in the frame ``pose`` of the body; the axis has any length but 0. A free joint has neither, a ball joint no axis.
         reference: position [m, rad, or degrees] at which the body stands where its pose says.
         armature: inertia [kg m^2 or kg] that a rotor adds to the joint's own.
+        follows: name of the joint that it mimics, "" for one that moves by itself; its position is ``multiplier`` times that of
+            the other, and ``offset`` [m or rad].
     """
 
     name: str
@@ -79,6 +81,9 @@ class Joint:
     reference: Fraction = Fraction(0)
     in_degrees: bool = False
     armature: Fraction = Fraction(0)
+    follows: str = ""
+    multiplier: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,9 @@ Source: http://wiki.ros.org/urdf/XML, ``link`` and ``joint``; Drake, "Parsing mo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 from lxml import etree
 
@@ -29,17 +31,19 @@ def read_tree(model: ModelFile, gravity: float) -> Tree:
     root = document.root
     links = {str(link.get("name")): link for link in root.iterchildren("link")}
     above = {str(joint.find("child").get("link")): joint for joint in root.iterchildren("*") if literal_tag(joint) in _JOINTS}
-    armatures = {armature.joint: Fraction(armature.reflected_inertia) for armature in model.armatures}
+    more: dict[str, dict[str, Any]] = {one.joint: {"armature": Fraction(one.reflected_inertia)} for one in model.armatures}
+    for one in model.mimics:
+        more[one.joint] = {"follows": one.leader, "multiplier": Fraction(one.multiplier), "offset": Fraction(one.offset)}
     bodies: list[Body] = []
     waiting = [name for name in links if name not in above or above[name].find("parent").get("link") not in links]
     while waiting:
         name = waiting.pop(0)
         waiting += [child for child, joint in above.items() if joint.find("parent").get("link") == name]
-        bodies.append(_body(document, name, links[name], above.get(name), armatures))
+        bodies.append(_body(document, name, links[name], above.get(name), more))
     return Tree(tuple(bodies), (Fraction(0), Fraction(0), -Fraction(gravity)), model.force_elements)
 
 
-def _body(document: Document, name: str, link: etree._Element, above: etree._Element | None, armatures: dict[str, Fraction]) -> Body:
+def _body(document: Document, name: str, link: etree._Element, above: etree._Element | None, more: Mapping[str, Mapping[str, Any]]) -> Body:
     inertial = link.find("inertial")
     inertia = None
     if inertial is not None:
@@ -50,17 +54,17 @@ def _body(document: Document, name: str, link: etree._Element, above: etree._Ele
         # The root link is fixed; one called world is the world itself.
         return Body(name, WORLD, (), (), inertia)
     parent = str(above.find("parent").get("link"))
-    return Body(name, parent, (_placement(above),), _joints(document, above, armatures), inertia)
+    return Body(name, parent, (_placement(above),), _joints(document, above, more), inertia)
 
 
-def _joints(document: Document, element: etree._Element, armatures: dict[str, Fraction]) -> tuple[Joint, ...]:
+def _joints(document: Document, element: etree._Element, more: Mapping[str, Mapping[str, Any]]) -> tuple[Joint, ...]:
     name, kind = str(element.get("name")), str(element.get("type"))
     if kind == "fixed":
         return ()
     if kind not in _KINDS:
         document.refuse(element, f"joint {name!r} is {kind}; write two prismatic joints and a revolute one in its place")
     axis = ORIGIN if kind in ("ball", "floating") else _vector(element.find("axis"), "xyz", "1 0 0")
-    return (Joint(name, _KINDS[kind], axis, armature=armatures.get(name, Fraction(0))),)
+    return (Joint(name, _KINDS[kind], axis, **more.get(name, {})),)
 
 
 def _placement(element: etree._Element) -> Placement:

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.crosscheck.expected import load_expectations, why_no_model
+from harness.crosscheck.held import SOUND, differences, held_by, soundness
 from harness.crosscheck.tasks import Assignment, derive, read
-from harness.diagnosis.held import SOUND, differences, held_by, soundness
-from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, engine_files, is_native, load_model, subjects
+from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
-from harness.library import MODEL_SUFFIXES, Library, member_of
+from harness.library import Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
 from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
@@ -84,14 +84,15 @@ class Exhibition(Rounds):
         self._reasons = self._find_reasons()
         self._exhibit: Exhibit
         self._models: dict[str, Outcome] = {}
-        self._holdings = {subject: Holding(subject) for subject in subjects(library) if subject.format != EQUATIONS}
+        asked = asked_of(library, name, subjects(library))
+        self._holdings = {subject: Holding(subject) for subject in asked if subject.format != EQUATIONS}
         self.steps = len(self._holdings)
 
     def rounds(self) -> Iterator[list[Task]]:
         library, name = self._library, self._name
         yield [
             Task((self._derived,), derive, (library, name)),
-            *(Task((self._read, one), read, (library.model_path(name, one), one)) for one in MODEL_SUFFIXES),
+            *(Task((self._read, one), read, (library.model_path(name, one), one)) for one in library.formats_of(name)),
         ]
         yield list(self._loading())
 
@@ -125,8 +126,7 @@ class Exhibition(Rounds):
         """Ask for each subject that can load its model; for the others the holding says why not."""
         exhibit = self._exhibit
         readers = [subject for subject in subjects(self._library) if subject not in exhibit.reasons]
-        for model_format in MODEL_SUFFIXES:
-            outcome = self._models[model_format]
+        for model_format, outcome in self._models.items():
             if outcome.value is None:
                 if any(subject.format == model_format for subject in readers):
                     self.failure(outcome)

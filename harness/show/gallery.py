@@ -27,7 +27,8 @@ class Gallery(Rounds):
         super().__init__()
         self._found = CrossCheckResult()
         native = [subject for subject in subjects(library) if subject.format != EQUATIONS and is_native(library, subject)]
-        for name in names:
+        # A variant looks like its system.
+        for name in (name for name in names if not library.is_variant(name)):
             sound = [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))]
             if sound:
                 self._next.append(Task((self._drawn, name), draw_system, (library, name, sound), name))

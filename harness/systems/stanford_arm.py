@@ -1,13 +1,12 @@
-"""Stanford arm (RRPRRR): Scheinman's arm with a telescoping boom, and a three-axis wrist with a wide load.
+"""Stanford arm (RRPRRR): Scheinman's arm with a telescoping boom, and a three-axis wrist.
 
 Zero: boom upright, its foot in the shoulder. z points up. Axes from the base: +z, +y, +z (slide), +z, +y, +z, so that
 positive q2 tips the boom towards +x and positive q3 pushes the wrist out. d2 is the standard Denavit-Hartenberg
 parameter of Paul, who has theta3 = 0 and d6 = 0; the height of the shoulder is not felt. Every link frame is parallel
 to the base frame at zero; Paul's frames 1 and 4, with (x, y, z) along (x, -z, y), are turned by a quarter turn.
 The moments of inertia are about the origins of the link frames, with no products there. Of link 1 only the moment
-about the column is felt: its 9.29 kg are left out. Links 1 to 3 are Paul's; links 4 to 6 are this file's own, with a wide
-load: the published wrist's smallest moments make less than 1e-4 of the data roundoff, so that nothing is seen of them.
-Actuators are left out.
+about the column is felt: its 9.29 kg are left out, and so are the actuators. Link 4 is flat, as its moments say: they are
+2 to 1 to 1. The wrist's least moments make less than 1e-4 of the data roundoff.
 Source: Paul, Robot Manipulators: Mathematics, Programming, and Control, 1981, tables 6.4 and 6.5, after Bejczy, Robot
 arm dynamics and control, JPL TM 33-669, 1974; d2: Paul, Stanford AIM-177. Centres of mass in metres.
 """
@@ -41,14 +40,14 @@ SYSTEM = System(
     potential=potential,
     parameters={
         d2: (0.154, "m"),
-        **table("kg", masses, (5.01, 4.25, 1.5, 1.2, 2.0)),
-        **table("m", (y2, z3, y4, z4, z5, z6), (-0.1054, -0.6447, -0.03, -0.04, 0.05, 0.12)),
+        **table("kg", masses, (5.01, 4.25, 1.08, 0.63, 0.51)),
+        **table("m", (y2, z3, y4, z4, z5, z6), (-0.1054, -0.6447, -0.0054, -0.0092, 0.0566, 0.1554)),
         Izz1: (0.255, "kg m^2"),
         **table("kg m^2", I2, (0.108, 0.018, 0.1)),
         **table("kg m^2", I3, (2.51, 2.51, 0.006)),
-        **table("kg m^2", I4, (0.034, 0.03, 0.025)),
-        **table("kg m^2", I5, (0.023, 0.025, 0.02)),
-        **table("kg m^2", I6, (0.06, 0.065, 0.05)),
+        **table("kg m^2", I4, (0.002, 0.001, 0.001)),
+        **table("kg m^2", I5, (0.003, 0.003, 0.0004)),
+        **table("kg m^2", I6, (0.013, 0.013, 0.0003)),
         g: (9.81, "m/s^2"),
     },
     total_mass=sum(masses),

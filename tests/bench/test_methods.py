@@ -18,7 +18,7 @@ from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.study import BenchmarkSettings, _accelerations
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.equations.states import States
@@ -44,7 +44,7 @@ def scene(name: str) -> Scene:
 
 @functools.cache
 def states(name: str) -> States:
-    return sample(scene(name).mechanism, COUNT, seed=3)
+    return generic_sample(scene(name).mechanism, COUNT, seed=3)
 
 
 @functools.cache

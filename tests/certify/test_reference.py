@@ -24,7 +24,7 @@ from harness.certify.reference import (
     ReferenceKernel,
     energy_norm,
 )
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.equations.system import TIME, System
@@ -60,7 +60,7 @@ def flat(exact: Any, states: States, index: int) -> list[Any]:
 
 
 def random_states(mechanism: Mechanism, count: int) -> States:
-    return sample(mechanism, count, zlib.crc32(mechanism.name.encode()))
+    return generic_sample(mechanism, count, zlib.crc32(mechanism.name.encode()))
 
 
 @pytest.fixture(scope="session")

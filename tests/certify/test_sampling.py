@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
 from harness.certify import sampling
-from harness.certify.sampling import HUGE_ANGLES, TINY, sample, strategy
+from harness.certify.reference import ReferenceKernel, energy_norm
+from harness.certify.sampling import HUGE_ANGLES, TINY, Kind, generic_sample, kinds, sample, sample_in_blocks, sine_and_cosine, strategy
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -52,11 +53,68 @@ def test_a_seed_gives_the_same_states_and_another_seed_others(cart: Mechanism) -
     first, again, other = sample(cart, 33, 7), sample(cart, 33, 7), sample(cart, 33, 8)
     for name in ("q", "v", "tau"):
         assert np.array_equal(getattr(first, name), getattr(again, name))
-        assert not np.isin(getattr(first, name), getattr(other, name)).any()
+        drawn = getattr(first, name)[getattr(first, name).any(axis=1)]
+        assert len(drawn) > 20 and not np.isin(drawn, getattr(other, name)).any()
 
 
-def test_a_larger_sample_begins_with_the_smaller_one(cart: Mechanism) -> None:
-    assert np.array_equal(sample(cart, 100, 3).q[:10], sample(cart, 10, 3).q)
+@pytest.mark.parametrize("count", [10, 64, 2047, 2048, 2049, 40_000])
+def test_a_larger_sample_begins_with_the_smaller_one(cart: Mechanism, count: int) -> None:
+    """Both where all blocks are kept and where a long sample is drawn block by block."""
+    blocks = sample_in_blocks(cart, 70_000, 3)
+    larger = States.concatenate([next(blocks) for _ in range(-(-count // sampling.BLOCK))])[:count]
+    smaller = sample(cart, count, 3)
+    assert len(smaller) == count
+    for name in FIELDS:
+        assert getattr(larger, name).tobytes() == getattr(smaller, name).tobytes()
+
+
+@pytest.mark.costly
+def test_every_kind_of_state_is_in_every_sample(built_in_mechanism: Mechanism) -> None:
+    """A quarter at rest, a quarter without applied force, half of either both, and a quarter under forces of a real size."""
+    mechanism, count = built_in_mechanism, 64
+    states, kind = sample(mechanism, count, 5), kinds(count)
+    slowest = np.array([min(max(0.0, low), high) for low, high in mechanism.rate_ranges])
+    at_rest, unloaded = (states.v == slowest).all(axis=1), ~states.tau.any(axis=1)
+    assert at_rest.sum() == unloaded.sum() == count // 4
+    assert (at_rest & unloaded).sum() == count // 8
+    assert np.array_equal(at_rest, np.isin(kind, (Kind.STATIC, Kind.RELEASED)))
+    assert np.array_equal(unloaded, np.isin(kind, (Kind.FREE, Kind.RELEASED)))
+    assert np.array_equal(states[kind == Kind.GENERIC].q, generic_sample(mechanism, count // 2, 5).q)
+    for of_kind, loads in ((Kind.STATIC, mechanism.static_loads), (Kind.LOADED, mechanism.moving_loads)):
+        assert len(loads) == mechanism.nv and np.isfinite(loads).all()
+        felt = np.array(loads) > 0
+        assert (np.abs(states.tau[kind == of_kind]) <= np.array(loads))[:, felt].all()
+
+
+def test_forces_that_hold_a_mechanism_are_those_of_its_equations() -> None:
+    """A pendulum of 2 kg, 0.75 m from its pin, bears up to 2 * 9.81 * 0.75 N m at rest, and its damper besides."""
+    mechanism = load_mechanism(Library.built_in(), "bar_pendulum")
+    weight, damping = 2 * 9.81 * 0.75, 0.3 * 10
+    assert 0.5 * weight < mechanism.static_loads[0] <= weight
+    assert 0.5 * weight < mechanism.moving_loads[0] <= weight + damping
+
+
+def test_states_that_are_not_generic_show_an_error_of_gravity_at_the_first_joint_of_a_chain() -> None:
+    """Gravity there is wrong by a relative 1e-9; generic torques give the joint a hundred times the acceleration that it causes."""
+    mechanism = load_mechanism(Library.built_in(), "chain_6")
+
+    def shown(states: States) -> float:
+        """The largest error that the mistake causes [data roundoffs]."""
+        reference = ReferenceKernel(mechanism).evaluate(states)
+        terms = mechanism.float64().terms(states.q, states.v, states.tau)
+        mistake = np.zeros_like(states.tau)
+        mistake[:, 0] = 1e-9 * terms["gravity"][:, 0]
+        moved = np.linalg.solve(terms["mass"], mistake[:, :, None])[:, :, 0]
+        return float((energy_norm(reference.norm_factor, moved) / reference.roundoff_in_motion).max())
+
+    assert shown(sample(mechanism, 64, 0)) > 3 * shown(generic_sample(mechanism, 64, 0))
+
+
+def test_sines_of_turns_are_those_of_numpy_to_an_ulp() -> None:
+    turns = np.concatenate([np.arange(9) / 8, np.random.default_rng(1).random(2000)])
+    for found, expected in zip(sine_and_cosine(turns), (np.sin(2 * np.pi * turns), np.cos(2 * np.pi * turns)), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-15)
+    assert [part.tolist() for part in sine_and_cosine(np.array([0.0, 0.25, 0.5, 0.75]))] == [[0, 1, 0, -1], [1, 0, -1, 0]]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 70))
@@ -91,7 +149,7 @@ def without_rotations(states: States, mechanism: Mechanism) -> tuple[list[tuple[
 @pytest.mark.costly
 def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism) -> None:
     """256 points of a Sobol sequence put one into each of 256 equal slices of every single axis (Owen 1998)."""
-    states = sample(built_in_mechanism, 256, 11)
+    states = generic_sample(built_in_mechanism, 256, 11)
     check_ranges(states, built_in_mechanism)
     ranges, positions = without_rotations(states, built_in_mechanism)
     bounds = [bounds or (-math.pi, math.pi) for bounds in ranges]

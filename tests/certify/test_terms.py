@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.certify import terms as term_reference
 from harness.certify.forward_mode import jacobians
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
 from harness.crosscheck.tasks import reference_kernel
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names, term_errors
@@ -66,7 +66,7 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
 
 
 def judged(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text, seed: int = 0) -> TermComparison:
-    states = sample(mechanism, POSITIONS, seed)
+    states = generic_sample(mechanism, POSITIONS, seed)
     return compare_terms(mechanism, load(subject, mechanism, change), kernel_of(mechanism, subject), states, str(subject))
 
 
@@ -79,7 +79,7 @@ def test_derivatives_are_those_of_the_compiled_kernel(name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)
     charts = Charts(mechanism.charts(linear_velocity_in_body=False))
     for number, program in enumerate(charts.programs):
-        kernel, states = Float64Kernel(program), sample(mechanism, 20, 1)
+        kernel, states = Float64Kernel(program), generic_sample(mechanism, 20, 1)
         # Beside a chart's singularity its derivatives lose digits by cancellation.
         inputs = mechanism.inputs(states[charts.regularity(states.q)[number] > 0.5])
         found = jacobians(program, inputs)
@@ -115,7 +115,7 @@ def test_certified_terms_and_their_data_roundoff_are_those_of_mpmath(name: str, 
     """Values to 100 bits; sensitivities from central differences by every input, put together as the docstring says."""
     exact = exact_of(load_system(BUILT_IN.system_path(name))[0])
     mechanism, nv = load_mechanism(BUILT_IN, name), exact.nv
-    states = sample(mechanism, 2, seed_of(name))
+    states = generic_sample(mechanism, 2, seed_of(name))
     reference = certify_terms(ReferenceKernel(mechanism), states)
     assert all(certified.all() for certified in reference.certified.values())
     equations = exact.equations
@@ -165,7 +165,7 @@ def test_certified_terms_and_their_data_roundoff_are_those_of_mpmath(name: str, 
 
 def test_dual_norm_is_the_energy_norm_of_the_accelerations() -> None:
     mechanism = load_mechanism(BUILT_IN, "arm_3r")
-    reference = certify_terms(ReferenceKernel(mechanism), sample(mechanism, 4, 3))
+    reference = certify_terms(ReferenceKernel(mechanism), generic_sample(mechanism, 4, 3))
     forces = np.random.default_rng(0).standard_normal((4, 3))
     moved = np.linalg.solve(reference.high.mass, forces[:, :, None])[:, :, 0]
     assert dual_norm(reference.norm_factor, forces) == pytest.approx(np.sqrt(np.einsum("ni,nij,nj->n", moved, reference.high.mass, moved)))
@@ -174,7 +174,7 @@ def test_dual_norm_is_the_energy_norm_of_the_accelerations() -> None:
 @pytest.mark.parametrize("name", ["arm_2r", "heavy_top"])
 def test_batches_and_charts_keep_the_order_of_states(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mechanism = load_mechanism(BUILT_IN, name)
-    states = sample(mechanism, 40, 8)
+    states = generic_sample(mechanism, 40, 8)
     kernel = ReferenceKernel(mechanism)
     whole = certify_terms(kernel, states)
     assert name == "arm_2r" or len(list(kernel.by_chart(states))) > 1
@@ -224,7 +224,7 @@ def test_terms_of_sound_engines_agree_and_sum_to_nothing(name: str) -> None:
     See test_engine_properties for the tolerance of the sum.
     """
     mechanism = load_mechanism(BUILT_IN, name)
-    states = sample(mechanism, POSITIONS, seed_of(name))
+    states = generic_sample(mechanism, POSITIONS, seed_of(name))
     references: dict[ReferenceKernel, TermReference] = {}
     for subject in SUBJECTS:
         try:
@@ -262,7 +262,7 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
             continue
         kernel = kernel_of(mechanism, subject)
         for seed in range(10):
-            found = compare_terms(mechanism, model, kernel, sample(mechanism, 64, seed), str(subject))
+            found = compare_terms(mechanism, model, kernel, generic_sample(mechanism, 64, seed), str(subject))
             assert not found.wrong, (seed, found.sentences)
 
 
@@ -387,7 +387,7 @@ class Changed:
 def compared(terms: Callable[[Terms], Terms], accelerations: Callable[[Array], Array] = lambda a: a) -> TermComparison:
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
     model = Changed(load(Subject("pinocchio", "urdf"), mechanism), terms, accelerations)
-    return compare_terms(mechanism, model, ReferenceKernel(mechanism), sample(mechanism, POSITIONS, 0), "changed")
+    return compare_terms(mechanism, model, ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), "changed")
 
 
 def test_forces_on_the_wrong_joint_show_once_there_are_any() -> None:
@@ -423,13 +423,18 @@ def test_a_term_that_is_no_number_is_an_error() -> None:
     assert (finding.term, finding.verdict, finding.wrong, finding.states) == (GRAVITY, Verdict.ERROR, 1, 3 * POSITIONS)
     assert finding.sentence == f"gravity: not finite at 1 of {3 * POSITIONS} states, at rest already"
     assert finding.backward_error is None
-    assert finding.worst_state["q"] == sample(load_mechanism(BUILT_IN, "arm_2r"), POSITIONS, 0).q[3].tolist()
+    assert finding.worst_state["q"] == generic_sample(load_mechanism(BUILT_IN, "arm_2r"), POSITIONS, 0).q[3].tolist()
 
 
 def test_digits_that_solving_loses_show_no_wrong_term() -> None:
     mechanism = load_mechanism(BUILT_IN, "chain_12")
     found = compare_terms(
-        mechanism, load(Subject("mujoco", "mjcf"), mechanism), ReferenceKernel(mechanism), straight(mechanism), "mujoco/mjcf"
+        mechanism,
+        load(Subject("mujoco", "mjcf"), mechanism),
+        ReferenceKernel(mechanism),
+        straight(mechanism),
+        "mujoco/mjcf",
+        factorises=True,
     )
     assert (found.wrong, found.loses_digits, found.accelerations_since) == ((), True, AT_REST)
     assert found.sentences == ("no term is wrong; solving for the accelerations loses digits, at rest already",)
@@ -437,7 +442,7 @@ def test_digits_that_solving_loses_show_no_wrong_term() -> None:
 
 def straight(mechanism: Mechanism) -> States:
     """A chain in one line, on which MuJoCo's factorisation loses digits."""
-    states = sample(mechanism, POSITIONS, 0)
+    states = generic_sample(mechanism, POSITIONS, 0)
     position = np.zeros_like(states.q)
     position[:, 0] = np.linspace(0.5, 2.5, POSITIONS)
     return States(position, states.v, states.tau, states.time)
@@ -450,13 +455,13 @@ def test_an_engine_without_terms_is_judged_by_its_accelerations_alone() -> None:
     class Silent:
         loaded, forward_dynamics = model.loaded, model.forward_dynamics
 
-    found = compare_terms(mechanism, Silent(), ReferenceKernel(mechanism), sample(mechanism, POSITIONS, 0), "silent")
+    found = compare_terms(mechanism, Silent(), ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), "silent")
     assert (found.findings, found.accelerations_since, found.sentences) == ((), "", ("the engine states no terms",))
 
 
 def compared_by_mujoco(mechanism: Mechanism, file: ModelFile) -> TermComparison:
     model = load_engine(BUILT_IN, "mujoco").load(file, mechanism.joints, mechanism.gravity)
-    return compare_terms(mechanism, model, ReferenceKernel(mechanism), sample(mechanism, POSITIONS, 1), "mujoco/mjcf")
+    return compare_terms(mechanism, model, ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 1), "mujoco/mjcf")
 
 
 def test_it_is_said_in_plain_data_and_a_sentence() -> None:

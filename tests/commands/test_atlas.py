@@ -16,8 +16,8 @@ from support import Stage, where
 from harness import workers
 from harness.cli import main
 from harness.engines import select_subjects
-from harness.hard.atlas import measure
 from harness.hard.cases import hard_cases
+from harness.hard.measurement import measure
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings
 from harness.library import Library
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
@@ -113,11 +113,11 @@ def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..
 def test_a_verdict_that_is_expected_comes_with_its_reason(stage: Stage, invoke: Callable[..., Result]) -> None:
     worse = replace(POINT, verdict="unstable", backward_error=1e5)
     stage.answers = lambda task: Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
-    result = invoke("massless_knee", "--subject", "mujoco/mjcf", "--subject", "lagrange")
+    result = invoke("vanishing_wrist", "--subject", "mujoco/mjcf", "--subject", "lagrange")
     assert result.exit_code == 0, result.output
     assert "every verdict is as expected" in result.output
-    [reason] = re.findall(r"^massless_knee, lagrange, mujoco/mjcf: unstable is expected: (.*)$", result.output, re.MULTILINE)
-    assert "the last pivot is the knee's own mass; give the knee an inertia" in reason and "section 10.1" in reason
+    [reason] = re.findall(r"^vanishing_wrist, lagrange, mujoco/mjcf: unstable is expected: (.*)$", result.output, re.MULTILINE)
+    assert "nothing between them weighs; give every joint its rotor's reflected inertia" in reason and "section 10.1" in reason
 
 
 def test_a_step_beyond_theory_fails(stage: Stage, invoke: Callable[..., Result]) -> None:

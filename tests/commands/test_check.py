@@ -15,13 +15,16 @@ import time
 from pathlib import Path
 
 import pytest
-from catalogue import STATES
 from support import harness, harness_in_a_process, make_library
 
 from harness.library import Library
 from harness.results.hard_states import load_found
 
-SYSTEMS = Library.built_in().system_names()
+BUILT_IN = Library.built_in()
+SYSTEMS = BUILT_IN.system_names()
+# A mechanism's own models are asked of every subject, a variant of those that read its formats.
+RECORDS = 5 * len(SYSTEMS) + 2 * sum(len(BUILT_IN.formats_of(name)) for name in BUILT_IN.variant_names())
+FEW = 40
 CONTRACT = {
     "system",
     "subject",
@@ -49,21 +52,21 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> None:
-    # What the tests of harness/systems ask by way of pytest; here it is the contract of the command that counts.
-    done = harness_in_a_process("check", "--states", str(STATES), "--json", "out.json", cwd=tmp_path)
+    # The tests of harness/systems ask the same at more states; here it is the contract of the command that counts.
+    done = harness_in_a_process("check", "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     # A line of progress every ten seconds.
     assert [line for line in done.stderr.splitlines() if not line.startswith("harness: cross-check: ")] == []
     data = json.loads((tmp_path / "out.json").read_text())
     assert {"harness", "python", "mujoco", "pin", "sympy"} <= set(data["harness"])
-    assert len(data["records"]) == 5 * len(SYSTEMS)
+    assert len(data["records"]) == RECORDS
     for record in data["records"]:
         assert set(record) >= CONTRACT
         assert record["verdict"] == record["expected"]
         if record["verdict"] == "agrees":
-            assert record["states"] == STATES + len(load_found(Library.built_in(), record["system"]))
+            assert record["states"] == FEW + len(load_found(BUILT_IN, BUILT_IN.system_of(record["system"])))
             assert 0 < record["backward_error"] <= 64
-        row = rf"^{record['system']} +{re.escape(record['subject'])} +{record['states']:,} +{record['verdict']}"
+        row = rf"^{re.escape(record['system'])} +{re.escape(record['subject'])} +{record['states']:,} +{record['verdict']}"
         assert re.search(row, done.stdout, re.MULTILINE)
 
 
@@ -111,7 +114,7 @@ def test_failing_examples_are_kept_and_tried_first(library: Path, tmp_path: Path
     record = json.loads((tmp_path / "out.json").read_text())["records"][0]
     assert record["verdict"] == "disagrees"
     kept = record["representative"]["state"] if record["representative"] else record["worst_state"]
-    assert record["origins"]["searched"] > 4 and 0.0 in kept["v"]
+    assert record["origins"] == {"stored": 0, "sampled": 4, "searched": 4, "simplest": 2} and 0.0 in kept["v"]
 
 
 def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: Path) -> None:
@@ -184,9 +187,8 @@ BROKEN_SYSTEMS = {
 def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
     for name, (source, _, _) in BROKEN_SYSTEMS.items():
         (library / "systems" / f"{name}.py").write_text(source)
-    done = harness_in_a_process(
-        "check", "--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5", cwd=library
-    )
+    arguments = ("--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "10")
+    done = harness("check", *arguments, isolated=True, cwd=library)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     verdicts: dict[str, set[str]] = {}

@@ -57,7 +57,9 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wrong += [(name, "silent/mjcf", "error", 1e12) for name in ("arm_2r", "bar_pendulum")]
     keys = ("system", "subject", "verdict", "backward_error")
     tables = ["\n".join(f"{key} = {json.dumps(value)}" for key, value in zip(keys, one, strict=True)) for one in wrong]
-    (root / "expected_verdicts.toml").write_text("".join(f'[[expected]]\n{text}\nreason = "planted"\nlink = "here"\n' for text in tables))
+    entries = "".join(f'[[expected]]\n{text}\nreason = "planted"\nlink = "here"\n' for text in tables)
+    differs = 'system = "bar_pendulum"\nquantity = "gravity"\njoint = ""\nulps = 1e9\nreason = "planted"\nlink = "here"\n'
+    (root / "expected_verdicts.toml").write_text(f"{entries}[[differs]]\n{differs}")
     done = harness("report", "--library", str(root), "--out", "out", cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
     return root / "out"
@@ -122,9 +124,11 @@ def test_where_states_come_from_is_said(reported: Path) -> None:
         assert origins["sampled"] == 500 and origins["stored"] == (record["system"] == "arm_2r")
     done = harness("check", "arm_2r", "--library", str(reported.parent), "--subject", "lagrange", cwd=reported)
     [line] = [line for line in done.stdout.splitlines() if line.startswith("states:")]
-    assert line.startswith("states: 500 sampled, 500 searched for by hypothesis") and ", 1 stored with the system" in line
+    assert (
+        line.startswith("states: 500 sampled, 500 searched for by hypothesis") and "; on top 1 stored with the system, 0 simplest" in line
+    )
     for text in (Page((reported / "index.html").read_text()).text, (reported / "report.md").read_text()):
-        assert "500 sampled" in text and "0 to 1 stored with the system" in text
+        assert "500 sampled" in text and "; on top 0 to 1 stored with the system" in text
     given = harness(*shlex.split(document["records"][0]["replay"])[1:], cwd=reported)
     assert "states:" not in given.stdout
 

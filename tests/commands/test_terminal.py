@@ -19,9 +19,9 @@ from support_results import RECORD, RUN
 from harness.commands import _options, _terminal
 from harness.commands.bench import _print_benchmark
 from harness.commands.faults import _print_faults, _print_left_out
+from harness.crosscheck.held import Difference
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
-from harness.diagnosis.held import Difference
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.models.text import Place
@@ -97,8 +97,9 @@ CAUSE = Cause(
 )  # fmt: skip
 FAULT = Fault(system=EVIL, format=EVIL, kind=EVIL, statement=EVIL, where=((1, EVIL, EVIL),), answer=EVIL, blamed=EVIL, cleared=EVIL)
 KIND = KindOfFault(
-    kind=EVIL, planted=1, live=1, caught=1, judged=1, named=1, in_class=1, blamed=0, smallest=1e-9, theory=1e-9, seconds=1.0, longest=1.0
-)
+    kind=EVIL, planted=1, live=1, caught=1, judged=1, named=1, in_class=1, blamed=0, smallest=1e-9, theory=1e-9, seconds=1.0, longest=1.0,
+    known=True, diagnosed=1, found=1, found_in_class=1, right=1, misled=0, stopped=0,
+)  # fmt: skip
 CHANGE = SmallestChange(
     system=EVIL, subject=EVIL, file=EVIL, place=Place(3, EVIL, EVIL, 0, EVIL), statement=EVIL, value=1.0, smallest=1e-9, theory=1e-9
 )

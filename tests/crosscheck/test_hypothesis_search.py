@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from harness.arrays import Array
+from harness.certify.compare import Comparison
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import HUGE_ANGLES, sample
-from harness.crosscheck import hypothesis_search
+from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.hypothesis_search import BLOCK, Found, explore, search
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, load_audited
@@ -76,7 +78,7 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             model = load_audited(assignment)
             return Faulty(model, change) if str(assignment.subject) == subject else model
 
-        monkeypatch.setattr(hypothesis_search, "load_audited", load)
+        monkeypatch.setattr(tasks, "load_audited", load)
 
     return planting
 
@@ -145,6 +147,12 @@ def test_the_search_beats_a_sample_of_as_many_states(name: str) -> None:
     assert np.exp(np.mean(gains)) > 1.25
 
 
+def test_all_states_are_judged_where_hypothesis_ends_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it does where it has drawn every state that there is."""
+    monkeypatch.setattr(hypothesis_search, "strategy", lambda mechanism: st.just(States.at([0.5, 0.5], [0, 0], [0, 0])))
+    assert len(found(search(assignments_of("arm_2r", "lagrange"), 4 * BLOCK, 0, None, quiet), "lagrange").states) == 4 * BLOCK
+
+
 # Failures.
 
 
@@ -153,6 +161,7 @@ def test_the_simplest_failing_state_is_shown_and_the_others_go_on(plant: Callabl
     results = search(assignments_of("arm_2r", "mujoco/mjcf", "mujoco/urdf"), EXAMPLES, 0, None, quiet)
     wrong, right = found(results, "mujoco/mjcf"), found(results, "mujoco/urdf")
     assert wrong.simplest_failure == EXAMPLES == len(wrong.states) - 1
+    assert (wrong.added, right.added) == (1, 0)
     assert wrong.comparison.verdicts[-1] == Verdict.DISAGREES
     simplest = wrong.states[EXAMPLES:]
     assert not (simplest.q.any() or simplest.v[0, 0])
@@ -285,3 +294,22 @@ def test_a_range_that_holds_neither_zero_nor_tiny_numbers_keeps_to_itself() -> N
     variation = Variation(narrow, np.random.default_rng(0))
     for rows in (variation.fresh(100), variation.near(variation.fresh(100))):
         assert np.all((rows[:, :4] >= 0.5) & (rows[:, :4] <= 1.5))
+
+
+@pytest.mark.parametrize("error", [MemoryError("no room for the truth"), SystemExit(3)], ids=["exception", "exit"])
+def test_what_fails_in_the_last_block_is_raised_as_it_is(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Hypothesis asks again where it sees an exception, and calls one flaky that does not come a second time."""
+    blocks = 0
+
+    def judge(panel: object, states: States) -> dict[str, Comparison]:
+        nonlocal blocks
+        blocks += 1
+        if blocks == 2:
+            raise error
+        return {}
+
+    monkeypatch.setattr(hypothesis_search._Panel, "judge", judge)
+    monkeypatch.setattr(hypothesis_search, "FRESH_SHARE", 1.0)
+    with pytest.raises(type(error)) as caught:
+        explore(Assignment.of(BUILT_IN, "bar_pendulum", Subject("mujoco", "mjcf")), 2 * BLOCK, 1, lambda text: None)
+    assert caught.value is error

@@ -18,6 +18,7 @@ from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
+from harness.crosscheck.tasks import find_superfluous
 from harness.equations.states import States
 from harness.library import Library
 from harness.results.records import Record
@@ -74,8 +75,9 @@ def test_the_truth_of_a_batch_is_certified_once_for_all_subjects(monkeypatch: py
     settings = Settings(library=BUILT_IN, names=["bar_pendulum"], states=300, examples=None)
     records, _ = cross_checked(settings)
     assert len(records) == 5 and {record.states for record in records} == {300}
-    # Beside the states themselves: one state to compile with, and the few of each examination for superfluous parts.
-    assert 300 <= sum(certified) <= 300 + 1 + 2 * 9
+    # Beside the states themselves: one state to compile with, the few of each examination for superfluous parts, and the worst
+    # state of each subject.
+    assert 300 <= sum(certified) <= 300 + 1 + 2 * 9 + 5
 
 
 def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: Path) -> None:
@@ -121,6 +123,36 @@ def test_a_death_while_certifying_is_nobodys_engine(tmp_path: Path) -> None:
     records, study = cross_checked(Settings(library=BUILT_IN, names=["bar_pendulum"], states=40, examples=None), Dying())
     assert {record.message for record in records} == {"the reference failed: crashed by signal 9 (SIGKILL)"}
     assert study.crashes == {("bar_pendulum", None)}
+
+
+class CutOff(InThisProcess):
+    """Workers on which every search for superfluous parts runs out of time."""
+
+    def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
+        for outcome in super().run(tasks, further):
+            late = outcome.task.function is find_superfluous
+            yield Outcome(outcome.task, crash=Crash("exceeded its time limit of 60 s; more", "", "")) if late else outcome
+
+
+def test_a_search_for_superfluous_parts_that_is_cut_off_changes_no_verdict() -> None:
+    records, study = cross_checked(Settings(library=BUILT_IN, names=["bar_pendulum"], states=40, examples=None), CutOff())
+    assert {record.verdict for record in records} == {"agrees"} and all(record.as_expected for record in records)
+    searched = {record.subject: record.message for record in records if record.message}
+    assert set(searched) == {"mujoco/mjcf", "pinocchio/urdf"}
+    assert set(searched.values()) == {"The search for superfluous parts was not finished: exceeded its time limit of 60 s; more."}
+    assert not study.crashed and not study.crashes and study.problems == []
+
+
+@pytest.mark.nightly
+def test_an_engine_that_is_slow_with_changed_files_agrees(tmp_path: Path) -> None:
+    """It takes 10 ms a state, and forever where gravity is not the system's, which only the search for superfluous parts asks."""
+    body = "time.sleep(0.01 * len(q) if abs(self._model.loaded().gravity[2] + 9.81) < 1e-9 else 1000)"
+    planted = library(tmp_path, slow=body)
+    with Workers(1, time_limit=5) as workers:
+        records, study = cross_checked(Settings(library=planted, states=20, subjects=["slow/mjcf"], examples=None), workers)
+    [slow] = records
+    assert (slow.verdict, slow.states) == ("agrees", 20) and not study.crashed
+    assert slow.message.startswith("The search for superfluous parts was not finished: exceeded its time limit of 5 s")
 
 
 def test_a_system_that_hangs_delays_no_other(tmp_path: Path) -> None:
@@ -226,3 +258,32 @@ def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> No
     planted = library(tmp_path, hungry="raise MemoryError")
     records, _ = cross_checked(Settings(library=planted, states=40, examples=None))
     assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: fewer --workers (pytest: --harness-workers)")
+
+
+def test_a_record_has_the_componentwise_error_where_it_is_asked_for_or_may_matter(tmp_path: Path) -> None:
+    """An answer off by 1e-9 is beyond agreement by the norm, and by components no nearer; a sound one is certainly near."""
+    settings = Settings(
+        library=library(tmp_path, wrong="return self._model.forward_dynamics(q, v, tau) * (1 + 1e-9)"),
+        subjects=["mujoco/mjcf", "wrong/mjcf"],
+        states=20,
+        examples=None,
+    )
+    sound, wrong = cross_checked(settings)[0]
+    assert sound.verdict == "agrees" and sound.componentwise_error is None
+    assert wrong.componentwise_error is not None and wrong.backward_error is not None
+    # One degree of freedom: the answer's own rounding is all that a component may have beyond the norm.
+    assert 0.4 * wrong.backward_error < wrong.componentwise_error <= 1.001 * wrong.backward_error
+    asked = cross_checked(replace(settings, componentwise=True))[0]
+    assert all(record.componentwise_error for record in asked)
+    assert "componentwise" in wrong.explanation and "componentwise" not in sound.explanation
+
+
+def test_what_fails_while_it_is_measured_costs_the_number_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*arguments: Any) -> float:
+        raise RuntimeError("the solver gave up")
+
+    monkeypatch.setattr("harness.crosscheck.tasks.componentwise_error", fail)
+    settings = Settings(library=library(tmp_path), subjects=["mujoco/mjcf"], states=20, examples=None, componentwise=True)
+    records, study = cross_checked(settings)
+    assert [(record.verdict, record.componentwise_error) for record in records] == [("agrees", None)]
+    assert study.problems == [] and study.faults == []

@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support import harness, make_library
+from catalogue import MODELS
+from support import harness, make_library, pytest_in_this_process
 
+from harness.arrays import Array
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import superfluous
 from harness.crosscheck.tasks import Assignment
-from harness.engines import Subject, is_native, subjects
+from harness.engines import Model, Subject, accelerations, is_native, subjects
+from harness.equations.states import States
 from harness.library import Library
 from harness.models.model_file import parse_model
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory
+from harness.verdict import Verdict
 
 LIBRARY = Library.built_in()
+EXPECTATIONS = load_expectations(LIBRARY)
 PAIRS = [
     (name, subject)
-    for name in LIBRARY.system_names()
+    for name, model_format in MODELS
     for subject in subjects(LIBRARY)
-    if subject.format != "equations" and is_native(LIBRARY, subject) and LIBRARY.has_model(name, subject.format)
+    if subject.format == model_format and is_native(LIBRARY, subject)
+    # A model that no engine reads is felt by none.
+    if (name, str(subject)) not in EXPECTATIONS or EXPECTATIONS[name, str(subject)].verdict != Verdict.UNSUPPORTED
 ]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 
@@ -304,6 +310,27 @@ def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.Monk
         assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
 
 
+def test_a_number_that_is_felt_costs_one_state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Both models as they are at eight states each, and each of the cart's numbers at the first that feels it."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    asked: list[int] = []
+
+    def counted(model: Model, states: States) -> Array:
+        asked.append(len(states))
+        return accelerations(model, states)
+
+    monkeypatch.setattr("harness.crosscheck.superfluous.accelerations", counted)
+    assert superfluous(Assignment.of(LIBRARY, "cart_pendulum", MUJOCO)) == []
+    assert asked[:1] == [8] and sum(asked) < 2 * 8 + 2 * len(asked)
+
+
+def test_a_search_that_uses_up_its_evaluations_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    monkeypatch.setattr("harness.crosscheck.superfluous.MOST_EVALUATIONS", 5)
+    [found] = superfluous(Assignment.of(LIBRARY, "cart_pendulum", MUJOCO))
+    assert found.element == "mujoco" and found.why == "is examined in part: 5 evaluations of changed models are used up"
+
+
 def test_a_model_that_is_wrong_as_it_is_is_not_examined() -> None:
     path = LIBRARY.model_path("cart_pendulum", "mjcf")
     wrong = with_text("cart_pendulum", MUJOCO, path.read_text().replace(' sensor="disable"', ""))
@@ -329,20 +356,7 @@ def built_in_at(root: Path) -> Library:
     return replace(Library.at(root), name=LIBRARY.name, engines=LIBRARY.engines)
 
 
-# For a process of its own, before anything of the harness is asked.
-AS_BUILT_IN = """
-from dataclasses import replace
-from harness.library import Library
-
-LIBRARY = Library.built_in()
-Library.built_in = classmethod(lambda cls: replace(cls.at({root!r}), name=LIBRARY.name, engines=LIBRARY.engines))
-"""
 OPTIONS = ("--states", "40", "--json", "out.json")
-
-
-def run_pytest(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-v", "--harness-states", "40", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
 
 
 def test_a_surplus_is_a_warning_that_is_printed_and_in_the_json(library: Path) -> None:
@@ -378,12 +392,13 @@ def test_a_surplus_of_the_built_in_library_fails(library: Path, monkeypatch: pyt
     assert harness("diagnose", "bar_pendulum", *OPTIONS, cwd=library).returncode == 1
 
 
-def test_a_surplus_warns_in_pytest_and_fails_the_built_in_regression_of_its_subject(library: Path) -> None:
-    done = run_pytest("--harness-library", str(library), cwd=library)
+def test_a_surplus_warns_in_pytest_and_fails_the_built_in_regression_of_its_subject(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = ("-v", "--harness-states", "40", "--harness-library")
+    done = pytest_in_this_process(*options, str(library), cwd=library)
     assert done.returncode == 0 and "5 passed, 1 warning" in done.stdout
     assert "superfluous parts of the model:" in done.stdout and "<origin> is not used" in done.stdout
-    (library / "as_built_in.py").write_text(AS_BUILT_IN.format(root=str(library)))
-    done = run_pytest("-p", "as_built_in", "--harness-library", "built-in", "-o", "pythonpath=.", cwd=library)
+    monkeypatch.setattr(Library, "built_in", classmethod(lambda cls: built_in_at(library)))
+    done = pytest_in_this_process(*options, "built-in", cwd=library)
     assert done.returncode == 1
     assert "1 failed, 4 passed" in done.stdout
     assert "bar_pendulum.py::pinocchio/urdf FAILED" in done.stdout

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import InThisProcess, cross_checked
+from support import InThisProcess, cross_checked, make_library
 
 from harness.crosscheck.settings import Settings
 from harness.diagnosis import causes
@@ -98,7 +98,7 @@ def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
         raise ValueError
 
     monkeypatch.setattr(causes, "examine", examine)
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    settings = Settings(library=LIBRARY, names=["simple_pendulum"], stand_ins={"mjcf": tmp_path / "simple_pendulum.xml"})
     list(find_causes(settings, records, workers))
     assert given == [EVALUATIONS]
     given.clear()
@@ -118,3 +118,48 @@ def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
         ("mujoco/mjcf", "", True),
         ("pinocchio/mjcf", "", True),
     }
+
+
+def point_mass(root: Path, moment_in_urdf: str) -> Path:
+    """A library with a pendulum of 1 kg on 0.2 m, which feels an inertia of 1e-15 kg m^2 by 2.5e-14."""
+    make_library(root, ["simple_pendulum"])
+    for path, changes in {
+        "systems/simple_pendulum.py": [("m: (1.5", "m: (1.0"), ("L: (2.0", "L: (0.2")],
+        "mjcf/simple_pendulum.xml": [('mass="1.5"', 'mass="1"'), ('pos="0 0 -2"', 'pos="0 0 -0.2"')],
+        "urdf/simple_pendulum.urdf": [
+            ('mass value="1.5"', 'mass value="1"'),
+            ('xyz="0 0 -2"', 'xyz="0 0 -0.2"'),
+            *((f'{name}="0"', f'{name}="{moment_in_urdf}"') for name in ("ixx", "iyy", "izz")),
+        ],
+    }.items():
+        text = (root / path).read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (root / path).write_text(text)
+    return root
+
+
+@pytest.mark.parametrize(("moment_in_urdf", "formats"), [("0", {"mjcf"}), ("1e-15", {"mjcf", "urdf"})])
+def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path, moment_in_urdf: str, formats: set[str]) -> None:
+    """And no mass, length or gravity of fifteen digits, which would explain it as well."""
+    library = Library.at(point_mass(tmp_path / "library", moment_in_urdf))
+    settings = Settings(library=library, states=40, examples=None)
+    records, _ = cross_checked(settings)
+    assert {record.subject.partition("/")[2] for record in records if not record.as_expected} == formats
+    causes = {cause.subject: cause.first_line for cause in find_causes(settings, records, InThisProcess())}
+    remedies = {"mjcf": "take it off the inertia of a body that turns with this one", "urdf": "write 0, which a URDF may hold"}
+    assert len(causes) == 2 * len(formats)
+    for subject, line in causes.items():
+        assert '1e-15">' in line or '="1e-15 1e-15 1e-15">' in line
+        assert "the least inertia that MuJoCo accepts, 1e-15 kg m^2, is felt here" in line and remedies[subject.partition("/")[2]] in line
+
+
+def test_a_mass_that_is_wrong_beside_a_least_inertia_is_named_itself(tmp_path: Path) -> None:
+    library = Library.at(point_mass(tmp_path / "library", "0"))
+    model = library.model_path("simple_pendulum", "mjcf")
+    model.write_text(model.read_text().replace('mass="1"', 'mass="1.0000001"'))
+    settings = Settings(library=library, states=40, subjects=["mujoco/mjcf"], examples=None)
+    records, _ = cross_checked(settings)
+    [cause] = find_causes(settings, records, InThisProcess())
+    assert "least inertia" not in cause.first_line

@@ -23,12 +23,7 @@ from harness import workers
 from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
-from harness.crosscheck.tasks import Assignment
-from harness.diagnosis.base_parameters import are_parallel, base_parameters
-from harness.diagnosis.causes import Scope, diagnose_subject
-from harness.diagnosis.fit import fit, shortest_decimal
-from harness.diagnosis.model_side import diagnose
-from harness.diagnosis.perturbation import (
+from harness.crosscheck.perturbation import (
     Column,
     Whitening,
     diagnostic_states,
@@ -37,6 +32,11 @@ from harness.diagnosis.perturbation import (
     numeric_candidates,
     watch,
 )
+from harness.crosscheck.tasks import Assignment
+from harness.diagnosis.base_parameters import are_parallel, base_parameters
+from harness.diagnosis.causes import Scope, diagnose_subject
+from harness.diagnosis.fit import fit, shortest_decimal
+from harness.diagnosis.model_side import diagnose
 from harness.diagnosis.result import Conclusion, Diagnosis
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
@@ -205,7 +205,7 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     # Half of what the verdict allows an unstable factorisation.
     allowed = 0.5 * own.reference.instability / (own.reference.sensitivity + own.reference.motion)
     lost = noise * (allowed / np.linalg.norm(Whitening(own.reference).change(noise), axis=1))[:, None]
-    diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference)
+    diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, factorises=True)
     assert diagnosis.conclusion == Conclusion.UNSTABLE
     assert "the digits are the engine's" in diagnosis.first_line
 

@@ -1,4 +1,4 @@
-"""A relative change of 1e-11 of any number in any model that enters the equations turns the check red.
+"""A relative change of 1e-11 of any number in any model that enters the equations turns the check red, where data roundoff is less.
 
 Every model of the library is walked, and the smallest change that is caught stands beside what the data
 roundoff promises. At the desk a seeded few numbers of each model are walked, in CI and by night all of them.
@@ -28,6 +28,7 @@ from harness.certify.sampling import sample
 from harness.cli import main
 from harness.crosscheck import tasks
 from harness.crosscheck.expected import AGREES
+from harness.crosscheck.perturbation import watch
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.diagnosis.faults import baseline, campaign
@@ -36,7 +37,6 @@ from harness.diagnosis.faults.campaign import number_faults, smallest_changes
 from harness.diagnosis.faults.study import select_pairs
 from harness.diagnosis.faults.summary import SmallestChange
 from harness.diagnosis.hypotheses import Planted
-from harness.diagnosis.perturbation import watch
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput, InvalidModel
@@ -52,6 +52,8 @@ CHANGE = 1e-11
 SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 
 
+# Systems with a link so light that data roundoff hides a change of 1e-11 of its moments.
+LIGHT = {"stanford_arm"}
 # How many numbers of each model are walked by day.
 FEW = 8 if IN_CI else 4
 EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=pytest.mark.nightly)]
@@ -72,11 +74,16 @@ def smallest(name: str, subject: Subject, most: int | None) -> list[SmallestChan
     return found if most is None or len(found) >= 2 else smallest(name, subject, 2 * most if most < 50 else None)
 
 
+def change_of(number: SmallestChange) -> float:
+    """1e-11, or twice what data roundoff hides where that is more, as of the moments of the Stanford arm's light wrist."""
+    return CHANGE if number.theory <= CHANGE else 2.0 * number.theory
+
+
 def with_change(name: str, subject: Subject, number: SmallestChange) -> str:
-    """The file with a change of 1e-11 of a number, in the direction that physics allows."""
+    """The file with a number changed by ``change_of`` it, in the direction that physics allows."""
     model = read_model(LIBRARY.model_path(name, subject.format), subject.format)
     planted = next(one for one in number_faults(model) if (one.places[0], one.statement) == (number.place, number.statement))
-    for size in (CHANGE, -CHANGE):
+    for size in (change_of(number), -change_of(number)):
         with contextlib.suppress(InvalidModel):
             return parse_model(model.path, planted.text(size), model.format).text
     raise AssertionError(number)
@@ -108,19 +115,24 @@ def test_what_is_caught_is_what_theory_says(name: str, subject: Subject, most: i
 @pytest.mark.costly
 @pytest.mark.parametrize("most", EVERY_NUMBER)
 @pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
-def test_a_change_of_1e_11_of_any_live_number_turns_the_check_red(name: str, subject: Subject, most: int | None, tmp_path: Path) -> None:
+def test_a_change_of_any_live_number_turns_the_check_red(name: str, subject: Subject, most: int | None, tmp_path: Path) -> None:
     numbers = smallest(name, subject, most)
     hardest = max(number.smallest for number in numbers)
     # What the sampled states alone catch needs no run of its own; the hardest goes all the way, to the search and the record.
     changed = tmp_path / LIBRARY.model_path(name, subject.format).name
     for number in numbers:
-        if number.smallest <= CHANGE and number.smallest < hardest:
+        if number.smallest <= change_of(number) and number.smallest < hardest:
             continue
         changed.write_text(with_change(name, subject, number))
         cross_check, record = check(name, subject, changed)
         assert not cross_check.problems
-        assert record.verdict in ("disagrees", "unstable"), number
+        assert record.verdict == "disagrees", number
         assert not record.as_expected, number
+
+
+@pytest.mark.nightly
+def test_data_roundoff_hides_a_change_of_1e_11_of_the_lightest_links_alone() -> None:
+    assert {name for name, subject in PAIRS for number in smallest(name, subject, None) if number.theory > CHANGE} == LIGHT
 
 
 @pytest.mark.parametrize("most", EVERY_NUMBER)
@@ -135,9 +147,9 @@ def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> 
     """The check accepts a hundred times what the data roundoff of the states allows: no number reaches theory."""
     accepted = compare
 
-    def blunt(reference: Reference, accelerations: np.ndarray) -> object:
+    def blunt(reference: Reference, accelerations: np.ndarray, factorises: bool) -> object:
         middle = reference.high + reference.low
-        return accepted(reference, middle + (accelerations - middle) / 100)
+        return accepted(reference, middle + (accelerations - middle) / 100, factorises)
 
     monkeypatch.setattr(baseline, "compare", blunt)
     for subject in subjects(LIBRARY):
@@ -185,14 +197,15 @@ def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
     model = read_model(LIBRARY.model_path("chain_6", "mjcf"), "mjcf")
     healthy = watch(load_engine(LIBRARY, "mujoco"), mechanism, model, states).healthy
     reference = ReferenceKernel(mechanism).evaluate(states)
-    assert gravest(compare(reference, healthy).verdicts.tolist()) == "unstable"
-    require_sound(model.path, "chain_6", subject, reference, healthy, replace(AGREES, verdict="unstable", backward_error=2000.0))
+    comparison = compare(reference, healthy, factorises=True)
+    assert gravest(comparison.verdicts.tolist()) == "unstable"
+    require_sound(model.path, "chain_6", subject, comparison, replace(AGREES, verdict="unstable", backward_error=2000.0))
     for expected in (AGREES, replace(AGREES, verdict="unstable", backward_error=65.0), replace(AGREES, verdict="disagrees")):
         with pytest.raises(InvalidInput, match="make 'harness check chain_6' green first"):
-            require_sound(model.path, "chain_6", subject, reference, healthy, expected)
-    only_lost = np.flatnonzero(compare(reference, healthy).verdicts == "unstable")
+            require_sound(model.path, "chain_6", subject, comparison, expected)
+    only_lost = comparison[np.flatnonzero(comparison.verdicts == "unstable")]
     with pytest.raises(InvalidInput, match="agrees at none of"):
-        require_sound(model.path, "chain_6", subject, reference[only_lost], healthy[only_lost], replace(AGREES, verdict="unstable"))
+        require_sound(model.path, "chain_6", subject, only_lost, replace(AGREES, verdict="unstable"))
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,9 @@ from catalogue import BUILT_IN, IN_CI
 
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
+from harness.crosscheck.perturbation import DIFFERENCE, Whitening, derivative, watch
 from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted, find_hypotheses
-from harness.diagnosis.perturbation import DIFFERENCE, Whitening, derivative, watch
 from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
@@ -94,7 +94,7 @@ def healthy(name: str, model_format: str) -> ModelFile:
 def bench(name: str, model_format: str) -> tuple[Watch, Reference]:
     """The format's own engine on a sound model, and the truth at the same states."""
     mechanism, engine = load_mechanism(BUILT_IN, name), load_engine(BUILT_IN, NATIVE[model_format])
-    states = sample(mechanism, 32, 3)
+    states = generic_sample(mechanism, 32, 3)
     reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
     return watch(engine, mechanism, healthy(name, model_format), states), reference
 

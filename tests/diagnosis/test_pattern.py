@@ -35,6 +35,13 @@ def pattern(wrong: set[str], of: list[str] = EVERYONE) -> dict[str, str]:
     return {subject: DISAGREES if subject in wrong else AGREES for subject in of}
 
 
+def record(system: str, subject: str, verdict: str) -> Record:
+    return Record(
+        system=system, subject=subject, states=1, verdict=verdict, expected=AGREES, backward_error=0.0,
+        relative_error=0.0, worst_state=None, seconds_per_state=None, message="",
+    )  # fmt: skip
+
+
 def blamed(inference: Inference) -> str:
     return inference.party
 
@@ -136,12 +143,6 @@ def test_the_catalogue_has_the_subjects_that_the_rules_are_for() -> None:
 
 
 def test_records_are_taken_by_system() -> None:
-    def record(system: str, subject: str, verdict: str) -> Record:
-        return Record(
-            system=system, subject=subject, states=1, verdict=verdict, expected=AGREES, backward_error=0.0,
-            relative_error=0.0, worst_state=None, seconds_per_state=None, message="",
-        )  # fmt: skip
-
     records = [record("b", subject, verdict) for subject, verdict in pattern(SPOILED["model urdf"]).items()]
     records.insert(1, record("a", "mujoco/mjcf", AGREES))
     found = infer_from_records(records)
@@ -154,3 +155,15 @@ def test_a_system_that_cannot_be_used_is_one_fault() -> None:
     # Two wrong files make every engine fail, but not the equations.
     assert infer({**dict.fromkeys(READERS, error), EQUATIONS: AGREES}).party == "equations"
     assert infer(dict.fromkeys(READERS, error)).party != "system"
+
+
+def test_the_plain_models_of_a_variant_tell_its_file_from_its_reader_and_from_the_equations() -> None:
+    plain = dict.fromkeys(EVERYONE, AGREES)
+    for wrong, party in (({"mujoco/mjcf", "pinocchio/mjcf"}, "model mjcf"), ({"pinocchio/mjcf"}, "reader pinocchio/mjcf")):
+        own = {subject: DISAGREES if subject in wrong else AGREES for subject in ("mujoco/mjcf", "pinocchio/mjcf")}
+        records = [record("arm", subject, verdict) for subject, verdict in plain.items()]
+        records += [record("arm.turned", subject, verdict) for subject, verdict in own.items()]
+        found = infer_from_records(records, EVERYONE, system_of=lambda name: name.partition(".")[0])
+        assert (found["arm"].party, found["arm.turned"].party) == ("nothing", party)
+    alone = infer_from_records(records[-2:], EVERYONE, system_of=lambda name: name.partition(".")[0])["arm.turned"]
+    assert alone.party == "undecided" and set(alone.ask) <= {subject.replace("/", "/plain ") for subject in EVERYONE}

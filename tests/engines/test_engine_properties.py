@@ -22,7 +22,7 @@ import sympy as sp
 
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
-from harness.certify.sampling import ANGLES, sample
+from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.tasks import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines._pinocchio_forces import ForceElements
@@ -276,7 +276,7 @@ class Case:
 
     @cached_property
     def states(self) -> States:
-        return sample(self.mechanism, COUNT, zlib.crc32(self.mechanism.name.encode()))
+        return generic_sample(self.mechanism, COUNT, zlib.crc32(self.mechanism.name.encode()))
 
     @property
     def rotating(self) -> Array:

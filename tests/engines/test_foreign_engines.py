@@ -11,56 +11,29 @@ from typing import Any
 
 import psutil
 import pytest
-from support import Done, harness, harness_in_a_process, make_library
+from support import Done, engine_source, harness, harness_in_a_process, make_library
 
 from harness import check
 from harness.commands._options import STATES_OF_PROFILE
 from harness.errors import InvalidInput
 
-ENGINE = """
-import ctypes, os, subprocess, sys, time
-import numpy as np
-
-class Model:
-    def loaded(self):
-        return None
-
-    def forward_dynamics(self, q, v, tau):
-        {answer}
-
-class Engine:
-    {requires}
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        return Model()
-
-{top}
-ENGINE = Engine()
-"""
 # A server that leaves its parent's group and takes nothing of its environment along.
 SERVER = "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)'], env={}, start_new_session=True)"
 KEEP_NUMBER = "open(__file__.replace('.py', '.pid'), 'a').write(f'{server.pid}\\n')"
 CHATTER = "print('spoon'); os.write(1, b'spoon'); ctypes.CDLL(None).puts(b'spoon'); ctypes.CDLL(None).fflush(None)"
-
-
-def engine(answer: str = "return np.zeros_like(v)", top: str = "", requires: str = 'requires = ("numpy", "numpy")') -> str:
-    return ENGINE.format(answer=answer, top=top, requires=requires)
-
-
 AT_IMPORT = {
-    "exits": engine(top="sys.exit(0)"),
-    "vanishes": engine(top="os._exit(0)"),
-    "sleeps": engine(top="time.sleep(1000)"),
-    "raises": engine(top="1 / 0"),
+    "exits": engine_source(top="sys.exit(0)"),
+    "vanishes": engine_source(top="os._exit(0)"),
+    "sleeps": engine_source(top="time.sleep(1000)"),
+    "raises": engine_source(top="1 / 0"),
     "misspelt": "ENGINE = (",
     "nameless": "",
-    "unknowing": engine(requires=""),
-    "odd": engine(requires='requires = "numpy"'),
-    "absent": engine(requires='requires = ("pydrake.all", "drake")'),
-    "serving": engine(top=f"server = {SERVER}; {KEEP_NUMBER}; time.sleep(1000)"),
-    "leaving": engine(top=f"server = {SERVER}; {KEEP_NUMBER}; os._exit(0)"),
-    "talking": engine(answer=f"{CHATTER}; return np.zeros_like(v)", top=CHATTER),
+    "unknowing": engine_source(requires=""),
+    "odd": engine_source(requires='requires = "numpy"'),
+    "absent": engine_source(requires='requires = ("pydrake.all", "drake")'),
+    "serving": engine_source(top=f"server = {SERVER}; {KEEP_NUMBER}; time.sleep(1000)"),
+    "leaving": engine_source(top=f"server = {SERVER}; {KEEP_NUMBER}; os._exit(0)"),
+    "talking": engine_source(answer=f"{CHATTER}; return np.zeros_like(v)", top=CHATTER),
 }
 INVALID = ("exits", "raises", "misspelt", "nameless", "unknowing", "odd")
 DEAD = {"vanishes": "ended its process with status 0", "sleeps": "exceeded its time limit of 2.5 s", "serving": "exceeded its time limit"}
@@ -180,7 +153,7 @@ def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path) -> None:
 @pytest.fixture(scope="module")
 def nonsense(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A library whose engines answer nonsense."""
-    engines = {name: engine(f"return {answer}") for name, (answer, _) in ANSWERS.items()}
+    engines = {name: engine_source(f"return {answer}") for name, (answer, _) in ANSWERS.items()}
     return make_library(tmp_path_factory.mktemp("nonsense") / "library", ["bar_pendulum"], engines)
 
 
@@ -241,7 +214,7 @@ def test_pytest_fails_the_tests_of_an_engine_that_ends_its_process(small: Path, 
 
 @pytest.mark.nightly
 def test_a_benchmark_loses_only_the_method_that_was_answered_nonsense(tmp_path: Path) -> None:
-    root = make_library(tmp_path / "library", ["bar_pendulum"], {"mujoco": engine("return v.tolist()")})
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"mujoco": engine_source("return v.tolist()")})
     methods = ["--methods", "harness check of mujoco", "--methods", "heyoka float64"]
     done = harness("bench", "bar_pendulum", "--library", str(root), *methods, "--json", "-", cwd=tmp_path)
     assert done.returncode == 1, done.stderr

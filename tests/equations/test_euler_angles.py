@@ -17,7 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.derivation import derive_mechanism, load_atlas, load_mechanism
 from harness.equations.euler_angles import Attitude, body_rates, rotation, sines_and_cosines
 from harness.equations.mechanism import Mechanism
@@ -67,7 +67,7 @@ def test_body_rates_are_those_of_the_rotation_matrix(sequence: str) -> None:
 
 
 def test_charts_agree_where_both_are_regular(mechanism: Mechanism) -> None:
-    states = sample(mechanism, 64, seed=5)
+    states = generic_sample(mechanism, 64, seed=5)
     first = ReferenceKernel(replace(mechanism, other_charts=())).evaluate(states)
     second = ReferenceKernel(replace(mechanism, program=mechanism.other_charts[0], other_charts=())).evaluate(states)
     assert first.certified.all() and second.certified.all()
@@ -81,7 +81,7 @@ def test_charts_agree_where_both_are_regular(mechanism: Mechanism) -> None:
     "rotation_quaternion", [(1, 0, 0, 0), (0, 0, 0, 1), (0, 1, 0, 0), (0.5, 0.5, 0.5, 0.5), (1, 1, 0, 0), (1, 0, 1, 0)]
 )
 def test_one_chart_covers_where_the_other_is_singular(mechanism: Mechanism, rotation_quaternion: tuple[float, ...]) -> None:
-    states = sample(mechanism, 1, seed=5)
+    states = generic_sample(mechanism, 1, seed=5)
     place = mechanism.attitudes[0]
     states.q[:, place : place + 4] = rotation_quaternion
     assert ReferenceKernel(mechanism).evaluate(states).certified.all()
@@ -97,7 +97,7 @@ def test_one_chart_covers_where_the_other_is_singular(mechanism: Mechanism, rota
 
 @pytest.mark.parametrize("quaternion", [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)])
 def test_float64_accelerations_are_those_of_the_most_regular_chart(mechanism: Mechanism, quaternion: tuple[float, ...]) -> None:
-    states = sample(mechanism, 33, seed=5)
+    states = generic_sample(mechanism, 33, seed=5)
     place = mechanism.attitudes[0]
     states.q[::2, place : place + 4] = quaternion
     found = mechanism.float64().accelerations(states.q, states.v, states.tau)
@@ -117,7 +117,7 @@ def test_float64_accelerations_are_those_of_the_most_regular_chart(mechanism: Me
 def test_a_state_that_no_chart_covers_is_undecided(name: str) -> None:
     mechanism = load_mechanism(LIBRARY, name)
     single = replace(mechanism, other_charts=(), charts_in_body=())
-    states = sample(mechanism, 1, seed=5)
+    states = generic_sample(mechanism, 1, seed=5)
     place = mechanism.attitudes[0]
     half = math.sqrt(0.5)
     verdicts = set()
@@ -129,7 +129,7 @@ def test_a_state_that_no_chart_covers_is_undecided(name: str) -> None:
 
 
 def test_the_length_of_a_quaternion_does_not_matter(mechanism: Mechanism) -> None:
-    states = sample(mechanism, 8, seed=2)
+    states = generic_sample(mechanism, 8, seed=2)
     place = mechanism.attitudes[0]
     q = states.q.copy()
     q[:, place : place + 4] *= 4.0
@@ -141,7 +141,7 @@ def test_the_length_of_a_quaternion_does_not_matter(mechanism: Mechanism) -> Non
 def test_both_frames_of_the_linear_velocity_tell_the_same_motion() -> None:
     """With v = R u, dv/dt = R (du/dt + omega x u) for the same rotation, and omega' is the same."""
     mechanism = load_mechanism(LIBRARY, "free_body")
-    states = sample(mechanism, 16, seed=9)
+    states = generic_sample(mechanism, 16, seed=9)
     in_body = ReferenceKernel(mechanism, linear_velocity_in_body=True).evaluate(states)
     assert in_body.certified.all()
     with mpmath.workdps(60):
@@ -168,7 +168,7 @@ def test_both_frames_of_the_linear_velocity_tell_the_same_motion() -> None:
 def test_free_body_obeys_eulers_equations() -> None:
     """A omega1' - (B - C) omega2 omega3 = torque, and cyclically (Goldstein, equation 5.39)."""
     mechanism = load_mechanism(LIBRARY, "free_body")
-    states = sample(mechanism, 16, seed=4)
+    states = generic_sample(mechanism, 16, seed=4)
     reference = ReferenceKernel(mechanism).evaluate(states)
     moments = [Fraction(1, 4), Fraction(3, 8), Fraction(1, 2)]
     for index in range(len(states)):

@@ -17,7 +17,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from support import program_from
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel, Float64Kernel
 from harness.equations.mechanism import Mechanism
@@ -288,7 +288,7 @@ def test_inputs_that_only_turn_are_told_from_those_that_do_not() -> None:
 def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
     mechanism = load_mechanism(Library.built_in(), name)
     kernel = BallKernel(mechanism.program, len(mechanism.parameters)).bind(mechanism.parameter_values)
-    states = sample(mechanism, 1, seed=5)
+    states = generic_sample(mechanism, 1, seed=5)
     row = [flint.arb(value) for value in (*states.q[0], *states.v[0], *states.tau[0], 0.0)]
     before = kernel(*row)
     for place in mechanism.program.turning:
@@ -301,7 +301,7 @@ def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
 def test_a_state_alone_is_rounded_as_it_is_among_others(name: str) -> None:
     """What a replay computes of one state is what the batch computed, to the last bit."""
     mechanism = load_mechanism(Library.built_in(), name)
-    states, kernel = sample(mechanism, 64, 0), Float64Kernel(mechanism.program)
+    states, kernel = generic_sample(mechanism, 64, 0), Float64Kernel(mechanism.program)
     together = kernel.accelerations(mechanism.inputs(states))
     alone = [kernel.accelerations(mechanism.inputs(states[place : place + 1])) for place in range(64)]
     assert np.array_equal(together, np.hstack(alone))

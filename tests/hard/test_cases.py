@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.engines import Subject, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -114,7 +114,7 @@ def test_parameters_per_state_equal_a_mechanism_with_those_values(name: str, dat
         )
     )
     parameters = np.array(mechanism.parameter_values) * np.array(factors)
-    states = sample(mechanism, len(factors), data.draw(st.integers(0, 99)))
+    states = generic_sample(mechanism, len(factors), data.draw(st.integers(0, 99)))
     together = kernel.evaluate(states, parameters)
     for index, row in enumerate(parameters.tolist()):
         named = tuple((symbol, value, unit) for (symbol, _, unit), value in zip(mechanism.parameters, row, strict=True))
@@ -135,7 +135,7 @@ def test_parameters_per_state_equal_a_mechanism_with_those_values(name: str, dat
 def test_parameters_of_another_shape_are_refused() -> None:
     kernel, mechanism = _kernel("cart_pendulum")
     with pytest.raises(ValueError, match=r"expected \(2, 6\)"):
-        kernel.evaluate(sample(mechanism, 2, 0), np.ones((2, 5)))
+        kernel.evaluate(generic_sample(mechanism, 2, 0), np.ones((2, 5)))
 
 
 def test_norms_keep_their_digits_where_the_mass_matrix_is_singular_in_float64() -> None:
@@ -143,7 +143,7 @@ def test_norms_keep_their_digits_where_the_mass_matrix_is_singular_in_float64() 
     case = hard_cases()["zero_length_link"]
     mechanism = load_mechanism(library_of(case), "bar_chain_3")
     lengths = (1e-5, 1e-8, 1e-11)
-    state = sample(mechanism, 1, 3)
+    state = generic_sample(mechanism, 1, 3)
     states = States.concatenate([state] * len(lengths))
     reference = ReferenceKernel(mechanism).evaluate(
         states, np.array([case.mechanism_at(mechanism, length).parameter_values for length in lengths])

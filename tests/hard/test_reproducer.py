@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck import tasks
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
@@ -64,7 +64,7 @@ def in_engines_order(assignment: tasks.Assignment, values: Any) -> list[float]:
 @pytest.mark.parametrize(("name", "subject"), PAIRS)
 def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subject: str, tmp_path: Path) -> None:
     assignment = assignment_of(name, subject)
-    state = sample(assignment.mechanism, 3, 5)[2:]
+    state = generic_sample(assignment.mechanism, 3, 5)[2:]
     program = reproduce(assignment, state)
     assert len(program.splitlines()) == 3
     engine, certified, modules = run(program, tmp_path)
@@ -82,13 +82,13 @@ def test_a_wrong_model_is_reproduced_as_wrong(tmp_path: Path) -> None:
     text = right.model.text.replace('"0.22 0 0"', '"0.221 0 0"')
     assert text != right.model.text
     wrong = replace(right, model=parse_model(right.model.path, text, "mjcf"))
-    engine, certified, _ = run(reproduce(wrong, sample(right.mechanism, 1, 6)), tmp_path)
+    engine, certified, _ = run(reproduce(wrong, generic_sample(right.mechanism, 1, 6)), tmp_path)
     assert np.abs(np.array(engine) / certified - 1).max() > 1e-5
 
 
 def test_equations_have_no_reproducer() -> None:
     assignment = assignment_of("arm_2r", "lagrange")
-    assert reproduce(assignment, sample(assignment.mechanism, 1, 0)) == ""
+    assert reproduce(assignment, generic_sample(assignment.mechanism, 1, 0)) == ""
 
 
 def test_a_compact_model_keeps_every_number() -> None:

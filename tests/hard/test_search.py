@@ -16,7 +16,7 @@ from support import completed, make_library
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.factorisation import scaled_condition_number
-from harness.certify.sampling import HUGE_ANGLES, sample
+from harness.certify.sampling import HUGE_ANGLES, generic_sample
 from harness.crosscheck import tasks
 from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
@@ -48,7 +48,7 @@ def worst_of_hunts(assignment: tasks.Assignment, budget: int, seed: int) -> floa
 
 
 def best_of_random(assignment: tasks.Assignment, count: int, seed: int) -> float:
-    return float(tasks.judge_of(assignment)(sample(assignment.mechanism, count, seed)).backward_error.max())
+    return float(tasks.judge_of(assignment)(generic_sample(assignment.mechanism, count, seed)).backward_error.max())
 
 
 # The bars.
@@ -161,7 +161,7 @@ def planted(blame: Callable[[States], Array]) -> Callable[[States], Comparison]:
 
 def test_what_does_not_matter_shrinks_away() -> None:
     mechanism = load_mechanism(Library.built_in(), "arm_3r")
-    state = sample(mechanism, 1, 3)
+    state = generic_sample(mechanism, 1, 3)
     judge = planted(lambda states: np.where((np.abs(states.v[:, 1]) > 2.718) & (np.abs(states.q[:, 2]) > 0.1234), 1000.0, 1.0))
     state.v[0, 1], state.q[0, 2] = -3.14159265, 0.123456789
     shrunk, error = shrink(judge, mechanism, state)
@@ -174,7 +174,7 @@ def test_what_does_not_matter_shrinks_away() -> None:
 def test_a_shrunk_state_stays_as_hard_and_in_its_ranges() -> None:
     """The error falls with every digit that is taken away: shrinking stops where it would be too little."""
     mechanism = load_mechanism(Library.built_in(), "cart_pendulum")
-    state = sample(mechanism, 1, 4)
+    state = generic_sample(mechanism, 1, 4)
     start = np.hstack([state.q, state.v, state.tau])
 
     def blame(states: States) -> Array:
@@ -189,7 +189,7 @@ def test_a_shrunk_state_stays_as_hard_and_in_its_ranges() -> None:
 
 def test_a_quaternion_keeps_its_length() -> None:
     mechanism = load_mechanism(Library.built_in(), "heavy_top")
-    state = sample(mechanism, 1, 4)
+    state = generic_sample(mechanism, 1, 4)
     turned, _ = shrink(planted(lambda states: np.where(states.q[:, 1] == state.q[0, 1], 100.0, 1.0)), mechanism, state)
     assert np.array_equal(turned.q, state.q)
     assert not (turned.v.any() or turned.tau.any())
@@ -264,7 +264,7 @@ def test_the_condition_of_a_scaled_matrix_does_not_depend_on_units() -> None:
 def test_shares_are_what_rounding_really_does() -> None:
     """Perturb the terms at random by half an ulp, solve in long double: no sample exceeds the share, the worst comes near."""
     assignment = assignment_of("arm_3r", "lagrange")
-    state = sample(assignment.mechanism, 1, 9)
+    state = generic_sample(assignment.mechanism, 1, 9)
     reference = tasks.reference_kernel_of(assignment).evaluate(state)
     terms = assignment.mechanism.float64().terms(state.q, state.v, state.tau)
     shares = lost_digits.rounding_shares(reference, terms)

@@ -35,7 +35,7 @@ def agreement(task: Task) -> Any:
         return 1e-6, 0.0, {str(assignment.subject): answer for assignment, answer in zip(assignments, answers, strict=True)}
     if task.function is hypothesis_search.search:
         assignments, examples, seed, _ = task.arguments
-        states = tasks.sample(assignments[0].mechanism, examples, seed)
+        states = tasks.generic_sample(assignments[0].mechanism, examples, seed)
         comparison = Comparison(*np.ones((2, examples)), np.zeros(examples, dtype=bool), np.full(examples, "agrees"))
         return {str(assignment.subject): hypothesis_search.Found(states, comparison, None) for assignment in assignments}
     return [] if task.function is tasks.find_superfluous else task.function(*task.arguments, lambda text: None)

@@ -19,7 +19,7 @@ import pytest
 from catalogue import BUILT_IN, MODELLED
 from support import harness
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck import stages, tasks
 from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
@@ -135,7 +135,7 @@ class Judge:
 
     def __init__(self, name: str, model_format: str) -> None:
         self.mechanism = load_mechanism(BUILT_IN, name)
-        self.states = sample(self.mechanism, 8, 3)
+        self.states = generic_sample(self.mechanism, 8, 3)
         self.of = [Assignment(BUILT_IN, Subject(engine, model_format), self.mechanism, None) for engine in ENGINES]
         frames = {tasks.frame_of(assignment) for assignment in self.of}
         self.references, _, _ = stages.prepare(self.mechanism, frames, self.states)

@@ -174,6 +174,18 @@ MJCF_VARIANTS: dict[str, list[Variant]] = {
         ),
         one(RADIANS, '<compiler angle="radian" eulerseq="XYZ"/>', UNFELT),
     ],
+    "compiler@fusestatic": [
+        one(RADIANS, '<compiler angle="radian" fusestatic="true"/>', UNFELT),
+        (
+            [RADIANS, f"{EYE}/>"],
+            [
+                '<compiler angle="radian" fusestatic="true"/>',
+                f'{EYE}/><body name="tip" pos="0.1 0.2 -0.3" quat="0.9 0.1 -0.3 0.2">'
+                '<inertial pos="0 0.1 0" mass="0.4" diaginertia="0.01 0.02 0.025"/></body>',
+            ],
+            ALIKE,
+        ),
+    ],
     "option@gravity": [one('gravity="1 2 -9.81"', 'gravity="-3 1 4"'), one(' gravity="1 2 -9.81"', "")],
     **FLAGS,
     "flag@constraint": [one('constraint="disable"', 'constraint="enable"', UNFELT)],
@@ -510,9 +522,23 @@ def test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco() -> None:
 
 
 # What needs other states than two joints, or has no native reader.
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_a_joint_that_mimics_another_is_supported_by_no_engine(engine: str) -> None:
+    """Neither may take it for a joint of its own, nor for a soft constraint."""
+    text = URDF.replace(LIMIT, '<mimic joint="shoulder" multiplier="-2" offset="0.5"/>' + LIMIT)
+    file = parsed(text)
+    assert tuple(file.joint_lines) == ("shoulder",)
+    assert [(one.joint, one.leader, one.multiplier, one.offset) for one in file.mimics] == [("slider", "shoulder", -2.0, 0.5)]
+    with pytest.raises(Unsupported, match="mimics"):
+        load_engine(LIBRARY, engine).load(file, ("shoulder",), 9.81)
+
+
 TESTED_ALONE: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "mjcf": {"freejoint@name": test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it},
-    "urdf": {"drake:joint": test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco},
+    "urdf": {
+        "drake:joint": test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco,
+        **{f"joint/mimic@{name}": test_a_joint_that_mimics_another_is_supported_by_no_engine for name in ("joint", "multiplier", "offset")},
+    },
 }
 
 

@@ -9,18 +9,16 @@ import json
 import math
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from support import cross_checked, harness
+from support import cross_checked, harness, pytest_in_this_process
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject, subjects
@@ -167,10 +165,6 @@ def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert why_no_model(BUILT_IN, "cycloid_bead", Subject("lagrange", "equations"), {}) == ""
 
 
-def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
-
-
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     excuse(root, entries(*REASONS))
     done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
@@ -217,8 +211,7 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
 
 def test_the_regression_passes_for_what_is_excused_only(root: Path) -> None:
     excuse(root, entries(*OF_MJCF, "mujoco/urdf"))
-    arguments = ("-p", "no:cacheprovider", "-v", "--harness-library", ".", "--harness-states", "40", "--harness-workers", "1")
-    done = run("pytest", *arguments, "-k", "bar_pendulum", cwd=root)
+    done = pytest_in_this_process("-v", "--harness-library", ".", "--harness-states", "40", "-k", "bar_pendulum", cwd=root)
     assert done.returncode == 1
     assert "1 failed, 4 passed" in done.stdout, done.stdout
     assert "bar_pendulum.py::mujoco/mjcf PASSED" in done.stdout
@@ -276,7 +269,7 @@ TIED = """
 
 @pytest.fixture(scope="module")
 def states() -> States:
-    return sample(load_mechanism(BUILT_IN, "cycloid_bead"), 256, seed=1)
+    return generic_sample(load_mechanism(BUILT_IN, "cycloid_bead"), 256, seed=1)
 
 
 def test_pinocchio_refuses_the_bead_in_aba_and_agrees_about_its_inertia_and_bias(states: States) -> None:

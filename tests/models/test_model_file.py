@@ -88,6 +88,7 @@ URDF = """\
   </drake:linear_spring_damper>
 </robot>
 """
+LIMIT, DAMPER = '<limit lower="-1e9" upper="1e9" effort="1e9" velocity="1e9"/>', '<dynamics damping="0.2" friction="0"/>'
 TEMPLATES = {"mjcf": MJCF, "urdf": URDF}
 
 Reader = Callable[[str | bytes, str], ModelFile]
@@ -212,6 +213,7 @@ MALFORMED_MJCF = {
     "replicate": ("frame", "replicate", 9, "makes bodies and joints that this file does not spell out"),
     "no worldbody": ("worldbody", "world", 5, "<world> in <mujoco> is unknown; did you mean 'worldbody'?"),
     "joint twice": ('name="pin"', 'name="slide"', 11, "repeats the name of line 7"),
+    "body called world": ('<body name="bar"', '<body name="world"', 10, "has the name of the world itself"),
     "joint without name": ('name="slide" ', "", 7, "has no name"),
     "joint universe": ('name="slide"', 'name="universe"', 7, "joint 'universe', as Pinocchio calls the world"),
     "joint with empty name": ('name="slide" ', 'name="" ', 7, "has no name"),
@@ -299,7 +301,7 @@ MALFORMED_MJCF = {
     "stage that stops bodies": ("<tendon>", '<option><flag sleep="enable"/></option><tendon>', 18, "computes what no acceleration needs"),
     "masses from geoms": ('angle="radian"', 'inertiafromgeom="true"', 3, "changes masses or inertias behind"),
     "total mass": ('angle="radian"', 'settotalmass="1"', 3, "changes masses or inertias behind"),
-    "fused bodies": ('angle="radian"', 'fusestatic="true"', 3, "makes other bodies"),
+    "fused bodies": ('angle="radian"', 'fusestatic="yes"', 3, "is unknown; expected one of 'true', 'false'"),
     "angle unit": ('angle="radian"', 'angle="degrees"', 3, "did you mean 'degree'?"),
     "geom": (
         "<frame",
@@ -412,7 +414,23 @@ MALFORMED_URDF = {
     "element of another reader": ("</robot>", "<xacro/></robot>", 42, '<xacro> in <robot name="template"> is not understood'),
     "text in a mass": ('<mass value="10"/>', "<mass>10</mass>", 6, "has no attribute 'value'"),
     "text in a link": ('<link name="world"/>', '<link name="world">fixed</link>', 2, "holds the text 'fixed'"),
-    "mimic": ('<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="slide"/>', 25, "<mimic> ties one joint to another"),
+    "mimic of nothing": (DAMPER, '<mimic joint="slyde"/>', 27, "did you mean 'slide'?"),
+    "mimic of itself": (DAMPER, '<mimic joint="pin"/>', 27, "mimics 'pin', which mimics a joint itself"),
+    "mimic twice": (DAMPER, '<mimic joint="slide"/><mimic joint="slide"/>', 27, "second <mimic>"),
+    "mimic with a word": (DAMPER, '<mimic joint="slide" multiplier="minus"/>', 27, "'minus'"),
+    "mimic by a floating joint": (
+        f'type="revolute">\n    <parent link="cart"/>\n    <child link="bar"/>\n    <axis xyz="0 -1 0"/>\n    {LIMIT}\n    {DAMPER}',
+        'type="floating">\n    <parent link="cart"/>\n    <child link="bar"/>\n    <mimic joint="slide"/>',
+        25,
+        "is floating; both joints of a mimic must be",
+    ),
+    "spring in a mimic": (
+        f'{DAMPER}\n  </joint>\n  <gazebo reference="slide">',
+        '<mimic joint="slide"/></joint><gazebo reference="pin">',
+        27,
+        "has a spring in a joint that mimics",
+    ),
+    "damper in a mimic": ('<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="slide"/>', 22, "has a damper in a joint that mimics"),
     "safety controller": ('<axis xyz="0 -1 0"/>', '<safety_controller k_velocity="1"/>', 25, "<safety_controller> is not felt"),
     "calibration": ('<axis xyz="0 -1 0"/>', '<calibration rising="0"/>', 25, "<calibration> is not felt"),
     "visual": ('<link name="world"/>', '<link name="world"><visual/></link>', 2, "declare it by the comment <!-- decoration: visual -->"),
@@ -663,6 +681,7 @@ def test_a_ball_joint_hangs_the_root_link_on_the_world(tmp_path: Path) -> None:
         ("<parent", "<parnt", "parnt"),
         ('<mass value="2"/>', '<mass value="0"/>', "mass"),
         ("</robot>", '<drake:joint name="b" type="ball"><parent link="world"/><child link="top"/></drake:joint></robot>', "second"),
+        ("</robot>", '<link name="world"/></robot>', "<drake:joint> knows by itself; remove the link"),
         (' name="pivot"', "", "name"),
     ],
 )

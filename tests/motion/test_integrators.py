@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.errors import InvalidRequest
@@ -238,7 +238,7 @@ def test_springs_and_dampers_at_one_state_are_those_of_the_batch(name: str) -> N
 
     scene = Scene.of(LIBRARY, name)
     loaded = load_engine(LIBRARY, "pinocchio").load(scene.models["urdf"], scene.mechanism.joints, scene.mechanism.gravity)
-    states = sample(scene.mechanism, 2, seed=4)
+    states = generic_sample(scene.mechanism, 2, seed=4)
     configuration, velocity, _ = loaded.columns(states.q, states.v, states.tau)  # type: ignore[attr-defined]
     elements = loaded.force_elements  # type: ignore[attr-defined]
     batch = elements.generalised_forces(configuration, velocity)

@@ -11,7 +11,7 @@ from harness.bench.energy_drift import drifts, growth_of, verdict_of, without_da
 from harness.bench.motion_cost import Judge, measured_order, motion_costs, work_along
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.library import Library
 from harness.models.model_file import parse_model
@@ -170,7 +170,7 @@ def test_dampers_go_from_equations_and_models_alike(name: str) -> None:
     undamped = without_dampers(scene)
     mechanism = undamped.mechanism
     assert mechanism.parameters != scene.mechanism.parameters
-    states = sample(mechanism, 16, seed=3)
+    states = generic_sample(mechanism, 16, seed=3)
     reference = ReferenceKernel(mechanism).evaluate(states)
     for engine, model_format in (("mujoco", "mjcf"), ("pinocchio", "urdf")):
         loaded = undamped.load(engine, model_format)

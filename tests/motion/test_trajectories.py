@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.equations.energies import EnergyKernel
@@ -85,7 +85,7 @@ def position_rates(mechanism: Mechanism, q: list[flint.arb], v: list[flint.arb])
 
 @pytest.mark.costly
 def test_energy_changes_by_the_power_of_forces_in_every_chart(built_in_mechanism: Mechanism) -> None:
-    states = sample(built_in_mechanism, 2, seed=7)
+    states = generic_sample(built_in_mechanism, 2, seed=7)
     states = States(states.q, states.v, states.tau, np.array([0.0, 0.75]))
     with flint.ctx.workprec(BITS):
         for program in built_in_mechanism.energy_programs:
@@ -105,13 +105,15 @@ def test_a_wrong_energy_program_is_caught(name: str, wrong: str) -> None:
         added = (("rational", "0", "1"), ("mul", last, program.outputs["power"][0]))
     planted = replace(program, instructions=(*program.instructions, *added), outputs={**program.outputs, wrong: (last + 1,)})
     with flint.ctx.workprec(BITS):
-        assert any(abs(residual) > ALLOWED * size for residual, size in energy_balance(mechanism, planted, sample(mechanism, 2, seed=7)))
+        assert any(
+            abs(residual) > ALLOWED * size for residual, size in energy_balance(mechanism, planted, generic_sample(mechanism, 2, seed=7))
+        )
 
 
 @pytest.mark.costly
 def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Mechanism) -> None:
     mechanism = built_in_mechanism
-    states = sample(mechanism, 4, seed=3)
+    states = generic_sample(mechanism, 4, seed=3)
     found = EnergyKernel(mechanism).evaluate(states)
     with flint.ctx.workprec(BITS):
         for program in mechanism.energy_programs:
@@ -189,7 +191,7 @@ def test_free_body_keeps_its_angular_momentum_across_charts() -> None:
 
 def test_displacements_turn_back_and_do_not_see_the_sign_of_a_quaternion() -> None:
     mechanism = mechanism_named("free_body")
-    states = sample(mechanism, 64, seed=11)
+    states = generic_sample(mechanism, 64, seed=11)
     start, end = states.q[:32], states.q[32:]
     moved = displacement(mechanism, start, end)
     np.testing.assert_allclose(moved[:, 3:], -displacement(mechanism, end, start)[:, 3:], atol=1e-13)
@@ -201,7 +203,7 @@ def test_displacements_turn_back_and_do_not_see_the_sign_of_a_quaternion() -> No
 
 def test_linear_velocities_turn_there_and_back() -> None:
     mechanism = mechanism_named("free_body")
-    states = sample(mechanism, 16, seed=2)
+    states = generic_sample(mechanism, 16, seed=2)
     inside = linear_velocities_turned(mechanism, states.q, states.v, into_body=True)
     assert not np.allclose(inside, states.v)
     np.testing.assert_allclose(linear_velocities_turned(mechanism, states.q, inside, into_body=False), states.v, rtol=1e-13, atol=1e-13)

@@ -22,7 +22,7 @@ from harness.report import Earlier, write
 from harness.report.charts import half_decades
 from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
-from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
+from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart
 from harness.results.records import Record, Run, SystemCard
 from harness.verdict import Verdict
 
@@ -147,6 +147,23 @@ def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
 
 
+def test_differences_after_loading_are_told_everywhere_and_spoil_the_result() -> None:
+    place = f"{Path('somebody', 'mjcf', 'collar.xml')}:7"
+    finding = HeldDifference(
+        system="collar", quantity="mass", joint="rod", subjects=["mujoco/mjcf"], statement="mass of rod is 1, but 2", places=[place]
+    )
+    entries = [record("collar", subject) for subject in SUBJECTS]
+    built = build(run_on(0), CARDS, entries, differs=[finding])
+    page = Page(built["index.html"])
+    for text in (page.words, built["report.md"]):
+        assert "All 3 pairs of system and subject are as expected; 1 difference after loading is not expected." in text
+        assert "mass of rod is 1, but 2; mjcf/collar.xml:7" in text and "somebody" not in text
+    assert 'class="result bad"' in built["index.html"]
+    assert json.loads(built["report.json"])["differs"][0]["places"] == ["mjcf/collar.xml:7"]
+    expected = build(run_on(0), CARDS, entries, differs=[replace(finding, reason="it is meant")])
+    assert 'class="result good"' in expected["index.html"] and "expected because it is meant" in expected["report.md"]
+
+
 def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page) -> None:
     assert page.words.count("derived in 100 ms, compiled in 250 ms") == len(SYSTEMS)
     assert "| collar | 100 ms | 250 ms |" in files["report.md"].partition(VOLATILE)[2]
@@ -177,6 +194,17 @@ def test_a_changed_verdict_is_named() -> None:
     text = build(run_on(1), [], after, [(run_on(0), before)])["report.md"]
     assert "| collar, lagrange | agrees | disagrees |" in text
     assert "| collar, mujoco/mjcf | agrees | not run |" in text
+
+
+def test_a_median_that_has_grown_is_named_long_before_the_verdict_changes() -> None:
+    before = [record("collar", subject, states=1000, median_backward_error=1.2) for subject in ("lagrange", "mujoco/mjcf")]
+    after = [replace(before[0], median_backward_error=1.3), replace(before[1], median_backward_error=3.0)]
+    built = build(run_on(1), [], after, [(run_on(0), before)])
+    assert "| median of collar, mujoco/mjcf | 1.2 | 3 |" in built["report.md"]
+    assert "median of collar, lagrange" not in built["report.md"]
+    assert "median of" in built["index.html"]
+    few = [replace(one, states=50) for one in after]
+    assert "median of" not in build(run_on(1), [], few, [(run_on(0), before)])["report.md"]
 
 
 def test_markdown_stays_the_same_while_results_do() -> None:

@@ -2,53 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import flint
 import numpy as np
+import pinocchio
 import pytest
-from catalogue import BUILT_IN
+from catalogue import BUILT_IN, MODELS
 
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.engines import load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
-from harness.equations.program import right_hand_side, upper_triangle
+from harness.equations.program import upper_triangle
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.library import MODEL_SUFFIXES
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots import mjcf, urdf
+from harness.robots.accelerations import accelerations as by_recursion
 from harness.robots.recursion import recursion_program
 
 STATES = 10
-SEED = 7
 BITS = 192
-MODELS = [(name, form) for name in BUILT_IN.system_names() for form in MODEL_SUFFIXES if BUILT_IN.has_model(name, form)]
-
-
-def by_recursion(model: ModelFile, joints: Sequence[str], gravity: float, states: States) -> Array:
-    """Accelerations, (n, nv), of a model in balls; no float64 kernel is compiled for them."""
-    tree = mjcf.read_tree(model) if model.format == "mjcf" else urdf.read_tree(model, gravity)
-    program = recursion_program(tree, joints)
-    nv = states.v.shape[1]
-    found = np.empty_like(states.v)
-    with flint.ctx.workprec(BITS):
-        evaluate = BallKernel(program, 0).bind(())
-        for row, (q, v, tau, time) in enumerate(zip(states.q, states.v, states.tau, states.time, strict=True)):
-            values = iter(evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time)))
-            outputs = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
-            entries = dict(zip(upper_triangle(nv), outputs["mass"], strict=True))
-            mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
-            force = right_hand_side(outputs, [flint.arb(applied) for applied in tau.tolist()])
-            solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-            assert all(solution[i, 0].rel_accuracy_bits() > 80 for i in range(nv))
-            found[row] = [float(solution[i, 0]) for i in range(nv)]
-    return found
+SEED = 7
 
 
 def largest_error(name: str, text: Callable[[str], str], model_format: str) -> float:
@@ -56,7 +36,7 @@ def largest_error(name: str, text: Callable[[str], str], model_format: str) -> f
     mechanism = load_mechanism(BUILT_IN, name)
     path = BUILT_IN.model_path(name, model_format)
     model = parse_model(path, text(read_model(path, model_format).text), model_format)
-    states = sample(mechanism, STATES, SEED)
+    states = generic_sample(mechanism, STATES, SEED)
     found = by_recursion(model, mechanism.joints, mechanism.gravity, states)
     return float(compare(ReferenceKernel(mechanism).evaluate(states), found).backward_error.max())
 
@@ -188,6 +168,39 @@ def test_every_way_of_placing_a_link_is_that_of_pinocchio(tmp_path: Path) -> Non
     states = States.at(*np.random.default_rng(SEED).normal(size=(3, STATES, 3)))
     mine, theirs = accelerations(model, ("first", "second", "third"), 9.81, states)
     np.testing.assert_allclose(theirs, mine, rtol=0, atol=1e-13 * np.abs(mine).max())
+
+
+def test_joints_that_mimic_another_are_those_of_pinocchio(tmp_path: Path) -> None:
+    """Mass matrix and forces of inverse dynamics, for which Pinocchio knows such joints; aba does not."""
+    follow = '<mimic joint="first" multiplier="{}" offset="{}"/></joint>'
+    text = URDF_WITH_EVERYTHING.replace('<dynamics damping="0.3"/>', "")
+    for name, follower in (("second", follow.format(-0.5, 0.25)), ("third", follow.format(1.5, -0.75))):
+        place = text.index("</joint>", text.index(f'name="{name}"'))
+        text = text[:place] + follower + text[place + len("</joint>") :]
+    for name in ("second", "third"):
+        # One that follows, in either place; below, two of one leader.
+        free = text.replace(
+            text[text.index("<mimic", text.index(f'name="{name}"')) : text.index("</joint>", text.index(f'name="{name}"'))], ""
+        )
+        _agrees_with_inverse_dynamics(parse_model(tmp_path / "mimic.urdf", free, "urdf"))
+    _agrees_with_inverse_dynamics(parse_model(tmp_path / "mimic.urdf", text, "urdf"))
+
+
+def _agrees_with_inverse_dynamics(file: ModelFile) -> None:
+    theirs = pinocchio.buildModelFromXML(file.text, mimic=True)
+    theirs.gravity.linear = np.array([0.0, 0.0, -9.81])
+    joints = tuple(file.joint_lines)
+    program = recursion_program(urdf.read_tree(file, 9.81), joints)
+    nv = len(joints)
+    assert (theirs.nv, len(file.mimics)) == (nv, 3 - nv)
+    q, v = np.random.default_rng(SEED).normal(size=(2, nv))
+    with flint.ctx.workprec(BITS):
+        values = iter(map(float, BallKernel(program, 0).bind(())(*q.tolist(), *v.tolist(), *[0.0] * (nv + 1))))
+    outputs = {name: np.array([next(values) for _ in places]) for name, places in program.outputs.items()}
+    mass = np.triu(pinocchio.crba(theirs, theirs.createData(), q))
+    np.testing.assert_allclose([mass[entry] for entry in upper_triangle(nv)], outputs["mass"], rtol=1e-13)
+    bias = pinocchio.rnea(theirs, theirs.createData(), q, v, np.zeros(nv))
+    np.testing.assert_allclose(bias, outputs["velocity"] + outputs["gravity"], rtol=0, atol=1e-13 * np.abs(bias).max())
 
 
 def test_other_joints_than_those_of_the_tree_are_refused(tmp_path: Path) -> None:

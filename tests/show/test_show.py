@@ -11,7 +11,7 @@ from pathlib import Path
 import lxml.html
 import numpy as np
 import pytest
-from support import harness, harness_in_a_process
+from support import harness
 
 from harness.commands._scaffold import write_example
 from harness.engines import engine_paths, load_engine
@@ -169,7 +169,7 @@ def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> N
     (library / "engines").mkdir()
     (library / "engines" / "fatal.py").write_text(FATAL_ENGINE.format(module="numpy"))
     (library / "engines" / "absent.py").write_text(FATAL_ENGINE.format(module="no_such_module"))
-    done = harness_in_a_process("show", "example", "--library", ".", cwd=library)
+    done = harness("show", "example", "--library", ".", isolated=True, cwd=library)
     assert done.returncode == 3
     assert re.search(r"^ +fatal/mjcf +crashed by signal 6", done.stdout, re.MULTILINE)
     assert re.search(r"^ +absent/mjcf +not installed$", done.stdout, re.MULTILINE)
@@ -218,3 +218,16 @@ def test_a_urdf_on_one_line_has_a_row_per_joint_and_none_per_transmission() -> N
     )
     (row,) = joint_rows(parse_model(Path("r.urdf"), text, "urdf"))
     assert (row.joint, row.kind, row.axis, row.armature) == ("pin", "revolute", "0 1 0", "0.01")
+
+
+def test_frames_around_a_body_are_shown_with_its_pose() -> None:
+    library = Library.built_in()
+    _, hip = joint_rows(read_model(library.model_path("acrobot.frames", "mjcf"), "mjcf"))
+    assert hip.origin == (
+        "quat 2 0 0 -1, body in frame 0 -0.3 0.4, xyaxes 0.6 0.8 0 -0.8 0.6 0, body in frame 0.6 0 0.3, axisangle 1 1 1 2.0943951023931953"
+    )
+
+
+def test_a_joint_that_mimics_another_is_none_that_moves() -> None:
+    (pin,) = joint_rows(read_model(Library.built_in().model_path("simple_pendulum.mimic", "urdf"), "urdf"))
+    assert pin.joint == "pin"

@@ -20,7 +20,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_system
 from harness.equations.euler_angles import body_rates, sines_and_cosines
 from harness.equations.kernels import Float64Kernel
@@ -164,13 +164,13 @@ class Case:
 
     @cached_property
     def states(self) -> States:
-        states = sample(self.mechanism, COUNT, zlib.crc32(self.mechanism.name.encode()))
+        states = generic_sample(self.mechanism, COUNT, zlib.crc32(self.mechanism.name.encode()))
         return States(states.q, states.v, few_bits(states.tau), states.time)
 
     @cached_property
     def other_forces(self) -> Any:
         """A second set of applied forces, (COUNT, nv)."""
-        return few_bits(sample(self.mechanism, COUNT, OTHER_SEED).tau)
+        return few_bits(generic_sample(self.mechanism, COUNT, OTHER_SEED).tau)
 
     @cached_property
     def _references(self) -> dict[str, Reference]:

@@ -136,9 +136,9 @@ TABLES = {
             Row(alpha=-QUARTER, d=0.412, moments=(0, 0.255, 0)),
             Row(alpha=QUARTER, d=0.154, mass=5.01, centre=(0, -0.1054, 0), moments=(0.108, 0.018, 0.1), at_origin=True),
             Row(slides=True, mass=4.25, centre=(0, 0, -0.6447), moments=(2.51, 2.51, 0.006), at_origin=True),
-            Row(alpha=-QUARTER, mass=1.5, centre=(0, 0.04, -0.03), moments=(0.034, 0.025, 0.03), at_origin=True),
-            Row(alpha=QUARTER, mass=1.2, centre=(0, 0, 0.05), moments=(0.023, 0.025, 0.02), at_origin=True),
-            Row(mass=2.0, centre=(0, 0, 0.12), moments=(0.06, 0.065, 0.05), at_origin=True),
+            Row(alpha=-QUARTER, mass=1.08, centre=(0, 0.0092, -0.0054), moments=(0.002, 0.001, 0.001), at_origin=True),
+            Row(alpha=QUARTER, mass=0.63, centre=(0, 0, 0.0566), moments=(0.003, 0.003, 0.0004), at_origin=True),
+            Row(mass=0.51, centre=(0, 0, 0.1554), moments=(0.013, 0.013, 0.0003), at_origin=True),
         ),
     ),
     # Armstrong, Khatib, Burdick, tables 4 to 6; y2, y3 and y5 point down at zero.

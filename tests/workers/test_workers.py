@@ -15,48 +15,28 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
+import support
 import trustme
 import worker_tasks as work
 from click.testing import CliRunner
-from support import make_library
+from support import engine_source, make_library
 
 from harness import cli
 from harness.errors import InvalidRequest
 from harness.workers import Crash, Outcome, Scheduler, Task, Workers
 from harness.workers.tasks import MORE_MEMORY, MORE_TIME, TaskQueue
 
-ENGINE = """
-import math, os, time
-import numpy as np
-
-class Model:
-    def loaded(self):
-        return None
-
-    def forward_dynamics(self, q, v, tau):
-        {body}
-
-class Engine:
-    requires = ("numpy", "numpy")
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        return Model()
-
-ENGINE = Engine()
-"""
-
 
 def failing_library(directory: Path, engines: dict[str, str]) -> Path:
     """A library of the bar pendulum with engines whose ``forward_dynamics`` has the given body."""
-    return make_library(directory, ["bar_pendulum"], {name: ENGINE.format(body=body) for name, body in engines.items()})
+    return make_library(directory, ["bar_pendulum"], {name: engine_source(body) for name, body in engines.items()})
 
 
 def check(library: Path, *options: str) -> tuple[int, dict[str, dict[str, object]], str]:
     """Exit status, records by subject, and standard error of ``harness check``."""
     out = library / "out.json"
-    command = [sys.executable, "-m", "harness", "check", "--library", str(library), "--json", str(out), "--states", "40", *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=library, check=False)
+    arguments = ("--library", str(library), "--json", str(out), "--states", "40")
+    done = support.harness("check", *arguments, *options, isolated=True, cwd=library)
     records = {record["subject"]: record for record in json.loads(out.read_text())["records"]}
     return done.returncode, records, done.stderr
 

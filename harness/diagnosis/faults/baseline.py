@@ -24,14 +24,19 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare
+from harness.certify.compare import Comparison, compare
+from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.reference import Reference, energy_norm
 from harness.crosscheck.expected import Expectation
+from harness.crosscheck.explanation import written_columns
+from harness.crosscheck.perturbation import Whitening
 from harness.engines import Subject
 from harness.errors import InvalidInput
 from harness.models.text import Watch, largest_change
 from harness.verdict import AGREEMENT, Verdict, gravest
 
+# Lost digits are no wrong answer.
+RED = (Verdict.DISAGREES.value, Verdict.ERROR.value)
 # Ratio of the two changes between which the search for the smallest that is caught ends.
 RESOLUTION = 2.0**0.25
 # Beyond this ratio to theory, digits are lost on the way from the engine to the verdict.
@@ -42,19 +47,34 @@ FURTHEST = 2.0**20
 
 @dataclass(frozen=True)
 class Baseline:
-    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations."""
+    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations.
+
+    ``factorises`` as of ``harness.certify.compare.compare``.
+    """
 
     reference: Reference
     watch: Watch
+    factorises: bool = False
 
     @cached_property
     def sound(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) bool; true where the subject agrees on the unchanged model. A state at which it does not can show no change."""
-        return np.asarray(compare(self.reference, self.watch.healthy).verdicts == Verdict.AGREES.value)
+        return np.asarray(compare(self.reference, self.watch.healthy, self.factorises).verdicts == Verdict.AGREES.value)
+
+    @cached_property
+    def columns(self) -> list[Array]:
+        """What a change of each number of the model does at the sound states; see ``harness.crosscheck.explanation``."""
+        columns = written_columns(self.watch, self.reference)
+        return [column.values[self.sound] for column in columns]
 
     def verdict(self, accelerations: Array) -> str:
-        """The worst verdict on answers, (n, nv), over the states that are sound."""
-        return gravest(compare(self.reference, accelerations).verdicts[self.sound].tolist())
+        """The worst verdict on answers, (n, nv), over the states that are sound, as a cross-check comes to it."""
+        verdict = gravest(compare(self.reference, accelerations, self.factorises).verdicts[self.sound].tolist())
+        if verdict == Verdict.UNSTABLE.value:
+            residual = Whitening(self.reference).residual(accelerations)[self.sound]
+            if explaining_directions([Projection.of(self.reference[self.sound], residual, self.columns)]):
+                return Verdict.DISAGREES.value
+        return verdict
 
     def answer(self, text: Callable[[float], str], size: float) -> Array | None:
         """The accelerations (n, nv) with a change of a size, in the other direction where that is refused; None where both are."""
@@ -64,7 +84,7 @@ class Baseline:
     def catches(self, text: Callable[[float], str], size: float) -> bool:
         """True where the answers to a change of a size are wrong at a sound state."""
         answers = self.answer(text, size)
-        return answers is not None and self.verdict(answers) != Verdict.AGREES.value
+        return answers is not None and self.verdict(answers) in RED
 
     def movement(self, accelerations: Array) -> float:
         """The largest change that answers, (n, nv), are of those to the unchanged model, relative to the joint's largest."""
@@ -80,13 +100,12 @@ class Baseline:
         return float(np.nanmin(sizes))
 
 
-def require_sound(path: Path, system: str, subject: Subject, reference: Reference, healthy: Array, expected: Expectation) -> None:
-    """Refuse a subject whose answers to the unchanged model, (n, nv), are wrong; those that lost digits as expected are right.
+def require_sound(path: Path, system: str, subject: Subject, comparison: Comparison, expected: Expectation) -> None:
+    """Refuse a subject whose answers to the unchanged model are wrong; those that lost digits as expected are right.
 
     Raises:
         InvalidInput: it disagrees, answers nothing finite, or agrees nowhere; ``path`` is the file to blame.
     """
-    comparison = compare(reference, healthy)
     verdict = gravest(comparison.verdicts.tolist())
     error = float(np.nanmax(comparison.backward_error, initial=0.0))
     lost_digits = verdict == expected.verdict == Verdict.UNSTABLE.value and error <= expected.limit
@@ -95,7 +114,7 @@ def require_sound(path: Path, system: str, subject: Subject, reference: Referenc
         raise InvalidInput(path, None, f"{problem}, so that it can show none; make 'harness check {system}' green first")
     if not (comparison.verdicts == Verdict.AGREES.value).any():
         raise InvalidInput(
-            path, None, f"{subject} agrees at none of {len(reference)} states before any fault is planted; give more --states"
+            path, None, f"{subject} agrees at none of {len(comparison)} states before any fault is planted; give more --states"
         )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,12 +15,12 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.expected import AGREES, load_expectations
+from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import reference_kernel
-from harness.diagnosis.faults.baseline import Baseline, require_sound, smallest_caught
+from harness.diagnosis.faults.baseline import RED, Baseline, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
-from harness.diagnosis.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.engines import (
     EQUATIONS,
     Engine,
@@ -29,6 +29,7 @@ from harness.engines import (
     Unsupported,
     accelerations,
     engine_files,
+    factorises_mass_matrix,
     linear_velocity_in_body,
     load_engine,
     select_subjects,
@@ -42,7 +43,6 @@ from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.verdict import Verdict, gravest
 
-RED = (Verdict.DISAGREES.value, Verdict.ERROR.value, Verdict.UNSTABLE.value)
 # Stages whose refusal comes before any acceleration.
 REFUSED = ("validator", "reader")
 
@@ -69,7 +69,7 @@ class Answer:
         return self.refused_by in REFUSED or self.movement > NOISE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reader(Baseline):
     """A subject that reads the file, and what its answers to changed texts are judged by."""
 
@@ -137,11 +137,12 @@ class FaultBench:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
         reference = self._reference(engine)
         expected = self._expected.get((self._name, str(subject)), AGREES)
-        require_sound(path, self._name, subject, reference, answers, expected)
+        comparison = compare(reference, answers, factorises_mass_matrix(engine))
+        require_sound(path, self._name, subject, comparison, expected)
         if watched:
-            self.readers.append(Reader(reference, watched, subject, engine))
+            self.readers.append(Reader(reference, watched, factorises_mass_matrix(engine), subject=subject, engine=engine))
         else:
-            self.others[str(subject)] = gravest(compare(reference, answers).verdicts.tolist())
+            self.others[str(subject)] = gravest(comparison.verdicts.tolist())
         return ""
 
     def _load(self, engine: Engine, source: Any) -> Model:
@@ -155,8 +156,8 @@ class FaultBench:
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
 
-    def ask(self, text: str) -> Answer:
-        """The outcome of the model with another text, at the states of a check."""
+    def ask(self, text: str, through: Callable[[Any], Any] | None = None) -> Answer:
+        """The outcome of the model with another text, and of readers that go ``through`` a function, at the states of a check."""
         try:
             model = parse_model(self.model.path, text, self.model.format)
         except InvalidModel as error:
@@ -166,7 +167,7 @@ class FaultBench:
         refusal: InvalidModel | None = None
         for one in self.readers:
             try:
-                loaded = self._load(one.engine, model)
+                loaded = self._load(through(one.engine) if through else one.engine, model)
                 answers = accelerations(loaded, self._states)
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
@@ -185,7 +186,7 @@ class FaultBench:
 
     def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
         """The outcome of a size, and the size with its sign: negative where only that direction is not refused."""
-        answer = self.ask(planted.text(size))
+        answer = self.ask(planted.text(size), planted.through)
         if not planted.sized or answer.refused_by not in REFUSED:
             return answer, size
         other = self.ask(planted.text(-size))

@@ -15,13 +15,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from harness.crosscheck.perturbation import NUMBER, numeric_candidates, watch
 from harness.crosscheck.superfluous import CHANGE
-from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
-from harness.diagnosis.faults.bench import RED, REFUSED, Answer, FaultBench
+from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED
+from harness.diagnosis.faults.bench import REFUSED, Answer, FaultBench
+from harness.diagnosis.faults.kinds import UnknownKind, find_unknown_kinds
 from harness.diagnosis.faults.summary import Fault, SmallestChange
-from harness.diagnosis.hypotheses import Candidate, Planted, find_hypotheses
+from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted, find_hypotheses
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
-from harness.diagnosis.perturbation import NUMBER, numeric_candidates, watch
+from harness.diagnosis.result import TriedChange
 from harness.engines import Subject, Unsupported
 from harness.errors import InvalidModel
 from harness.library import Library
@@ -31,6 +33,8 @@ from harness.models.text import Place
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
 # Relative size from which on a fault of a live number must be caught.
 MUST_BE_CAUGHT = 1e-9
+# A mended number is right up to this relative error, or where it leaves no more than so many data roundoffs.
+RIGHT_VALUE, RIGHT_ROUNDOFFS = 1e-6, 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +42,7 @@ class CampaignSettings:
     """The faults to plant and the limits of their diagnosis.
 
     Attributes:
-        kinds: names of hypotheses, and "number"; all for none. sizes: of changed numbers, relative.
+        kinds: as of ``kinds_of_faults``; all for none. sizes: of changed numbers, relative.
         states: sampled states of a check; seed: of them.
         diagnosed: most faults of each kind in each model that are diagnosed, spread evenly; None for all.
         evaluations: of changed models that a diagnosis may take.
@@ -54,7 +58,8 @@ class CampaignSettings:
 
 def kinds_of_faults() -> dict[str, str]:
     """Name to title of every kind that can be planted."""
-    return {NUMBER: "one number changed", **{hypothesis.name: hypothesis.title for hypothesis in find_hypotheses()}}
+    declared: list[Hypothesis | UnknownKind] = [*find_hypotheses(), *find_unknown_kinds()]
+    return {NUMBER: "one number changed", **{kind.name: kind.title for kind in declared}}
 
 
 def number_faults(model: ModelFile) -> Iterator[Planted]:
@@ -83,10 +88,12 @@ class Campaign:
         self.name, self.settings = name, settings
         self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
+        self._unknown = {kind.name: kind for kind in find_unknown_kinds()}
 
     def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
-        plants = {NUMBER: number_faults, **{hypothesis.name: hypothesis.plant for hypothesis in find_hypotheses()}}
+        declared: list[Hypothesis | UnknownKind] = [*find_hypotheses(), *self._unknown.values()]
+        plants = {NUMBER: number_faults, **{kind.name: kind.plant for kind in declared}}
         for kind in self.settings.kinds or plants:
             planted, found = list(plants[kind](self.model)), []
             for one in planted:
@@ -103,10 +110,10 @@ class Campaign:
     def _caught(self, planted: Planted) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
         about: dict[str, Any] = {"system": self.name, "format": self.model.format, "kind": planted.kind}
-        about |= {"statement": planted.statement, "where": where}
+        about |= {"statement": planted.statement, "where": where, "known": planted.kind not in self._unknown}
         if planted.sized:
             return self._caught_in_sizes(planted, about)
-        answer = self.bench.ask(planted.text(1.0))
+        answer = self.bench.ask(planted.text(1.0), planted.through)
         return Fault(
             **about, live=answer.is_live, caught_by=answer.caught_by, blamed=self.bench.blamed(answer), **self._refusal(answer, where)
         )
@@ -121,7 +128,8 @@ class Campaign:
             return Fault(**about)
         smallest, theory, order = self.bench.smallest(planted)
         answers = {size: self.bench.ask_sized(planted, size)[0] for size in self.settings.sizes}
-        least = MUST_BE_CAUGHT if order == 1 else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
+        # Of two changes that cancel, and of one that is felt by its square, theory promises less.
+        least = MUST_BE_CAUGHT if order == 1 and about["known"] else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
         must = [size for size in self.settings.sizes if size >= least]
         blamed_at = [size for size in must if self.bench.blamed(answers[size])]
         return Fault(
@@ -155,7 +163,8 @@ class Campaign:
         try:
             wrong = parse_model(self.model.path, text, self.model.format)
             states, reference = self.bench.diagnostic(one)
-            watched = watch(one.engine, self.bench.mechanism, wrong, states)
+            engine = planted.through(one.engine) if planted.through else one.engine
+            watched = watch(engine, self.bench.mechanism, wrong, states)
         except (Unsupported, ValueError):
             return fault
         diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
@@ -171,15 +180,28 @@ class Campaign:
             diagnosed=size,
             named=named,
             in_class=any(one.place.key in where for one in diagnosis.explaining),
+            explained=explained,
+            right_value=self._is_right(diagnosis.tried[0], planted) if named else None,
+            stopped=diagnosis.stopped,
             answer=diagnosis.first_line,
             seconds=seconds,
         )
+
+    def _is_right(self, first: TriedChange, planted: Planted) -> bool:
+        """True where a mend gives the number that stood there, or what moves accelerations no more than rounding does."""
+        if first.residual <= RIGHT_ROUNDOFFS:
+            return True
+        true = [
+            place.found for place in planted.places if planted.sized and (place.key, place.index) == (first.place.key, first.place.index)
+        ]
+        return bool(true) and first.value is not None and abs(first.value - float(true[0])) <= RIGHT_VALUE * abs(float(true[0]))
 
     def _size_to_diagnose(self, fault: Fault, place: int) -> float:
         """Sizes are dealt out in turn among those that must be caught."""
         if fault.blamed_at is not None:
             return fault.blamed_at
-        least = MUST_BE_CAUGHT if fault.order == 1 or fault.theory is None else MOST_ABOVE_THEORY * fault.theory
+        promised = fault.order == 1 and fault.known
+        least = MUST_BE_CAUGHT if promised or fault.theory is None else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * fault.theory)
         sizes = [size for size in fault.sizes if size >= least] or [max(fault.sizes)]
         return sizes[place % len(sizes)]
 

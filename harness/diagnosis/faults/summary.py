@@ -30,6 +30,9 @@ class Fault:
         cleared: a party that the pattern would blame, had no change of the file explained what it answers.
         diagnosed: the size at which it was diagnosed; None where it was not. named, in_class: true where the diagnosis names one of
             the places first, or among those that explain as well. answer: its first line. seconds: it took.
+        known: false where no hypothesis of the diagnosis undoes a mistake of this kind. explained: true where a diagnosis holds some
+            change for the cause. right_value: whether the change that it names first gives the right number; None where none is
+            named. stopped: whether it used up its evaluations.
     """
 
     system: str
@@ -52,6 +55,15 @@ class Fault:
     in_class: bool = False
     answer: str = ""
     seconds: float = 0.0
+    known: bool = True
+    explained: bool = False
+    right_value: bool | None = None
+    stopped: bool = False
+
+    @property
+    def misled(self) -> bool:
+        """True where a diagnosis holds changes for the cause of which none is at a place of the mistake."""
+        return self.live and self.explained and not (self.named or self.in_class)
 
     @property
     def judged(self) -> bool:
@@ -79,7 +91,10 @@ class KindOfFault:
 
     Attributes:
         kind: its name. planted: mistakes made; live: those that change the dynamics; caught: of these.
-        judged: live ones that were diagnosed or refused by name; named, in_class: of these.
+        judged: live ones that were diagnosed or refused by name; named, in_class: of these. known: whether the diagnosis knows the kind.
+        diagnosed: live ones that were; found, found_in_class: of these, named first, and first or among those that explain as well.
+        right: of those named first, with the right number. misled: diagnosed ones explained by changes elsewhere. stopped: diagnoses
+            that used up their evaluations.
         blamed: live ones for which somebody sound is blamed.
         smallest, theory: medians of the least sizes caught and of those by theory, of faults of first order; None without sizes.
         seconds: median of the diagnoses [s]; longest: the longest [s].
@@ -97,6 +112,13 @@ class KindOfFault:
     theory: float | None
     seconds: float | None
     longest: float | None
+    known: bool
+    diagnosed: int
+    found: int
+    found_in_class: int
+    right: int
+    misled: int
+    stopped: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +163,20 @@ class SmallestChange:
         return {**about.pop("place"), **about}
 
 
+# What is counted of a kind, and of which count it is a share.
+_SHARES = {
+    "caught": "live",
+    "named": "judged",
+    "in_class": "judged",
+    "found": "diagnosed",
+    "found_in_class": "diagnosed",
+    "right": "found",
+    "misled": "diagnosed",
+    "stopped": "diagnosed",
+}
+_COUNTS = ("planted", "live", "judged", "diagnosed", *_SHARES)
+
+
 def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:
     """The faults kind by kind, kinds in alphabetical order."""
     kind = operator.attrgetter("kind")
@@ -151,7 +187,8 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
     live = [fault for fault in faults if fault.live]
     judged = [fault for fault in live if fault.judged]
     sized = [(one.smallest, one.theory) for one in live if one.smallest is not None and one.theory is not None and one.order == 1]
-    seconds = [fault.seconds for fault in judged if fault.diagnosed is not None]
+    diagnosed = [fault for fault in judged if fault.diagnosed is not None]
+    seconds = [fault.seconds for fault in diagnosed]
     return KindOfFault(
         kind=kind,
         planted=len(faults),
@@ -165,18 +202,44 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
         theory=statistics.median(theory for _, theory in sized) if sized else None,
         seconds=statistics.median(seconds) if seconds else None,
         longest=max(seconds, default=None),
+        known=all(fault.known for fault in faults),
+        diagnosed=len(diagnosed),
+        found=sum(fault.named for fault in diagnosed),
+        found_in_class=sum(fault.named or fault.in_class for fault in diagnosed),
+        right=sum(bool(fault.right_value) for fault in diagnosed),
+        misled=sum(fault.misled for fault in diagnosed),
+        stopped=sum(fault.stopped for fault in diagnosed),
     )
+
+
+def shares(kinds: Sequence[KindOfFault]) -> dict[str, dict[str, float | int]]:
+    """What was diagnosed of the kinds that the diagnosis knows, and of the others, "known" and "unknown", as counts and shares.
+
+    "named" and "in_class" count refusals by name; "found" and "found_in_class" are without them. A share of nothing is left out.
+    """
+    found: dict[str, dict[str, float | int]] = {}
+    for name, known in (("known", True), ("unknown", False)):
+        own = [kind for kind in kinds if kind.known == known]
+        of_all = {part: sum(getattr(kind, part) for kind in own) for part in _COUNTS}
+        if not of_all["live"]:
+            continue
+        ratios = {part: (of_all[part], of_all[whole]) for part, whole in _SHARES.items()}
+        found[name] = {**of_all, **{f"share_{part}": some / whole for part, (some, whole) in ratios.items() if whole}}
+    return found
 
 
 def broken_bars(faults: Sequence[Fault]) -> list[str]:
     """The bars that a campaign breaks, one sentence each."""
-    every = _kind("", faults)
-    missed, known = every.live - every.caught, f"{every.in_class} of {every.judged} diagnosed faults"
+    every, known_kinds = _kind("", faults), _kind("", [fault for fault in faults if fault.known])
+    missed, known = every.live - every.caught, f"{known_kinds.in_class} of {known_kinds.judged} diagnosed faults"
     above = sum(not fault.as_in_theory for fault in faults if fault.live)
     bars = [
         (missed, f"{missed} of {every.live} faults that change the dynamics were not caught"),
         (every.blamed, f"{every.blamed} faults were blamed on somebody sound"),
         (above, f"{above} numbers are caught only beyond {MOST_ABOVE_THEORY:g} times what theory promises"),
-        (every.in_class < MUST_BE_NAMED * every.judged, f"{known} were named first or in their class, fewer than {MUST_BE_NAMED:.0%}"),
+        (
+            known_kinds.in_class < MUST_BE_NAMED * known_kinds.judged,
+            f"{known} were named first or in their class, fewer than {MUST_BE_NAMED:.0%}",
+        ),
     ]
     return [sentence for broken, sentence in bars if broken]

@@ -13,10 +13,12 @@ import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Context, Decimal
+from typing import Any
 
 from harness.models.anatomy import anatomy
 from harness.models.anatomy.parts import Anatomy, Slot, Words
 from harness.models.model_file import ModelFile
+from harness.models.text import Candidate as Candidate
 from harness.models.text import Place, edited
 
 # A slot with its new words, None where it goes.
@@ -29,26 +31,6 @@ _EXACT = Context(prec=60)
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One change of a model's text that may explain why an engine's accelerations are not the reference's.
-
-    Attributes:
-        hypothesis: name of the hypothesis; statement: what it says here, as "its damping was left out".
-        place: what would change.
-        text: of the whole file, with the change at a value; a change without a free value ignores it.
-        start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
-        scale: a natural size of the value, above 0, for steps and for relative changes.
-    """
-
-    hypothesis: str
-    statement: str
-    place: Place
-    text: Callable[[float], str]
-    start: float | None = None
-    scale: float = 1.0
-
-
-@dataclass(frozen=True)
 class Planted:
     """One mistake made in a model's text.
 
@@ -57,6 +39,7 @@ class Planted:
         places: every place that the mistake changed or forgot to change, in lines of the planted text; who names one of them
             names the mistake.
         text: of the whole file with the mistake at a size, relative to the number changed; ignored unless the mistake is ``sized``.
+        through: from an engine to one that makes the mistake itself; None where the text has it.
     """
 
     kind: str
@@ -64,6 +47,7 @@ class Planted:
     places: tuple[Place, ...]
     text: Callable[[float], str]
     sized: bool = False
+    through: Callable[[Any], Any] | None = None
 
 
 @dataclass(frozen=True)

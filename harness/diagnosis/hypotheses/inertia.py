@@ -6,6 +6,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, section 2.13, equation 2.6
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import partial
@@ -47,8 +48,14 @@ def _with_added(inertial: Inertial, model_format: str, added: Array, factor: flo
         least = _LEAST[model_format] if row == column else "0"
         # A product of inertia beside moments far above it is their rounding.
         negligible = _ROUNDING * (max(abs(change), Fraction(least)) if row == column else largest)
-        words[name] = least if abs(total - Fraction(least)) <= negligible else repr(float(total))
+        words[name] = least if abs(total - Fraction(least)) <= negligible else _without_rounding(float(total))
     return inertial.rewritten(words)
+
+
+def _without_rounding(value: float) -> str:
+    """The decimal that one rounding has changed into ``value``: a flat body has no moments but those that were written."""
+    short = float(f"{value:.15g}")
+    return repr(short if abs(short - value) <= math.ulp(value) else value)
 
 
 def _reordered(parts: Anatomy) -> Iterator[FixedChange]:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -46,7 +46,7 @@ Changes = Mapping[str, str | Callable[[Values], float]]
 
 def anywhere(mechanism: Mechanism, value: float = 0.0, seed: int = 0) -> States:
     """``STATES`` states spread over the mechanism's ranges, the same for every value of a knob that changes the model."""
-    return sample(mechanism, STATES, 0)
+    return generic_sample(mechanism, STATES, 0)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.certify.sampling import sample
+from harness.certify.sampling import generic_sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, Theory, with_columns
@@ -25,7 +25,7 @@ _REMEDY = "solve by the articulated-body algorithm, or split the chain by loop c
 def _at(angles: float | None, mechanism: Mechanism, seed: int) -> States:
     """Random rates and forces; the first joint anywhere and the others at ``angles``, or all anywhere for None."""
     # The Sobol sequence is spread by its scrambling, so that every seed gives other states.
-    states = sample(mechanism, STATES, seed)
+    states = generic_sample(mechanism, STATES, seed)
     q = states.q if angles is None else with_columns(states.q, dict.fromkeys(range(1, mechanism.nq), angles))
     return States.at(q, states.v, states.tau)
 

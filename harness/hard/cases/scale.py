@@ -96,3 +96,21 @@ SUBNORMAL = HardCase(
     source="Demmel, Underflow and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984)",
     remedy="nothing; keep flush-to-zero off",
 )
+
+
+HIGH_COUNTERWEIGHT = HardCase(
+    name="high_counterweight",
+    title="arm with a light wrist, and a tonne on the axis of its waist",
+    system="puma_560",
+    knob=("height of the tonne above the shoulder", "m"),
+    values=decades(-1, 3),
+    changes={
+        "mjcf": {"body link1/inertial@mass": lambda values: 1000.0, "body link1/inertial@pos[2]": KNOB},
+        "urdf": {"link link1/inertial/mass@value": lambda values: 1000.0},
+    },
+    source="Featherstone, Rigid Body Dynamics Algorithms, section 2.13 (parallel axes): about a point at the distance d from a light"
+    " body's centre its own moments stand beside m d^2; what stands on the axis of the waist is not felt",
+    remedy="give the wrist its rotors' reflected inertia (armature); weld to the world what does not move",
+    # The wrist's entry of M loses m d^2 / M_55, of which no scaling of M knows.
+    theory={"mujoco/mjcf": Theory("disagrees", growth=2.0)},
+)

@@ -8,7 +8,8 @@ from harness.hard.cases.masses import bar_numbers
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 10.1 (Cholesky, scaled condition number)"
 # Changes of the parameters leave a vanishing pivot its relative accuracy and move the energy norm of the answer by
 # sqrt(kappa_s) u; rounding M entry by entry does not, and moves it by kappa_s u. The backward error is the quotient.
-_FACTORISED = Theory("unstable", growth=-0.5, digits_growth=-1.0)
+# In the end no three digits are left, which no conditioning excuses.
+_FACTORISED = Theory("disagrees", growth=-0.5, digits_growth=-1.0)
 
 VANISHING_CART = HardCase(
     name="vanishing_cart",
@@ -81,5 +82,5 @@ ZERO_LENGTH_LINK = HardCase(
     source=_HIGHAM + "; two hinges meet in one point and the bar between them has no inertia left: kappa_s grows as 1/L2^2",
     remedy="make two hinges in one point one hinge, or give the link between them its real inertia",
     # The data stay well conditioned here, and rounding M entry by entry costs kappa_s u.
-    theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), Theory("unstable", growth=-2.0, digits_growth=-2.0)),
+    theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), Theory("disagrees", growth=-2.0, digits_growth=-2.0)),
 )

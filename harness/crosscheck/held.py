@@ -1,6 +1,6 @@
 """The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
 
-Every joint stands at zero. ``harness.diagnosis.held_quantities`` says what is compared, and in which ulps differences are measured.
+Every joint stands at zero. ``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.diagnosis.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
+from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
 from harness.engines import HeldModel, HeldSpring, Model
 from harness.models import lines as quantities
 from harness.models.formats import LEAST
@@ -53,12 +53,21 @@ class Difference:
     follows: str = ""
 
     def __str__(self) -> str:
+        return f"{self.statement}; {'; '.join(self.places)}"
+
+    @property
+    def places(self) -> list[str]:
+        """File and lines in each format that has lines for it."""
+        return [f"{self.files[name]}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines]
+
+    @property
+    def statement(self) -> str:
+        """What each group holds, and how far apart that is."""
         owner = f"of {'number ' if self.quantity in OF_SPRINGS else ''}{self.joint} " if self.joint else ""
         groups = [f"{_written(value)} ({', '.join(names)})" for value, names in zip(self.values, self.subjects, strict=True)]
         size = f"{self.ulps:.3g} ulps" if math.isfinite(self.ulps) else "no common measure"
-        where = "; ".join(f"{self.files[name]}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines)
         after = f"; may follow from joint {self.follows}" if self.follows else ""
-        return f"{self.quantity} {owner}is {', but '.join(groups)}: {size}{after}; {where}"
+        return f"{self.quantity} {owner}is {', but '.join(groups)}: {size}{after}"
 
 
 def _written(value: Value) -> str:

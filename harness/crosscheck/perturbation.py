@@ -20,14 +20,13 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.reference import Reference
-from harness.certify.sampling import sample
-from harness.diagnosis.hypotheses import Candidate
+from harness.certify.sampling import generic_sample
 from harness.engines import Engine, Unsupported, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.formats import ORIENTATIONS, POINT_SPRING
 from harness.models.model_file import ModelFile
-from harness.models.text import Attribute, Element, Number, Place, Watch, find_elements, with_values
+from harness.models.text import Attribute, Candidate, Element, Number, Place, Watch, find_elements, with_values
 from harness.verdict import AGREEMENT
 
 NUMBER = "number"
@@ -44,7 +43,8 @@ HELD_OUT_OF = 3
 ROUNDOFFS = 4.0
 SECOND_ORDER = 1e-8
 
-_INERTIAS = {("urdf", "inertia"): ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ("mjcf", "inertial"): ("diaginertia", "fullinertia")}
+# Format and element to the attributes that are moments or products of inertia.
+INERTIAS = {("urdf", "inertia"): ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ("mjcf", "inertial"): ("diaginertia", "fullinertia")}
 _LENGTHS = {"pos", "xyz", "springlength"}
 # Elements whose value is a length or a point.
 _POINTS = (f"{POINT_SPRING}_p_", f"{POINT_SPRING}_free_length")
@@ -72,7 +72,7 @@ def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States
 
 def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> States:
     """Sampled states of every kind, at rest, moving, and moving under applied forces, each among those that fits hold out."""
-    states = sample(mechanism, count, seed)
+    states = generic_sample(mechanism, count, seed)
     kind = np.arange(count) // HELD_OUT_OF % 4
     v, tau = (np.where((kind >= quiet)[:, None], 0.0, values) for quiet, values in ((3, states.v), (2, states.tau)))
     return States.at(states.q, v, tau, states.time)
@@ -201,7 +201,7 @@ def _of_number(
     model: ModelFile, elements: Sequence[Element], element: Element, attribute: Attribute, number: Number
 ) -> Iterator[Candidate]:
     place = Place(number.line, element.tag, attribute.name, number.index, model.text[number.start : number.end])
-    names = _INERTIAS.get((model.format, element.tag), ())
+    names = INERTIAS.get((model.format, element.tag), ())
     inertia = [other for own in element.attributes if own.name in names for other in own.numbers] if attribute.name in names else []
     group = inertia or list(attribute.numbers)
     scale = _scale(elements, element, attribute, number, group)

@@ -1,0 +1,237 @@
+"""One subject along one family of hard points, against the certified truth.
+
+A model an engine refuses is ``unsupported`` at that point, in the engine's words; a state that cannot be certified
+is ``undecided``, with the reason; an answer that is not finite is an ``error``. None of them is agreement.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 1.5 and 1.6 (forward and backward
+error).
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import Comparison, compare
+from harness.certify.one_number import Projection, explaining_directions
+from harness.certify.parameter_columns import parameter_derivatives
+from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
+from harness.crosscheck.perturbation import Whitening
+from harness.crosscheck.tasks import Note, reference_kernel
+from harness.engines import (
+    EQUATIONS,
+    Engine,
+    Subject,
+    accelerations,
+    factorises_mass_matrix,
+    linear_velocity_in_body,
+    load_engine,
+)
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidModel
+from harness.hard.cases import HardCase, Theory, hard_cases, library_of
+from harness.library import Library
+from harness.models.model_file import ModelFile, read_model
+from harness.results.atlas import HardPoint, HardRow
+from harness.verdict import Verdict, gravest
+from harness.workers import Crash
+
+# Slopes are fitted to backward errors above this floor, which every stable algorithm stays below.
+FLOOR = 16.0
+# A forward relative error beyond this has no digit left that could grow.
+NO_DIGITS_LEFT = 0.1
+FEWEST_POINTS_FITTED = 4
+
+# What is certified at one point, its states, and the mechanism with the parameters it has there.
+Truth = tuple[Reference, States, Mechanism]
+# A point, and the answers there if there are any.
+Answered = tuple[HardPoint, Array | None]
+
+
+def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> HardRow:
+    """One subject along one family; ``engines`` is the library whose engines are meant."""
+    started = time.perf_counter()
+    case = hard_cases()[case_name]
+    engine = load_engine(engines, subject.engine)
+    truths = truth_along(case_name, linear_velocity_in_body(engine))
+    answered: list[Answered] = []
+    for value, truth in zip(case.values, truths, strict=True):
+        note(json.dumps({"knob": value, "system": truth[2].name}))
+        answered.append(point_of(case, value, truth, subject, engine))
+    points = [point for point, _ in answered]
+    if any(point.verdict == Verdict.UNSTABLE for point in points):
+        points = explained(case, truths, answered, linear_velocity_in_body(engine))
+    return row_of(
+        case,
+        subject,
+        points,
+        growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
+        digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def row_of(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
+    """The row of some points, with what the case and theory say of it."""
+    theory = case.theory.get(str(subject), Theory())
+    return HardRow(
+        case=case.name,
+        title=case.title,
+        subject=str(subject),
+        knob=case.knob[0],
+        unit=case.knob[1],
+        points=points,
+        verdict=gravest(point.verdict for point in points),
+        theory_verdict=theory.verdict,
+        theory_growth=theory.growth,
+        theory_digits_growth=theory.digits_growth,
+        source=case.source,
+        remedy=case.remedy,
+        **measured,
+    )
+
+
+@functools.lru_cache(maxsize=4)
+def truth_along(case_name: str, in_body: bool) -> list[Truth]:
+    """The truth at each point; a system along the knob is compiled once."""
+    case = hard_cases()[case_name]
+    found: list[Truth] = []
+    for name, group in groupby(enumerate(case.values), key=lambda point: case.system_at(point[1])):
+        mechanism = load_mechanism(library_of(case), name)
+        points = list(group)
+        batches = [case.states(mechanism, value, place) for place, value in points]
+        changed = [case.mechanism_at(mechanism, value) for _, value in points]
+        parameters = np.repeat([one.parameter_values for one in changed], [len(batch) for batch in batches], axis=0)
+        reference = reference_kernel(mechanism, in_body).evaluate(States.concatenate(batches), parameters)
+        start = 0
+        for batch, one in zip(batches, changed, strict=True):
+            found.append((reference[start : start + len(batch)], batch, one))
+            start += len(batch)
+    return found
+
+
+@functools.lru_cache(maxsize=64)
+def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | None:
+    if model_format == EQUATIONS:
+        return None
+    return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
+
+
+def point_of(case: HardCase, value: float, truth: Truth, subject: Subject, engine: Engine) -> Answered:
+    reference, states, mechanism = truth
+    model = _model_file(case.name, mechanism.name, subject.format)
+    about = _about(value, mechanism.name, reference)
+    try:
+        source = mechanism if model is None else case.model_at(model, mechanism, value)
+    except InvalidModel as error:
+        # The case itself is wrong where its model is not physical.
+        return replace(about, verdict=Verdict.ERROR.value, reason=str(error)), None
+    try:
+        loaded = engine.load(source, mechanism.joints, mechanism.gravity)
+    except ValueError as error:
+        return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}"), None
+    try:
+        answers = accelerations(loaded, states)
+    except Exception as error:
+        return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}"), None
+    return _judged(about, states, reference, compare(reference, answers, factorises_mass_matrix(engine))), answers
+
+
+def explained(case: HardCase, truths: Sequence[Truth], answered: Sequence[Answered], in_body: bool) -> list[HardPoint]:
+    """The points; where another value of one parameter explains the errors along the family, they are no lost digits."""
+    points, parts, names = [point for point, _ in answered], [], []
+    for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
+        if answers is None:
+            continue
+        kernel = reference_kernel(load_mechanism(library_of(case), mechanism.name), in_body)
+        whitening, values = Whitening(reference), np.array(mechanism.parameter_values)
+        # Relative changes, for the knob turns the values.
+        slopes = parameter_derivatives(kernel, states, reference, values.tolist()) * values[:, None, None]
+        parts.append(Projection.of(reference, whitening.residual(answers), [np.nan_to_num(whitening.change(slope)) for slope in slopes]))
+        names = [name for name, _, _ in mechanism.parameters]
+    for strongest in explaining_directions(parts)[:1]:
+        reason = f"{names[strongest.index]} off by {strongest.change:.3g} of itself explains the errors of all points"
+        wrong = Verdict.DISAGREES.value
+        points = [replace(point, verdict=wrong, reason=reason) if point.verdict == Verdict.UNSTABLE else point for point in points]
+    return points
+
+
+def _about(value: float, system: str, reference: Reference) -> HardPoint:
+    """A point before any engine answers."""
+    condition = reference.condition
+    finite = condition[np.isfinite(condition)]
+    return HardPoint(
+        knob=value,
+        system=system,
+        verdict=Verdict.UNDECIDED.value,
+        condition=float(finite.max()) if len(finite) else None,
+        certified=int(reference.certified.sum()),
+        states=len(reference),
+        bits=int(reference.bits.max(initial=0)),
+        reason="; ".join(dict.fromkeys(why_undecided(reference))),
+    )
+
+
+def _judged(about: HardPoint, states: States, reference: Reference, comparison: Comparison) -> HardPoint:
+    backward, relative = (max(comparison.known(name).tolist(), default=None) for name in ("backward_error", "relative_error"))
+    worst = comparison.worst
+    with np.errstate(all="ignore"):
+        bound = float(reference.instability[worst] / reference.sensitivity[worst])
+    remarks = [about.reason]
+    not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
+    if not_finite:
+        remarks.append(f"{not_finite} of {len(states)} answers are not finite")
+    return replace(
+        about,
+        verdict=gravest(comparison.verdicts.tolist()),
+        backward_error=backward,
+        digits_lost=None if relative is None else max(0.0, math.log10(max(relative, UNIT_ROUNDOFF) / UNIT_ROUNDOFF)),
+        unstable_bound=bound if math.isfinite(bound) else None,
+        reason="; ".join(filter(None, remarks)),
+        state=states.as_json(worst),
+    )
+
+
+def why_undecided(reference: Reference) -> Iterator[str]:
+    """For each state that is not certified, why."""
+    condition = reference.condition
+    for index in np.flatnonzero(~reference.certified):
+        if not np.isfinite(reference.high[index]).all():
+            yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
+        elif not np.isfinite(condition[index]):
+            yield "M is not certainly positive definite, so that data roundoff has no energy norm"
+        elif not np.isfinite(reference.sensitivity[index]):
+            yield f"the equations have no derivative there that {PRECISIONS[-1]} bits would show, so that data roundoff is not known"
+        else:
+            share = float(reference.radius[index] / reference.sensitivity[index]) if reference.sensitivity[index] else math.inf
+            yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
+
+
+def _has_digits(point: HardPoint) -> bool:
+    return point.digits_lost is not None and 10**point.digits_lost * UNIT_ROUNDOFF < NO_DIGITS_LEFT
+
+
+def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
+    """Least-squares slope of log error over log knob; None for fewer than ``FEWEST_POINTS_FITTED`` different knobs."""
+    usable = [(abs(knob), error) for knob, error in pairs if knob and error and math.isfinite(error)]
+    if len({knob for knob, _ in usable}) < FEWEST_POINTS_FITTED:
+        return None
+    x, y = np.log(np.array(usable)).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def failed(case: HardCase, subject: Subject, reason: str, crash: Crash | None) -> HardRow:
+    """The row of a task that gave none; its last note says at which point it died."""
+    at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
+    return row_of(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], crashed=crash is not None)

@@ -1,0 +1,48 @@
+"""The accelerations that a model file means, by recursion over it in balls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.equations.kernels import BallKernel
+from harness.equations.program import right_hand_side, upper_triangle
+from harness.equations.states import States
+from harness.models.model_file import ModelFile
+from harness.robots import mjcf, urdf
+from harness.robots.recursion import recursion_program
+
+BITS, LEAST_BITS = 192, 80
+
+
+def accelerations(model: ModelFile, joints: Sequence[str], gravity: float, states: States) -> Array:
+    """qdd, (n, nv), at states as ``recursion_program`` takes them; NaN where fewer than ``LEAST_BITS`` bits of one are certain.
+
+    ``gravity`` [m/s^2, along -z] is for a URDF, which holds none. No float64 kernel is compiled.
+
+    Raises:
+        InvalidModel: as ``urdf.read_tree``. ValueError: the model has other joints.
+    """
+    import flint
+
+    tree = mjcf.read_tree(model) if model.format == "mjcf" else urdf.read_tree(model, gravity)
+    program = recursion_program(tree, joints)
+    nv = states.v.shape[1]
+    found = np.full_like(states.v, np.nan)
+    with flint.ctx.workprec(BITS):
+        evaluate = BallKernel(program, 0).bind(())
+        for row, (q, v, tau, time) in enumerate(zip(states.q, states.v, states.tau, states.time, strict=True)):
+            values = iter(evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time)))
+            outputs = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
+            entries = dict(zip(upper_triangle(nv), outputs["mass"], strict=True))
+            mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
+            force = right_hand_side(outputs, [flint.arb(applied) for applied in tau.tolist()])
+            try:
+                solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
+            except ZeroDivisionError:
+                continue
+            if all(solution[i, 0].rel_accuracy_bits() >= LEAST_BITS or solution[i, 0] == 0 for i in range(nv)):
+                found[row] = [float(solution[i, 0]) for i in range(nv)]
+    return found

@@ -1,0 +1,78 @@
+"""Along a hard case, a wrong parameter is told from the digits that its conditioning costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from catalogue import BUILT_IN
+
+from harness.certify.compare import compare
+from harness.certify.parameter_columns import parameter_derivatives
+from harness.crosscheck.perturbation import Whitening
+from harness.crosscheck.tasks import reference_kernel
+from harness.diagnosis.pattern import subject_named
+from harness.engines import factorises_mass_matrix, load_engine
+from harness.equations.derivation import load_mechanism
+from harness.hard.cases import hard_cases, library_of
+from harness.hard.expected import PATH, judged, load_hard_expectations
+from harness.hard.measurement import Answered, Truth, explained, point_of, row_of, truth_along
+from harness.results.atlas import HardRow
+from harness.verdict import AGREEMENT, Verdict
+
+EXPECTED = load_hard_expectations(PATH, list(hard_cases()), ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
+LOSING = sorted((case, subject) for case, subject, verdict in EXPECTED if verdict == Verdict.UNSTABLE)
+# What is compiled or certified for long: arms, and chains of which every length is another system.
+LONG = ("long_chain_straight", "long_chain_random", "mass_ratio_10", "vanishing_wrist")
+MARKED = [pytest.param(case, subject, marks=pytest.mark.nightly if case in LONG else pytest.mark.costly) for case, subject in LOSING]
+
+
+@cache
+def measured(case_name: str, subject: str) -> tuple[list[Truth], list[Answered]]:
+    case, named = hard_cases()[case_name], subject_named(subject)
+    truths = truth_along(case_name, False)
+    engine = load_engine(BUILT_IN, named.engine)
+    assert factorises_mass_matrix(engine)
+    return truths, [point_of(case, value, truth, named, engine) for value, truth in zip(case.values, truths, strict=True)]
+
+
+def judged_row(case_name: str, subject: str, truths: list[Truth], answered: list[Answered]) -> HardRow:
+    case = hard_cases()[case_name]
+    return judged(row_of(case, subject_named(subject), explained(case, truths, answered, False)), EXPECTED)
+
+
+@pytest.mark.parametrize(("case_name", "subject"), MARKED)
+def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digit(case_name: str, subject: str) -> None:
+    truths, answered = measured(case_name, subject)
+    assert judged_row(case_name, subject, truths, answered).problems == []
+    slopes, largest = [], []
+    for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
+        if answers is None:
+            continue
+        kernel = reference_kernel(load_mechanism(library_of(hard_cases()[case_name]), mechanism.name), False)
+        values = np.array(mechanism.parameter_values)
+        slopes.append(parameter_derivatives(kernel, states, reference, values.tolist()) * values[:, None, None])
+        effects = [np.linalg.norm(Whitening(reference).change(slope), axis=1) for slope in slopes[-1]]
+        # Where the subject's own errors are larger, nothing of this size can be seen.
+        agreeing = (compare(reference, answers).verdicts == Verdict.AGREES).all()
+        largest.append([float(effect.max()) if agreeing else 0.0 for effect in effects])
+    names = [name for name, _, _ in truths[0][2].parameters]
+    shown = np.max(largest, axis=0)
+    for number, name in enumerate(names):
+        if shown[number] == 0:
+            continue
+        off = 10 * AGREEMENT / shown[number]
+        changes = iter([off * slope[number] for slope in slopes])
+        planted: list[Answered] = []
+        for (reference, _, _), (point, answers) in zip(truths, answered, strict=True):
+            if answers is None:
+                planted.append((point, None))
+                continue
+            wrong = answers + next(changes)
+            comparison = compare(reference, wrong, factorises=True)
+            worst = max(comparison.known("backward_error").tolist(), default=None)
+            verdict = str(comparison.verdicts[comparison.worst])
+            planted.append((replace(point, verdict=verdict, backward_error=worst), wrong))
+        assert judged_row(case_name, subject, truths, planted).problems, f"{name} off by {off:.2g} of itself"
