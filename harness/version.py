@@ -1,3 +1,16 @@
-"""The version of the harness."""
+"""The version of the harness, and those of installed packages."""
+
+import functools
+import importlib.metadata
 
 __version__ = "0.1.0"
+
+
+@functools.cache
+def version_of(distribution: str) -> str:
+    """The version of an installed package, whose metadata are read once in a process.
+
+    Raises:
+        importlib.metadata.PackageNotFoundError: it is not installed.
+    """
+    return importlib.metadata.version(distribution)

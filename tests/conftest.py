@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
@@ -36,16 +36,15 @@ ONE_IN = 3
 SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
 
 
-@pytest.fixture(scope="session", autouse=True)
-def cache_directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """One cache for the whole run, whatever number of processes it is spread over; machine code is kept from run to run."""
-    folder = tmp_path_factory.getbasetemp()
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """One cache for the whole run, whatever number of processes it is spread over; machine code is kept from run to run.
+
+    A fixture would come too late for the systems' own tests, which have none.
+    """
+    folder = session.config._tmp_path_factory.getbasetemp()  # type: ignore[attr-defined]
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HEYOKA_CACHE_DIR", str(machine_code_directory()))
-        patch.setenv("HARNESS_CACHE", str(folder / "cache"))
-        yield
+    os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
 
 
 @pytest.fixture(scope="session")

@@ -32,6 +32,14 @@ def slow_process(seconds: float, note: object) -> int:
     return os.getpid()
 
 
+def compute(seconds: float, processor: int, note: object) -> None:
+    """Use ``seconds`` of one processor, which others may use too."""
+    os.sched_setaffinity(0, {processor})
+    started = time.process_time()
+    while time.process_time() < started + seconds:
+        pass
+
+
 def abort(number: int, note: Any) -> None:
     note(f"at {number}")
     os.write(2, b"the cow jumped over the moon")

@@ -7,7 +7,6 @@ Source: Owen, Scrambling Sobol' and Niederreiter-Xing points, J. Complexity 14 (
 from __future__ import annotations
 
 import base64
-import importlib.metadata
 import math
 from collections.abc import Iterator, Sequence
 from enum import IntEnum
@@ -19,6 +18,7 @@ from harness.arrays import Array
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.storage import cache_directory, read_entry, write_entry
+from harness.version import version_of
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -157,7 +157,7 @@ def sobol_points(dimensions: int, exponent: int, seed: int, stream: int = 0) -> 
 
     They are kept in the cache, bit for bit: ``scipy.stats`` takes longer to import than a small mechanism to check.
     """
-    versions = "-".join(f"{name}-{importlib.metadata.version(name)}" for name in ("scipy", "numpy"))
+    versions = "-".join(f"{name}-{version_of(name)}" for name in ("scipy", "numpy"))
     entry = cache_directory() / "sobol" / f"{dimensions}-{exponent}-{seed}-{stream}-{versions}.txt"
     kept = read_entry(entry) if exponent <= MOST_KEPT else None
     if kept is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import platform
 import shlex
@@ -14,14 +13,14 @@ from harness.engines import engine_files
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
 from harness.results.records import Run, SystemCard
-from harness.version import __version__
+from harness.version import __version__, version_of
 
 
 def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
     """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
-        versions[distribution] = importlib.metadata.version(distribution)
+        versions[distribution] = version_of(distribution)
     versions |= {file.requires[1]: file.version for file in engine_files(library).values() if file.version is not None}
     machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
     # Of other programs: at the start none of the run's own is at work.

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import importlib.metadata
 import importlib.util
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,6 +31,7 @@ from harness.engines._held import Terms as Terms
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.models.model_file import ModelFile
+from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
 
 if TYPE_CHECKING:
@@ -265,7 +265,7 @@ def installed_version(engine: Engine) -> str | None:
     module, distribution = engine.requires
     try:
         # A module within a package is found by importing the package.
-        return importlib.metadata.version(distribution) if importlib.util.find_spec(module) is not None else None
+        return version_of(distribution) if importlib.util.find_spec(module) is not None else None
     except ModuleNotFoundError:
         return None
 

@@ -10,7 +10,6 @@ import ast
 import contextlib
 import functools
 import hashlib
-import importlib.metadata
 import math
 import sys
 import time
@@ -26,6 +25,7 @@ from harness.equations.states import DEFAULT_RATES
 from harness.errors import InvalidSystem
 from harness.library import CannotRun, Library, member_of, raised_in, run_file
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+from harness.version import version_of
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -294,5 +294,5 @@ def _floats(bounds: tuple[float, float] | None) -> tuple[float, float] | None:
 def _toolchain_digest() -> bytes:
     digest = hashlib.sha256(sys.version.encode() + sources_digest("equations"))
     for distribution in _VERSIONED:
-        digest.update(f"{distribution}={importlib.metadata.version(distribution)}".encode())
+        digest.update(f"{distribution}={version_of(distribution)}".encode())
     return digest.digest()

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
+from catalogue import IN_CI
 from support import harness, harness_in_a_process, make_library
 
 from harness.library import Library
@@ -22,8 +23,6 @@ from harness.results.hard_states import load_found
 
 BUILT_IN = Library.built_in()
 SYSTEMS = BUILT_IN.system_names()
-# A mechanism's own models are asked of every subject, a variant of those that read its formats.
-RECORDS = 5 * len(SYSTEMS) + 2 * sum(len(BUILT_IN.formats_of(name)) for name in BUILT_IN.variant_names())
 FEW = 40
 CONTRACT = {
     "system",
@@ -52,14 +51,17 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> None:
-    # The tests of harness/systems ask the same at more states; here it is the contract of the command that counts.
-    done = harness_in_a_process("check", "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
+    # The tests of harness/systems ask the same at more states; here it is the contract of the command that counts, and some do.
+    names = [] if IN_CI else SYSTEMS[::6]
+    done = harness_in_a_process("check", *names, "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     # A line of progress every ten seconds.
     assert [line for line in done.stderr.splitlines() if not line.startswith("harness: cross-check: ")] == []
     data = json.loads((tmp_path / "out.json").read_text())
     assert {"harness", "python", "mujoco", "pin", "sympy"} <= set(data["harness"])
-    assert len(data["records"]) == RECORDS
+    # A mechanism's own models are asked of every subject, a variant of those that read its formats.
+    variants = [] if names else BUILT_IN.variant_names()
+    assert len(data["records"]) == 5 * len(names or SYSTEMS) + 2 * sum(len(BUILT_IN.formats_of(name)) for name in variants)
     for record in data["records"]:
         assert set(record) >= CONTRACT
         assert record["verdict"] == record["expected"]
@@ -74,8 +76,9 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path) -> 
 def test_a_hundred_thousand_states_agree_everywhere(tmp_path: Path) -> None:
     done = harness_in_a_process("check", "--states", "100000", "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    records = json.loads((tmp_path / "out.json").read_text())["records"]
-    assert {record["states"] for record in records if record["expected"] == "agrees"} == {100_000}
+    for record in json.loads((tmp_path / "out.json").read_text())["records"]:
+        if record["expected"] == "agrees":
+            assert record["states"] == 100_000 + len(load_found(BUILT_IN, BUILT_IN.system_of(record["system"])))
 
 
 def test_the_same_seed_gives_the_same_states(tmp_path: Path) -> None:

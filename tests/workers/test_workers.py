@@ -52,7 +52,7 @@ def crashing(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, d
         "exiting": "os._exit(7)",
     }
     library = failing_library(tmp_path_factory.mktemp("crashing") / "library", bodies)
-    return check(library, "--time-limit", "4")
+    return check(library, "--time-limit", "6")
 
 
 def test_a_crash_is_exit_status_3(crashing: tuple[int, dict[str, dict[str, object]], str]) -> None:
@@ -74,7 +74,7 @@ def test_healthy_engines_lose_nothing(crashing: tuple[int, dict[str, dict[str, o
         ("aborting/mjcf", "crashed by signal 6 (SIGABRT)"),
         ("aborting/mjcf", "the cow jumped over the moon"),
         ("aborting_later/mjcf", "crashed by signal 6 (SIGABRT)"),
-        ("sleeping/mjcf", "exceeded its time limit of 4 s; --time-limit (pytest: --harness-time-limit) allows more"),
+        ("sleeping/mjcf", "exceeded its time limit of 6 s; --time-limit (pytest: --harness-time-limit) allows more"),
         ("raising/mjcf", "RuntimeError: no can do"),
         ("silent/mjcf", "answers are not finite"),
         ("exiting/mjcf", "ended its process with status 7"),
@@ -256,6 +256,28 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
         assert next(coming).task.key == 0
         time.sleep(1.5)
         assert next(coming).crash is None
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="only the kernel knows how long a process waited")
+def test_time_spent_waiting_for_a_processor_is_not_the_tasks() -> None:
+    processor = min(os.sched_getaffinity(0))
+    busy = f"import os\nos.sched_setaffinity(0, [{processor}])\nprint(flush=True)\nwhile True: pass"
+    # Linux shares a processor among sessions first.
+    others = [subprocess.Popen([sys.executable, "-c", busy], stdout=subprocess.PIPE, start_new_session=True) for _ in range(4)]
+    try:
+        for other in others:
+            assert other.stdout is not None
+            other.stdout.readline()
+        with Workers(1, time_limit=1) as workers:
+            started = time.monotonic()
+            [outcome] = workers.run([Task(0, work.compute, (0.5, processor))])
+            waited = time.monotonic() - started
+        assert waited > 1.5, "the others did not take the processor"
+        assert outcome.crash is None
+    finally:
+        for other in others:
+            other.kill()
+            other.communicate()
 
 
 def test_a_process_that_hangs_gets_no_further_task() -> None:
