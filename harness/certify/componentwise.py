@@ -21,9 +21,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import forward_substitute
-from harness.certify.reference import SMALLEST_SCALE, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import PRECISIONS, SMALLEST_SCALE, UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
-from harness.certify.sensitivity import PRECISIONS
 from harness.equations.states import States
 
 # Of the largest component of an error: what solving for it by least squares may leave.
@@ -41,7 +40,7 @@ def componentwise_error(kernel: ReferenceKernel, state: States, reference: Refer
     [(chart, _)] = kernel.by_chart(state)
     inputs = kernel.mechanism.inputs(state)[:, 0]
     scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
-    columns, _ = columns_in_balls(chart.float64.program, inputs.tolist(), scales.tolist(), PRECISIONS)
+    columns, _ = columns_in_balls(chart.program, inputs.tolist(), scales.tolist(), PRECISIONS)
     factor = reference.norm_factor[0]
     moved = forward_substitute(factor.T[:, :, None], columns[:, :, None])[:, :, 0]
     rounded = factor * np.maximum(np.abs(answer), SMALLEST_SCALE)

@@ -21,8 +21,8 @@ def parameter_derivatives(kernel: ReferenceKernel, states: States, reference: Re
     forces = np.empty((len(values), *reference.high.shape))
     for chart, chosen in kernel.by_chart(states):
         inputs = mechanism.inputs(states[chosen], parameters[chosen])
-        derivatives = chart.float64.input_derivatives(inputs, np.ascontiguousarray(reference.high[chosen].T))
-        forces[:, chosen] = derivatives[:, -len(values) :].transpose(1, 2, 0)
+        derivatives = chart.derivatives(np.ascontiguousarray(inputs.T), reference.high[chosen])
+        forces[:, chosen] = derivatives[:, :, -len(values) :].transpose(2, 0, 1)
     factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(mechanism.nv))
     with np.errstate(all="ignore"):
         slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces.transpose(1, 2, 0)))

@@ -1,7 +1,8 @@
 """The certified acceleration at the exact float64 inputs, and its data roundoff.
 
-M and the right-hand side are evaluated in balls and solved rigorously; precision doubles until the
-radius is negligible beside the data roundoff, which comes from ``harness.certify.sensitivity``.
+Most states are certified in double-double with proven bounds, by ``harness.certify.interpreter``, which gives the data roundoff
+too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
+doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.certify.reverse_mode``.
 
 Beside it stands the share of the motion: half an ulp of twice the kinetic energy, as a torque on every rotating
 coordinate. Engines work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the
@@ -26,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
+from harness.certify.encoding import Encoded, encode
 from harness.certify.factorisation import (
     cholesky_in_balls,
     condition_number,
@@ -34,17 +36,26 @@ from harness.certify.factorisation import (
     scaled_cholesky,
     scaled_condition_number,
 )
-from harness.certify.sensitivity import PRECISIONS as PRECISIONS
-from harness.certify.sensitivity import SMALLEST_SCALE as SMALLEST_SCALE
-from harness.certify.sensitivity import UNIT_ROUNDOFF as UNIT_ROUNDOFF
-from harness.certify.sensitivity import Sensitivity
-from harness.equations.kernels import BallKernel, float64_kernel
+from harness.certify.forward_mode import jacobians
+from harness.certify.interpreter import derivatives, evaluate
+from harness.certify.reverse_mode import columns_in_balls
+from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 from harness.storage import Kept
 
+UNIT_ROUNDOFF = 2.0**-53
+# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
+# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
+SMALLEST_SCALE = 2.0**-1021
+# Bits of the numbers of ``harness.certify.interpreter``, and those that are tried one after the other beyond it.
+DOUBLE_DOUBLE = 106
+PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
+# Of a sensitivity: a backward error is read to three digits.
+MOST_DOUBT = 2.0**-10
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80
 CERTIFIED_RADIUS = 2.0**-60
@@ -70,7 +81,7 @@ class Reference(Rows):
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
-        bits: (n,) precision that was needed.
+        bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
 
     high: Array
@@ -80,7 +91,7 @@ class Reference(Rows):
     sensitivity: Array
     motion: Array
     instability: Array
-    certified: np.ndarray[Any, np.dtype[np.bool_]]
+    certified: Flags
     bits: Indices
 
     def __len__(self) -> int:
@@ -151,53 +162,122 @@ class ChartKernel:
 
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
         self.mechanism = mechanism
-        self.float64 = float64_kernel(program)
-        self._sensitivity = Sensitivity(self.float64)
+        self.program = program
         self._balls = BallKernel(program, len(mechanism.parameters))
         self._bound: Kept[Callable[..., tuple[Any, ...]]] = Kept(_MOST_BOUND)
 
+    @functools.cached_property
+    def encoded(self) -> Encoded | None:
+        """The program for the loops of ``harness.certify.interpreter``; None where they cannot interpret it."""
+        return encode(self.program)
+
     def evaluate(self, states: States, parameters: Array) -> Reference:
         """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
-        n, nv = len(states), self.mechanism.nv
-        high, low, radii, scale, factor = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv)), np.empty((nv, n)), np.empty((nv, nv, n))
-        norm_factor, sensitivity, motion, instability = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
-        bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
+        inputs = np.ascontiguousarray(self.mechanism.inputs(states, parameters).T)
+        scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
         with np.errstate(all="ignore"):
-            pending = np.arange(n)
-            for precision in PRECISIONS:
-                now, values = states[pending], parameters[pending]
-                results = self._certify(now, values, precision)
-                high[pending], low[pending], radii[pending], scale[:, pending], factor[:, :, pending] = results
-                bits[pending] = precision
-                inputs, found = self.mechanism.inputs(now, values), (results[0], scale[:, pending], factor[:, :, pending])
-                condition = condition_number(found[-1])
-                sensitivity[pending] = self._sensitivity.evaluate(inputs, *found, condition)
-                norm_factor[pending], motion[pending], instability[pending] = self._norms(now, inputs, *found, condition)
-                radius[pending] = energy_norm(np.abs(norm_factor[pending]), radii[pending])
-                pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
-                if not len(pending):
-                    break
-            certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
+            found = self._filtered(states, inputs, scales)
+            # States that are not finite have no truth, at no precision.
+            left = np.flatnonzero(~(found.bits > 0) & np.isfinite(inputs).all(axis=1)) if found is not None else np.arange(len(states))
+            if found is not None and not len(left):
+                return found
+            in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left])
+        if found is None:
+            return in_balls
+        for name, values in vars(in_balls).items():
+            getattr(found, name)[left] = values
+        return found
+
+    def derivatives(self, inputs: Array, accelerations: Array) -> Array:
+        """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64."""
+        if self.encoded is not None:
+            return derivatives(self.encoded, inputs, accelerations)[0]
+        nv, first = self.mechanism.nv, self.mechanism.nq + self.mechanism.nv
+        slopes = jacobians(self.program, np.ascontiguousarray(inputs.T))
+        applied = np.zeros((nv, inputs.shape[1], len(inputs)))
+        applied[range(nv), range(first, first + nv)] = 1.0
+        found = np.array(right_hand_side({name: list(slope) for name, slope in slopes.items()}, list(applied)))
+        for slope, (i, j) in zip(slopes["mass"], upper_triangle(nv), strict=True):
+            found[i] -= slope * accelerations[:, j]
+            if i != j:
+                found[j] -= slope * accelerations[:, i]
+        return found.transpose(2, 0, 1)
+
+    def _filtered(self, states: States, inputs: Array, scales: Array) -> Reference | None:
+        """What the loop finds; ``bits`` is 0 where that is not enough. None where there is no loop for the program."""
+        if self.encoded is None:
+            return None
+        found = evaluate(self.encoded, inputs, scales)
+        factor = np.ascontiguousarray(found.factor.transpose(1, 2, 0))
+        scale, condition = np.ascontiguousarray(found.scale.T), condition_number(factor)
+        norms = self._norms(states, found.high, found.terms, scale, factor, condition)
+        radius = energy_norm(np.abs(norms[0]), found.radius)
+        is_known = self._is_believed(found.sensitivity, found.doubt, condition) & (condition < MOST_IN_FLOAT64)
+        bits = np.where(is_known & (radius <= SOUGHT_RADIUS * found.sensitivity), DOUBLE_DOUBLE, 0)
+        return Reference(found.high, found.low, radius, norms[0], found.sensitivity, *norms[1:], bits > 0, bits)
+
+    def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array) -> Reference:
+        """The reference by ball arithmetic, at rising precision."""
+        n, nv = len(states), self.mechanism.nv
+        high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
+        norm_factor, motion, instability = np.empty((n, nv, nv)), np.empty(n), np.empty(n)
+        bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
+        sensitivity, in_balls = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
+        pending = np.arange(n)
+        for precision in PRECISIONS:
+            now = states[pending]
+            high[pending], low[pending], radii[pending], scale, factor, terms = self._certify(now, parameters[pending], precision)
+            bits[pending] = precision
+            norms = self._norms(now, high[pending], terms, scale, factor, condition_number(factor))
+            norm_factor[pending], motion[pending], instability[pending] = norms
+            found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
+            sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
+            for index in pending[~is_known & ~in_balls[pending] & np.isfinite(inputs[pending]).all(axis=1)].tolist():
+                _, sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
+                in_balls[index] = True
+            radius[pending] = energy_norm(np.abs(norms[0]), radii[pending])
+            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
+            if not len(pending):
+                break
+        certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
         return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, certified, bits)
 
-    def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array]:
-        """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``."""
+    def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
+        """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""
+        if self.encoded is None:
+            return np.full(len(inputs), np.nan), np.zeros(len(inputs), dtype=np.bool_)
+        columns, sizes = derivatives(self.encoded, inputs, accelerations, scale.T)
+        changes = (columns * scales[:, None]).transpose(1, 2, 0)
+        found = norm_over_first_axis(forward_substitute(factor, changes / scale[:, None])).sum(axis=0)
+        inverse = forward_substitute(factor, np.broadcast_to(np.eye(self.mechanism.nv)[:, :, None], factor.shape))
+        doubt = self.encoded.gamma * np.sqrt((inverse**2).sum(axis=(0, 1))) * (sizes * scales).sum(axis=1)
+        return found, self._is_believed(found, doubt, condition_number(factor))
+
+    def _is_believed(self, sensitivity: Array, doubt: Array, condition: Array) -> Flags:
+        # Substituting into the factor of M costs the root of its condition number.
+        lost = np.sqrt(condition) * UNIT_ROUNDOFF * self.mechanism.nv
+        return np.asarray((doubt <= MOST_DOUBT * sensitivity) & (lost <= MOST_DOUBT) & np.isfinite(sensitivity))
+
+    def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``;
+        and velocity, gravity and passive forces, (n, 3, nv)."""
         import flint
 
         nv = self.mechanism.nv
         pairs = upper_triangle(nv)
-        results = np.empty((len(states), 3, nv))
+        results, terms = np.empty((len(states), 3, nv)), np.empty((len(states), 3, nv))
         exact: list[tuple[Any, ...]] = []
         with flint.ctx.workprec(precision):
             for index, (row, values) in enumerate(self.in_balls(states, parameters)):
                 outputs = {name: values[len(pairs) + k * nv :][:nv] for k, name in enumerate(OUTPUTS[1:])}
+                terms[index] = [[float(entry) for entry in outputs[name]] for name in OUTPUTS[1:]]
                 force = right_hand_side(outputs, [flint.arb(applied) for applied in row[self.mechanism.nq + nv :][:nv]])
                 exact.append(values[: len(pairs)])
                 solution = _solve(values[: len(pairs)], pairs, force, nv)
                 for i, ball in enumerate(solution):
                     results[index, :, i] = parts_of(ball)
             scale, factor = factorise(exact, nv)
-        return results[:, 0], results[:, 1], results[:, 2], scale, factor
+        return results[:, 0], results[:, 1], results[:, 2], scale, factor, terms
 
     def in_balls(self, states: States, parameters: Array) -> Iterator[tuple[list[float], tuple[Any, ...]]]:
         """q, v, tau and time of each state, and the program's outputs there as ``arb`` at the working precision."""
@@ -209,16 +289,15 @@ class ChartKernel:
             yield row, self._bound.get((flint.ctx.prec, values_of_parameters), bind)(*row)
 
     def _norms(
-        self, states: States, inputs: Array, accelerations: Array, scale: Array, factor: Array, condition: Array
+        self, states: States, accelerations: Array, terms: Array, scale: Array, factor: Array, condition: Array
     ) -> tuple[Array, Array, Array]:
-        """``norm_factor``, ``motion`` and ``instability`` at the given accelerations, factors of M and their condition numbers."""
+        """``norm_factor``, ``motion`` and ``instability`` at the given accelerations, terms, and factors of M with their condition."""
         nv = self.mechanism.nv
-        terms = self.float64.terms(inputs)
         norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
         torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
         of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
         motion = energy_norm(norm_factor, states.v) ** 2 * of_torques
-        separate = np.stack([states.tau, terms["velocity"], terms["gravity"], terms["passive"]], axis=1).T
+        separate = np.concatenate([states.tau[:, None], terms], axis=1).T
         of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
         instability = ROUNDINGS * nv * condition * (energy_norm(norm_factor, accelerations) + of_terms)
         return norm_factor, motion, instability

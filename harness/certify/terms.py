@@ -86,7 +86,7 @@ def certify_terms(kernel: ReferenceKernel, states: States) -> TermReference:
     """The terms at ``states``, in the frames of ``kernel``; what cannot be certified is marked, never dropped."""
     parts, places = [], []
     for chart, chosen in kernel.by_chart(states):
-        program = chart.float64.program
+        program = chart.program
         at_once = max(1, _MOST_AT_ONCE // (len(program.instructions) * len(program.inputs)))
         for start in range(0, max(len(chosen), 1), at_once):
             parts.append(_certify(kernel.mechanism, chart, states[chosen[start : start + at_once]]))
@@ -111,7 +111,7 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
     pairs = upper_triangle(nv)
     parameters = np.broadcast_to(np.array(mechanism.parameter_values, dtype=np.float64), (n, len(mechanism.parameters)))
     inputs = mechanism.inputs(states, parameters)
-    slopes = jacobians(chart.float64.program, inputs)
+    slopes = jacobians(chart.program, inputs)
     moved = {name: slopes[name] * np.maximum(np.abs(inputs), SMALLEST_SCALE) for name in OUTPUTS}
     found = np.zeros((3, len(pairs) + 3 * nv, n))
     applied_parts: tuple[Array | float, ...] = (states.tau, 0.0, 0.0)

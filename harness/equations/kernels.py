@@ -7,7 +7,7 @@ Inputs of a system's program are, in this order: q (nq), v (nv), tau (nv), time 
 outputs are ``mass`` (upper triangle by rows), ``velocity``, ``gravity`` and ``passive`` (nv each), so
 that M qdd = tau + passive - velocity - gravity, and ``regularity`` (1) where a chart can be singular.
 
-Sources: Biscani, Izzo, heyoka.py documentation, ``cfunc`` and ``diff_tensors``; Johansson, Arb:
+Sources: Biscani, Izzo, heyoka.py documentation, ``cfunc``; Johansson, Arb:
 efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. Comput. 66 (2017).
 """
 
@@ -22,7 +22,6 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.machine_code import load_heyoka
 from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
-from harness.equations.relative_joints import to_coordinates, to_joints
 from harness.storage import Kept
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
@@ -71,30 +70,6 @@ class Float64Kernel:
         vectors = flat[len(pairs) :].reshape(3, self.nv, -1).transpose(0, 2, 1)
         return {"mass": mass, **dict(zip(OUTPUTS[1:], vectors, strict=True))}
 
-    def input_derivatives(self, inputs: Array, accelerations: Array) -> Array:
-        """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (nv, number of inputs, n)."""
-        if self._in_coordinates is not None:
-            return self._derivatives_in_joints(self._in_coordinates, inputs, accelerations)
-        flat = _evaluated(self._derivatives, np.ascontiguousarray(np.vstack([inputs, accelerations])))
-        return flat.reshape(self.nv, len(self.program.inputs), -1)
-
-    def _derivatives_in_joints(self, kernel: Float64Kernel, inputs: Array, accelerations: Array) -> Array:
-        """``input_derivatives`` by the chain rule from those of ``kernel``, which is in coordinates: they are few."""
-        n, parents = self.nv, self.program.measured_from
-        positions, rates, forces = (slice(block * n, (block + 1) * n) for block in range(3))
-        moved = inputs.copy()
-        for block in (positions, rates):
-            moved[block] = to_coordinates(inputs[block], parents)
-        derivatives = to_joints(kernel.input_derivatives(moved, to_coordinates(accelerations, parents)), parents)
-        for block in (positions, rates):
-            derivatives[:, block] = to_joints(derivatives[:, block].swapaxes(0, 1), parents).swapaxes(0, 1)
-        derivatives[:, forces] = np.eye(n)[:, :, None]
-        return derivatives
-
-    @cached_property
-    def _in_coordinates(self) -> Float64Kernel | None:
-        return None if self.program.in_coordinates is None else float64_kernel(self.program.in_coordinates)
-
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
         heyoka = load_heyoka()
@@ -127,20 +102,6 @@ class Float64Kernel:
 
         inputs, outputs = self._symbols
         return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
-
-    @cached_property
-    def _derivatives(self) -> Any:
-        heyoka = load_heyoka()
-
-        inputs, outputs = self._symbols
-        accelerations = [heyoka.expression(f"a{i}") for i in range(self.nv)]
-        residual = self._right_hand_side()
-        for entry, (i, j) in zip(outputs["mass"], upper_triangle(self.nv), strict=True):
-            residual[i] = residual[i] - entry * accelerations[j]
-            if i != j:
-                residual[j] = residual[j] - entry * accelerations[i]
-        jacobian = heyoka.diff_tensors(residual, diff_args=inputs, diff_order=1).jacobian
-        return self._compiled(list(jacobian.flatten()), [*inputs, *accelerations])
 
     def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
         heyoka = load_heyoka()

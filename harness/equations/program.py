@@ -39,20 +39,16 @@ class StraightLineProgram:
         inputs: names of the run-time inputs, in order.
         instructions: (operation, operand, ...); an operand is the index of an earlier instruction.
         outputs: output name to instruction indices.
-        in_coordinates: the shorter program that this one was made of, see ``harness.equations.relative_joints``; None for most.
-        measured_from: how it was made; () without ``in_coordinates``.
     """
 
     inputs: tuple[str, ...]
     instructions: tuple[Instruction, ...]
     outputs: Mapping[str, tuple[int, ...]]
-    in_coordinates: StraightLineProgram | None = None
-    measured_from: tuple[int | None, ...] = ()
 
     @cached_property
     def key(self) -> str:
         """Equal for programs of equal inputs, instructions and outputs."""
-        content = self.inputs, self.instructions, sorted(self.outputs.items()), self.measured_from
+        content = self.inputs, self.instructions, sorted(self.outputs.items())
         return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @property
@@ -89,13 +85,6 @@ class StraightLineProgram:
         for name, indices in self.outputs.items():
             if not all(_is_index(index, len(self.instructions)) for index in indices):
                 raise ValueError(f"output {name!r} points outside the program")
-        if self.in_coordinates is not None and self.in_coordinates.checked().inputs != self.inputs:
-            raise ValueError("the program in coordinates has other inputs")
-        if self.in_coordinates is not None and len(self.measured_from) != len(self.outputs.get("velocity", self.measured_from)):
-            raise ValueError("measured_from has another number of coordinates than the program")
-        for place, parent in enumerate(self.measured_from):
-            if not (parent is None or _is_index(parent, place)):
-                raise ValueError(f"coordinate {place} is measured from {parent!r}; expected an earlier one or none")
         return self
 
 

@@ -15,10 +15,8 @@ Source: Greenwood, Principles of Dynamics, 2nd ed., section 6-4 (generalised for
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
-from harness.arrays import Array
 from harness.equations.program import StraightLineProgram, with_operands, without_unused
 
 Parents = Sequence[int | None]
@@ -63,24 +61,7 @@ def in_joint_positions(program: StraightLineProgram, measured_from: Parents) -> 
             mass |= {(parent, column): add(mass[parent, column], mass[place, column]) for column in range(n)}
         outputs["mass"] = [mass[pair] for pair in upper]
     joint = StraightLineProgram(program.inputs, tuple(instructions), {name: tuple(indices) for name, indices in outputs.items()})
-    return replace(without_unused(joint), in_coordinates=program, measured_from=tuple(measured_from))
-
-
-def to_coordinates(joints: Array, measured_from: Parents) -> Array:
-    """S u of positions, rates or accelerations of the joints, (n, number of states)."""
-    coordinates = joints.copy()
-    for place, parent in enumerate(measured_from):
-        if parent is not None:
-            coordinates[place] += coordinates[parent]
-    return coordinates
-
-
-def to_joints(of_coordinates: Array, measured_from: Parents) -> Array:
-    """S' f, f of any shape whose first axis has the n coordinates: forces, or derivatives by coordinates."""
-    of_joints = of_coordinates.copy()
-    for place, parent in _from_the_tips(measured_from):
-        of_joints[parent] += of_joints[place]
-    return of_joints
+    return without_unused(joint)
 
 
 def _from_the_tips(measured_from: Parents) -> list[tuple[int, int]]:

@@ -13,13 +13,13 @@ from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.arrays import Array
-from harness.certify.directional import DirectionalDerivative
-from harness.certify.forward_mode import jacobians
-from harness.certify.reference import PRECISIONS, SMALLEST_SCALE, ReferenceKernel
+from harness.certify.encoding import encode
+from harness.certify.interpreter import derivatives
+from harness.certify.reference import DOUBLE_DOUBLE, PRECISIONS, SMALLEST_SCALE, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
-from harness.equations.kernels import BallKernel, Float64Kernel
+from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import StraightLineProgram, assemble, upper_triangle
 from harness.equations.states import States
@@ -97,7 +97,7 @@ def charts_and_inputs(mechanism: Mechanism, states: States, parameters: Array) -
     inputs = mechanism.inputs(states, parameters)
     found = {}
     for chart, chosen in kernel.by_chart(states):
-        found.update({index: (chart.float64.program, inputs[:, index].tolist()) for index in chosen.tolist()})
+        found.update({index: (chart.program, inputs[:, index].tolist()) for index in chosen.tolist()})
     return [found[index] for index in range(len(states))]
 
 
@@ -123,29 +123,16 @@ def test_sensitivity_is_exact_along_every_hard_case(name: str) -> None:
     assert_case_is_exact(name)
 
 
-def test_a_wrong_derivative_is_seen_and_computed_in_balls(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each column in turn is made wrong by an amount that moves the sensitivity by at least ``NEAR``."""
+def test_a_derivative_in_doubt_is_computed_in_balls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a bound of the roundings that nothing satisfies, the loop's sensitivities are those of balls."""
     mechanism = load_mechanism(BUILT_IN, "cart_pendulum")
     kernel, states = ReferenceKernel(mechanism), sample(mechanism, 5, 1)
     sound = kernel.evaluate(states)
-    derivatives = Float64Kernel.input_derivatives
-    seen = 0
-    for place in range(len(mechanism.program.inputs)):
-
-        def wrong(self: Float64Kernel, inputs: Array, accelerations: Array, place: int = place) -> Array:
-            columns = derivatives(self, inputs, accelerations)
-            columns[:, place] += 0.25 * np.abs(columns).max(axis=1)
-            return columns
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Float64Kernel, "input_derivatives", wrong)
-            found = kernel.evaluate(states)
-            patch.setattr("harness.certify.sensitivity.MOST_DIFFERENT", math.inf)
-            believed = kernel.evaluate(states)
-        np.testing.assert_allclose(found.sensitivity, sound.sensitivity, rtol=NEAR)
-        seen += int((np.abs(believed.sensitivity / sound.sensitivity - 1) > NEAR).sum())
-    # Otherwise nothing was planted.
-    assert seen > 20
+    assert (sound.bits == DOUBLE_DOUBLE).all()
+    monkeypatch.setattr("harness.certify.reference.MOST_DOUBT", 0.0)
+    found = kernel.evaluate(states)
+    assert (found.bits == PRECISIONS[0]).all()
+    np.testing.assert_allclose(found.sensitivity, sound.sensitivity, rtol=1e-9)
 
 
 def one_slide(applied: sp.Expr, mechanism_of: Callable[[System], Mechanism], values: dict[sp.Symbol, float]) -> Mechanism:
@@ -179,28 +166,19 @@ def test_where_the_equations_have_no_derivative_nothing_is_certified(mechanism_o
 
 
 @pytest.mark.costly
-def test_balls_give_the_columns_of_float64(plain_mechanism: Mechanism) -> None:
-    """Where float64 is trusted, both ways to the derivatives and to the sensitivity give the same."""
+def test_balls_give_the_columns_of_the_loop(plain_mechanism: Mechanism) -> None:
+    """Where the loop is trusted, both ways to the derivatives and to the sensitivity give the same."""
     states, program = sample(plain_mechanism, 2, 3), plain_mechanism.program
     reference = ReferenceKernel(plain_mechanism).evaluate(states)
     inputs = plain_mechanism.inputs(states)
-    columns = Float64Kernel(program).input_derivatives(inputs, np.ascontiguousarray(reference.high.T))
+    encoded = encode(program)
+    assert encoded is not None
+    columns, _ = derivatives(encoded, inputs.T, reference.high)
     for index in range(len(states)):
         scales = np.maximum(np.abs(inputs[:, index]), SMALLEST_SCALE)
         found, total = columns_in_balls(program, inputs[:, index].tolist(), scales.tolist(), PRECISIONS)
         assert total == pytest.approx(reference.sensitivity[index], rel=NEAR)
-        assert np.abs(found - columns[:, :, index] * scales).max() <= 1e-8 * np.abs(found).max()
-
-
-@pytest.mark.parametrize("name", ["arm_3r", "collar", "free_body"])
-def test_a_directional_derivative_is_the_sum_of_partial_ones(name: str) -> None:
-    mechanism = load_mechanism(BUILT_IN, name)
-    inputs = mechanism.inputs(sample(mechanism, 30, 1))
-    direction = np.random.default_rng(2).standard_normal(inputs.shape)
-    found = DirectionalDerivative(mechanism.program)(inputs, direction)
-    for output, partial in jacobians(mechanism.program, inputs).items():
-        expected = (partial * direction).sum(axis=1)
-        assert np.abs(found[output] - expected).max() <= 1e-9 * np.abs(expected).max(initial=1e-300)
+        assert np.abs(found - columns[index] * scales).max() <= 1e-8 * np.abs(found).max()
 
 
 def test_reverse_mode_knows_every_function() -> None:

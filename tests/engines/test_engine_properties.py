@@ -21,6 +21,8 @@ import pytest
 import sympy as sp
 
 from harness.certify.compare import compare
+from harness.certify.encoding import encode
+from harness.certify.interpreter import derivatives
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.tasks import Assignment, load_audited
@@ -404,7 +406,9 @@ class Case:
         nudge = relative * np.eye(len(state))
         inputs = np.ascontiguousarray(np.hstack([state * (1 + nudge), state * (1 - nudge)]))
         masses = kernel.terms(inputs)["mass"]
-        partial = kernel.input_derivatives(inputs, kernel.accelerations(inputs))[:, : nq + nv].transpose(2, 0, 1)
+        encoded = encode(kernel.program)
+        assert encoded is not None
+        partial = derivatives(encoded, inputs.T, kernel.accelerations(inputs).T)[0][:, :, : nq + nv]
         # d(positions)/d(steps): linear in the positions, so that a step of 1 from them gives it.
         tangents = np.array([self._tangent(column) for column in inputs[:nq].T])
         partial = np.concatenate([partial[:, :, :nq] @ tangents, partial[:, :, nq:]], axis=2)

@@ -1,0 +1,89 @@
+"""Accelerations with a proven bound of their error, and their sensitivity, by one compiled loop over a program's instructions.
+
+For each state ``harness.certify.loops`` does every instruction in double-double with its bound; M and the right-hand side; a
+Cholesky factor of M in float64, whose inverse X is an approximate inverse of M; the solution, refined with residuals in
+double-double; and adjoints.
+
+With a the solution found, r = f - M a and G = I - X M, the error d obeys d = X r + G d. So |d| <= max |X r| / (1 - alpha) for the
+largest row sum alpha of |G|, and row by row |d_i| <= |X r|_i + alpha_i |d|. All of it is taken in coordinates in which M has unit
+diagonal.
+
+One sweep backwards gives the derivatives of all nv equations f - M a at fixed a by all inputs. Another one, of absolute values
+summed over the equations, bounds their roundings: each way from an equation back to an input adds the product of its partial
+derivatives, and no way has more roundings than ``Encoded.roundings``.
+
+Sources: Rump, Verification methods: rigorous results using floating-point arithmetic, Acta Numerica 19 (2010), section 10;
+Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 3 (gamma_n) and 12 (refinement); Griewank, Walther,
+Evaluating Derivatives, 2nd ed., section 3.2 (reverse mode).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.arrays import Array, Rows
+from harness.certify.encoding import Encoded
+from harness.certify.machine_code import loop
+
+
+@dataclass(frozen=True)
+class Filtered(Rows):
+    """What the loop finds at n states.
+
+    Attributes:
+        high, low: (n, nv); the accelerations are high + low. radius: (n, nv) bounds of their errors; infinite or NaN for none.
+        scale: (n, nv), factor: (n, nv, nv); M = diag(scale) L L' diag(scale) in float64. NaN where M has no factor.
+        terms: (n, 3, nv) velocity, gravity and passive forces.
+        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M. doubt: (n,) a bound of its error.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    scale: Array
+    factor: Array
+    terms: Array
+    sensitivity: Array
+    doubt: Array
+
+    def __len__(self) -> int:
+        return len(self.high)
+
+
+def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
+    """Everything at ``inputs``, (n, number of inputs), whose changes for the sensitivity are ``scales`` of the same shape."""
+    (n, count), m, nv = inputs.shape, len(program.codes), program.force.size
+    high, low, radius, scale = (np.full((n, nv), np.nan) for _ in range(4))
+    factor, terms, sensitivity, doubt = np.zeros((n, nv, nv)), np.empty((n, 3, nv)), np.full(n, np.nan), np.full(n, np.nan)
+    columns, work = np.zeros((count, nv + 1)), np.zeros((6, nv + 3, nv + 3))
+    loop("evaluate")(
+        n, m, nv, count, len(program.constants), program.gamma,
+        program.codes, program.first, program.second, program.constants, program.mass, program.terms, program.force,
+        np.ascontiguousarray(inputs), np.ascontiguousarray(scales), high, low, radius, scale, factor, terms, sensitivity, doubt,
+        *_room(program), columns, work,
+    )  # fmt: skip
+    return Filtered(high, low, radius, scale, factor, terms, sensitivity, doubt)
+
+
+def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
+    """d(f - M a)/dz, (n, nv, number of inputs), at accelerations a, (n, nv), held fixed; and (n, number of inputs) how large it is.
+
+    With ``scale``, (n, nv), the vector of what the derivatives by one input, each over its scale, are wrong by is at most
+    ``Encoded.gamma`` times as long as that is large.
+    """
+    (n, count), m, nv = inputs.shape, len(program.codes), program.force.size
+    found, scale = np.zeros((n, count, nv + 1)), np.ones((n, nv)) if scale is None else np.ascontiguousarray(scale)
+    loop("derive")(
+        n, m, nv, count, len(program.constants),
+        program.codes, program.first, program.second, program.constants, program.mass, program.force,
+        np.ascontiguousarray(inputs), np.ascontiguousarray(accelerations), scale, found, *_room(program),
+    )  # fmt: skip
+    return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
+
+
+def _room(program: Encoded) -> tuple[Array, Array, Array]:
+    """For the results of one state, their adjoints in whole vectors of the processor, and the sizes of these."""
+    m, nv = len(program.codes), program.force.size
+    return np.zeros((m, 3)), np.zeros((m, (nv + 3) // 4 * 4)), np.zeros(m)
