@@ -12,6 +12,7 @@ import pytest
 from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import settings
 
+from harness.certify.machine_code import loop
 from harness.equations.machine_code import machine_code_directory
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ ONE_IN = 3
 SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:
     """One cache for the whole run, whatever number of processes it is spread over; machine code is kept from run to run.
 
@@ -45,6 +47,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
+    # Before there are processes that would all compile it.
+    loop("evaluate")
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""The machine code of ``harness.certify.loops``: compiled once for all mechanisms, kept in the cache, and called without numba.
+"""The machine code of ``harness.certify.loops``: compiled once for all mechanisms, kept beside heyoka's, and called without numba.
 
 numba compiles without fastmath: nothing is contracted, reassociated or left out, so that a proof about roundings holds for the
 machine code. It takes seconds to compile and one to import; what it makes is kept as one object file per loop, which
@@ -12,19 +12,20 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+from harness.equations.machine_code import machine_code_directory
+from harness.storage import read_entry, sources_digest, write_entry
 from harness.version import version_of
 
 
 @functools.cache
 def loop(name: str) -> Callable[..., None]:
     """A loop of ``harness.certify.loops.intermediate_representations``, for numbers and contiguous arrays, whose types it trusts."""
-    kept = _kept(name) or _compiled()[name]
-    symbol, _, text = kept.partition("\n")
+    symbol, _, text = (kept(name) or _compiled()[name]).partition("\n")
     address = _engine(name, base64.b64decode(text)).get_function_address(symbol)
     function = ctypes.CFUNCTYPE(None)(address)
 
@@ -40,14 +41,15 @@ def _argument(value: Any) -> Any:
     return ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)
 
 
-def _entry(name: str) -> Any:
+def _entry(name: str) -> Path:
     binding = _binding()
     machine = f"{binding.get_default_triple()} {binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
     digest = hashlib.sha256(sources_digest("certify") + f"{machine} {version_of('numba')} {version_of('llvmlite')}".encode())
-    return cache_directory() / "loops" / f"{name}-{digest.hexdigest()[:32]}.txt"
+    return machine_code_directory() / f"{name}-{digest.hexdigest()[:32]}.txt"
 
 
-def _kept(name: str) -> str | None:
+def kept(name: str) -> str | None:
+    """The name of a loop's machine code, and behind it the object file, as the cache has them; None where it does not."""
     return read_entry(_entry(name))
 
 

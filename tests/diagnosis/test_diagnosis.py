@@ -41,6 +41,7 @@ from harness.diagnosis.result import Conclusion, Diagnosis
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
+from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.models.text import Watch
@@ -177,7 +178,7 @@ def flipped(own: Case) -> Callable[[ModelFile], Array]:
     """The engine with the sign of its velocity terms flipped."""
     sound = own.watch().answer
     (chart, _) = next(own.kernel.by_chart(own.states))
-    terms = chart.float64.terms(own.mechanism.inputs(own.states))
+    terms = float64_kernel(chart.program).terms(own.mechanism.inputs(own.states))
     twice = 2 * np.linalg.solve(terms["mass"], terms["velocity"][:, :, None])[:, :, 0]
     return lambda model: sound(model) + twice
 
