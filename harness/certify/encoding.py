@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.numbers import Number, exactly, pi
+from harness.certify.numbers import UNIT_ROUNDOFF, Number, exactly, pi
 from harness.equations.mechanism_kernel import Indices
 from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle
 
@@ -47,7 +47,7 @@ class Encoded:
     @property
     def gamma(self) -> float:
         """What the roundings of a sweep, and those of the norms of its results, add up to, relative to absolute values."""
-        return (self.roundings + 4 * self.force.size + 16) * 2.0**-53 * 1.01
+        return (self.roundings + 4 * self.force.size + 16) * UNIT_ROUNDOFF * 1.01
 
 
 def encode(program: StraightLineProgram) -> Encoded | None:

@@ -14,20 +14,14 @@ from numba import carray
 from harness.arrays import Array
 from harness.certify import encoding as code
 from harness.certify.double_double import add, divide, inner, multiply, root, sine_and_cosine
-from harness.certify.numbers import Number
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.solution import factorise, number_at, solve, sum_of_norms
 from harness.equations.mechanism_kernel import Indices
 
-_UNIT_ROUNDOFF = 2.0**-53
-_REFINEMENTS = 4
 _INPUT, _CONSTANT, _NEGATIVE = code.INPUT, code.CONSTANT, code.NEGATIVE
 # Sums and differences stand before.
 _PRODUCT, _QUOTIENT, _ROOT, _SINE_AND_COSINE = code.PRODUCT, code.QUOTIENT, code.ROOT, code.SINE_AND_COSINE
 _COSINE = code.COSINE
-
-
-@inner
-def _number(values: Array, place: int) -> Number:
-    return values[place, 0], values[place, 1], values[place, 2]
 
 
 @inner
@@ -36,22 +30,22 @@ def _run(codes: Indices, first: Indices, second: Indices, constants: Array, inpu
     for place in range(len(codes)):
         operation, a, b = codes[place], first[place], second[place]
         if operation == _PRODUCT:
-            result = multiply(_number(values, a), _number(values, b))
+            result = multiply(number_at(values, a), number_at(values, b))
         elif operation < _PRODUCT:
             sign = 1.0 - 2.0 * operation
-            result = add(_number(values, a), (sign * values[b, 0], sign * values[b, 1], values[b, 2]))
+            result = add(number_at(values, a), (sign * values[b, 0], sign * values[b, 1], values[b, 2]))
         elif operation == _INPUT:
             result = (inputs[a], 0.0, 0.0)
         elif operation == _CONSTANT:
-            result = _number(constants, a)
+            result = number_at(constants, a)
         elif operation == _NEGATIVE:
             result = (-values[a, 0], -values[a, 1], values[a, 2])
         elif operation == _QUOTIENT:
-            result = divide(_number(values, a), _number(values, b))
+            result = divide(number_at(values, a), number_at(values, b))
         elif operation == _ROOT:
-            result = root(_number(values, a))
+            result = root(number_at(values, a))
         elif operation == _SINE_AND_COSINE:
-            result, cosine = sine_and_cosine(_number(values, a))
+            result, cosine = sine_and_cosine(number_at(values, a))
             values[place + 1, 0], values[place + 1, 1], values[place + 1, 2] = cosine
         else:
             continue
@@ -59,93 +53,9 @@ def _run(codes: Indices, first: Indices, second: Indices, constants: Array, inpu
 
 
 @inner
-def _factorise(mass: Array, scale: Array, factor: Array, inverse: Array) -> bool:
-    """Scale and factor as ``harness.certify.factorisation.scaled_cholesky``, and L^-1; False where M has none."""
-    nv = len(scale)
-    for i in range(nv):
-        scale[i] = math.sqrt(mass[i, i])
-    for j in range(nv):
-        pivot = 0.0
-        for k in range(j):
-            pivot += factor[j, k] ** 2
-        factor[j, j] = math.sqrt(mass[j, j] / scale[j] / scale[j] - pivot)
-        if not factor[j, j] > 0:
-            return False
-        for i in range(j + 1, nv):
-            known = 0.0
-            for k in range(j):
-                known += factor[i, k] * factor[j, k]
-            factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known) / factor[j, j]
-    for column in range(nv):
-        inverse[column, column] = 1 / factor[column, column]
-        for i in range(column + 1, nv):
-            known = 0.0
-            for k in range(column, i):
-                known += factor[i, k] * inverse[k, column]
-            inverse[i, column] = -known / factor[i, i]
-    return True
-
-
-@inner
-def _bounds(values: Array, places: Indices, scale: Array, approximate: Array, residual: Array, work: Array, radius: Array) -> None:
-    """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
-    nv = len(scale)
-    rows, errors = work[0], work[1]
-    # The last roundings are those of M's scaled entries.
-    gamma = (nv + 12) * _UNIT_ROUNDOFF * 1.001
-    for i in range(nv):
-        rows[i] = errors[i] = 0.0
-        for j in range(nv):
-            total, most = 1.0 if i == j else 0.0, 1.0 if i == j else 0.0
-            for k in range(nv):
-                entry = values[places[k, j], 0] / scale[k] / scale[j]
-                total -= approximate[i, k] * entry
-                # So much that the entry's own bound is within gamma times it.
-                most += abs(approximate[i, k]) * (abs(entry) + values[places[k, j], 2] / scale[k] / scale[j] / _UNIT_ROUNDOFF)
-            rows[i] += abs(total) + gamma * most
-        for k in range(nv):
-            errors[i] += abs(approximate[i, k]) * ((abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k])
-    alpha, most = 0.0, 0.0
-    for i in range(nv):
-        alpha, most = max(alpha, rows[i]), max(most, errors[i])
-    for i in range(nv):
-        error = errors[i] + rows[i] * most / (1 - alpha) if alpha < 0.5 and most < math.inf else math.inf
-        radius[i] = error * (1 + 1e-10) / scale[i] + (2.0**-1000 if most > 0 else 0.0)
-
-
-@inner
-def _solve(
-    values: Array, places: Indices, force: Indices, scale: Array, inverse: Array, work: Array, approximate: Array, residual: Array,
-    solution: Array, radius: Array,
-) -> None:  # fmt: skip
-    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``_factorise``."""
-    nv = len(force)
-    for i in range(nv):
-        solution[i, 0] = solution[i, 1] = 0.0
-        for j in range(nv):
-            approximate[i, j] = 0.0
-            for k in range(max(i, j), nv):
-                approximate[i, j] += inverse[k, i] * inverse[k, j]
-    for refinement in range(_REFINEMENTS + 1):
-        for i in range(nv):
-            total = _number(values, force[i])
-            for j in range(nv):
-                product = multiply(_number(values, places[i, j]), (-solution[j, 0], -solution[j, 1], 0.0))
-                total = add(total, product)
-            residual[i, 0], residual[i, 1], residual[i, 2] = total
-        for i in range(nv if refinement < _REFINEMENTS else 0):
-            step = 0.0
-            for j in range(nv):
-                step += approximate[i, j] * (residual[j, 0] / scale[j])
-            better = add((solution[i, 0], solution[i, 1], 0.0), (step / scale[i], 0.0, 0.0))
-            solution[i, 0], solution[i, 1] = better[0], better[1]
-    _bounds(values, places, scale, approximate, residual, work, radius)
-
-
-@inner
 def _most(values: Array, place: int) -> float:
     """An absolute value, so much enlarged that a unit roundoff of it is more than the error of the value."""
-    most: float = abs(values[place, 0]) + values[place, 2] / _UNIT_ROUNDOFF
+    most: float = abs(values[place, 0]) + values[place, 2] / UNIT_ROUNDOFF
     return most
 
 
@@ -219,30 +129,6 @@ def _sweep(
         sizes[b] += most_of_second * size
 
 
-@inner
-def _sum_of_norms(columns: Array, scales: Array, scale: Array, inverse: Array, entries: Array, gamma: float) -> tuple[float, float]:
-    """sum over inputs of |L^-1 D^-1 column| over ``columns`` of ``_sweep``, and a bound of what its roundings do to it."""
-    nv = len(scale)
-    total, doubt, square = 0.0, 0.0, 0.0
-    for i in range(nv):
-        for j in range(i + 1):
-            square += inverse[i, j] ** 2
-    for k in range(len(columns)):
-        largest = 0.0
-        for i in range(nv):
-            entries[i] = 0.0
-            for j in range(i + 1):
-                entries[i] += inverse[i, j] * (columns[k, j] * (scales[k] / scale[j]))
-            largest = max(largest, abs(entries[i]))
-        if largest > 0:
-            squares = 0.0
-            for i in range(nv):
-                squares += (entries[i] / largest) ** 2
-            total += largest * math.sqrt(squares)
-        doubt += columns[k, nv] * scales[k]
-    return total, doubt * gamma * math.sqrt(square)
-
-
 def _evaluate(
     n: int, m: int, nv: int, count: int, of_constants: int, gamma: float,
     at_codes: Any, at_first: Any, at_second: Any, at_constants: Any, at_mass: Any, at_terms: Any, at_force: Any, at_inputs: Any,
@@ -270,15 +156,15 @@ def _evaluate(
                 found[state, term, i] = values[terms[term, i], 0]
             for j in range(nv):
                 matrix[i, j] = values[mass[i, j], 0]
-        if not _factorise(matrix, scale[state], factor[state], inverse):
+        if not factorise(matrix, scale[state], factor[state], inverse):
             for i in range(nv):
                 scale[state, i] = math.nan
             continue
-        _solve(values, mass, force, scale[state], inverse, sums, approximate, residual, solution, radius[state])
+        solve(values, mass, force, scale[state], inverse, sums, approximate, residual, solution, radius[state])
         for i in range(nv):
             high[state, i], low[state, i] = solution[i, 0], solution[i, 1]
         _sweep(codes, first, second, values, mass, force, high[state], scale[state], adjoints, sizes, columns)
-        sensitivity[state], doubt[state] = _sum_of_norms(columns, scales[state], scale[state], inverse, sums[0], gamma)
+        sensitivity[state], doubt[state] = sum_of_norms(columns, scales[state], scale[state], inverse, sums[0], gamma)
 
 
 def _derive(

@@ -8,6 +8,7 @@ from typing import Any
 
 # high + low is what is known, bound what it may be wrong by.
 Number = tuple[float, float, float]
+UNIT_ROUNDOFF = 2.0**-53
 
 
 def exactly(value: Fraction) -> Number:

@@ -20,7 +20,7 @@ and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,24 +29,21 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.certify.encoding import Encoded, encode
 from harness.certify.factorisation import (
-    cholesky_in_balls,
     condition_number,
     forward_substitute,
     norm_over_first_axis,
-    scaled_cholesky,
     scaled_condition_number,
 )
 from harness.certify.forward_mode import jacobians
+from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import derivatives, evaluate
+from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.reverse_mode import columns_in_balls
-from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
-from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
+from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
-from harness.storage import Kept
 
-UNIT_ROUNDOFF = 2.0**-53
 # Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
 # UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
 SMALLEST_SCALE = 2.0**-1021
@@ -62,10 +59,6 @@ CERTIFIED_RADIUS = 2.0**-60
 _STATES_AT_ONCE = 2048
 # Of every entry of M that an unstable factorisation may lose.
 ROUNDINGS = 16
-# Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.
-MOST_IN_FLOAT64 = 1e8
-# Parameter sets whose constants are kept in balls.
-_MOST_BOUND = 256
 
 
 @dataclass(frozen=True)
@@ -163,8 +156,7 @@ class ChartKernel:
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
         self.mechanism = mechanism
         self.program = program
-        self._balls = BallKernel(program, len(mechanism.parameters))
-        self._bound: Kept[Callable[..., tuple[Any, ...]]] = Kept(_MOST_BOUND)
+        self.balls = BallSolver(mechanism, program)
 
     @functools.cached_property
     def encoded(self) -> Encoded | None:
@@ -226,7 +218,7 @@ class ChartKernel:
         pending = np.arange(n)
         for precision in PRECISIONS:
             now = states[pending]
-            high[pending], low[pending], radii[pending], scale, factor, terms = self._certify(now, parameters[pending], precision)
+            high[pending], low[pending], radii[pending], scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
             bits[pending] = precision
             norms = self._norms(now, high[pending], terms, scale, factor, condition_number(factor))
             norm_factor[pending], motion[pending], instability[pending] = norms
@@ -258,36 +250,6 @@ class ChartKernel:
         lost = np.sqrt(condition) * UNIT_ROUNDOFF * self.mechanism.nv
         return np.asarray((doubt <= MOST_DOUBT * sensitivity) & (lost <= MOST_DOUBT) & np.isfinite(sensitivity))
 
-    def _certify(self, states: States, parameters: Array, precision: int) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """(high, low, radius), (n, nv) each, of the accelerations at one precision; scale and factor of M, see ``scaled_cholesky``;
-        and velocity, gravity and passive forces, (n, 3, nv)."""
-        import flint
-
-        nv = self.mechanism.nv
-        pairs = upper_triangle(nv)
-        results, terms = np.empty((len(states), 3, nv)), np.empty((len(states), 3, nv))
-        exact: list[tuple[Any, ...]] = []
-        with flint.ctx.workprec(precision):
-            for index, (row, values) in enumerate(self.in_balls(states, parameters)):
-                outputs = {name: values[len(pairs) + k * nv :][:nv] for k, name in enumerate(OUTPUTS[1:])}
-                terms[index] = [[float(entry) for entry in outputs[name]] for name in OUTPUTS[1:]]
-                force = right_hand_side(outputs, [flint.arb(applied) for applied in row[self.mechanism.nq + nv :][:nv]])
-                exact.append(values[: len(pairs)])
-                solution = _solve(values[: len(pairs)], pairs, force, nv)
-                for i, ball in enumerate(solution):
-                    results[index, :, i] = parts_of(ball)
-            scale, factor = factorise(exact, nv)
-        return results[:, 0], results[:, 1], results[:, 2], scale, factor, terms
-
-    def in_balls(self, states: States, parameters: Array) -> Iterator[tuple[list[float], tuple[Any, ...]]]:
-        """q, v, tau and time of each state, and the program's outputs there as ``arb`` at the working precision."""
-        import flint
-
-        rows = np.hstack([states.q, states.v, states.tau, states.time[:, None]]).tolist()
-        for row, values_of_parameters in zip(rows, map(tuple, parameters.tolist()), strict=True):
-            bind = functools.partial(self._balls.bind, values_of_parameters)
-            yield row, self._bound.get((flint.ctx.prec, values_of_parameters), bind)(*row)
-
     def _norms(
         self, states: States, accelerations: Array, terms: Array, scale: Array, factor: Array, condition: Array
     ) -> tuple[Array, Array, Array]:
@@ -301,40 +263,6 @@ class ChartKernel:
         of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
         instability = ROUNDINGS * nv * condition * (energy_norm(norm_factor, accelerations) + of_terms)
         return norm_factor, motion, instability
-
-
-def parts_of(ball: Any) -> tuple[float, float, float]:
-    """(high, low, radius): high + low is the ball's midpoint to twice the digits of float64."""
-    midpoint = float(ball)
-    return midpoint, float(ball - midpoint), float(ball.rad())
-
-
-def factorise(exact: Sequence[Sequence[Any]], nv: int) -> tuple[Array, Array]:
-    """``scaled_cholesky`` of mass matrices given by their upper triangles in balls; in balls where float64 would lose digits."""
-    pairs = upper_triangle(nv)
-    mass = np.empty((len(exact), nv, nv))
-    for index, upper in enumerate(exact):
-        for (i, j), entry in zip(pairs, upper, strict=True):
-            mass[index, i, j] = mass[index, j, i] = float(entry)
-    scale, factor = scaled_cholesky(mass)
-    for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)).tolist():
-        factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
-    return scale, factor
-
-
-def _solve(upper: Any, pairs: list[tuple[int, int]], force: list[Any], nv: int) -> list[Any]:
-    """M qdd = force in balls; all indeterminate where M is not certainly regular."""
-    import flint
-
-    if nv == 1:
-        return [force[0] / upper[0]]
-    entries = dict(zip(pairs, upper, strict=True))
-    mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
-    try:
-        solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-    except ZeroDivisionError:
-        return [flint.arb.nan()] * nv
-    return [solution[i, 0] for i in range(nv)]
 
 
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:

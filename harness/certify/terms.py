@@ -38,6 +38,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.factorisation import forward_substitute, norm_over_first_axis
 from harness.certify.forward_mode import jacobians
+from harness.certify.in_balls import factorise, parts_of
 from harness.certify.reference import (
     CERTIFIED_RADIUS,
     PRECISIONS,
@@ -45,8 +46,6 @@ from harness.certify.reference import (
     SOUGHT_RADIUS,
     ChartKernel,
     ReferenceKernel,
-    factorise,
-    parts_of,
 )
 from harness.engines import Terms
 from harness.equations.mechanism import Mechanism
@@ -120,7 +119,7 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
     with np.errstate(all="ignore"):
         for precision in PRECISIONS:
             with flint.ctx.workprec(precision):
-                outputs = [values[: found.shape[1]] for _, values in chart.in_balls(states[pending], parameters[pending])]
+                outputs = [values[: found.shape[1]] for _, values in chart.balls.outputs(states[pending], parameters[pending])]
                 for index, values in zip(pending.tolist(), outputs, strict=True):
                     found[:, :, index] = np.transpose([parts_of(value) for value in values])
                 scale[:, pending], factor[:, :, pending] = factorise([values[: len(pairs)] for values in outputs], nv)
