@@ -48,7 +48,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         folder = folder.parent
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
     # Before there are processes that would all compile it.
-    loop("evaluate")
+    for name in ("evaluate", "derive"):
+        loop(name)
 
 
 @pytest.fixture(scope="session")

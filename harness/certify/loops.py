@@ -186,16 +186,14 @@ def _derive(
         _sweep(codes, first, second, values, mass, force, accelerations[state], scale[state], adjoints, sizes, found[state])
 
 
-def intermediate_representations() -> dict[str, tuple[str, str]]:
-    """By name of each loop that Python calls, the name of its machine code and LLVM's text of the module that holds it."""
+def intermediate_representation(name: str) -> tuple[str, str]:
+    """The name of the machine code of a loop that Python calls, "evaluate" or "derive", and LLVM's text of the module that holds it."""
     number, indices, numbers = numba.int64, numba.types.CPointer(numba.int64), numba.types.CPointer(numba.float64)
     sizes, program = [number] * 5, [indices] * 3 + [numbers] + [indices]
     signatures = {
         "evaluate": (_evaluate, [*sizes, numba.float64, *program, indices, indices, *[numbers] * 15]),
         "derive": (_derive, [*sizes, *program, indices, *[numbers] * 7]),
     }
-    found = {}
-    for name, (function, arguments) in signatures.items():
-        made = numba.cfunc(numba.void(*arguments), error_model="numpy")(function)
-        found[name] = made.native_name, made.inspect_llvm()
-    return found
+    function, arguments = signatures[name]
+    made = numba.cfunc(numba.void(*arguments), error_model="numpy")(function)
+    return made.native_name, made.inspect_llvm()

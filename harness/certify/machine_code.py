@@ -24,8 +24,8 @@ from harness.version import version_of
 
 @functools.cache
 def loop(name: str) -> Callable[..., None]:
-    """A loop of ``harness.certify.loops.intermediate_representations``, for numbers and contiguous arrays, whose types it trusts."""
-    symbol, _, text = (kept(name) or _compiled()[name]).partition("\n")
+    """A loop of ``harness.certify.loops.intermediate_representation``, for numbers and contiguous arrays, whose types it trusts."""
+    symbol, _, text = (kept(name) or _compiled(name)).partition("\n")
     address = _engine(name, base64.b64decode(text)).get_function_address(symbol)
     function = ctypes.CFUNCTYPE(None)(address)
 
@@ -53,18 +53,14 @@ def kept(name: str) -> str | None:
     return read_entry(_entry(name))
 
 
-@functools.cache
-def _compiled() -> dict[str, str]:
-    """The name of each loop's machine code, and behind it the object file."""
-    from harness.certify.loops import intermediate_representations
+def _compiled(name: str) -> str:
+    """What ``kept`` gives, made anew and kept."""
+    from harness.certify.loops import intermediate_representation
 
-    binding = _binding()
-    found = {}
-    for name, (symbol, text) in intermediate_representations().items():
-        module = binding.parse_assembly(text)
-        found[name] = f"{symbol}\n{base64.b64encode(_target().emit_object(module)).decode()}"
-        write_entry(_entry(name), found[name])
-    return found
+    symbol, text = intermediate_representation(name)
+    made = f"{symbol}\n{base64.b64encode(_target().emit_object(_binding().parse_assembly(text))).decode()}"
+    write_entry(_entry(name), made)
+    return made
 
 
 @functools.cache

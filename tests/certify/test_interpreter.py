@@ -202,11 +202,11 @@ def test_every_operation_has_a_code_of_its_own() -> None:
 
 _COMPILE = """
 import json
-import sys
 from harness.certify import loops, machine_code
-modules = loops.intermediate_representations()
-loops.intermediate_representations = lambda: modules
-machine_code.loop("evaluate")
+modules = {name: loops.intermediate_representation(name) for name in ("evaluate", "derive")}
+loops.intermediate_representation = modules.get
+for name in modules:
+    machine_code.loop(name)
 declared = {line.split("@")[1].split("(")[0] for _, text in modules.values() for line in text.splitlines() if line.startswith("declare")}
 print(json.dumps(sorted(declared)))
 """
