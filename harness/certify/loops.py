@@ -1,199 +1,240 @@
-"""The loops of ``harness.certify.interpreter``, as numba compiles them; nothing is allocated in them.
+"""The loops of ``harness.certify.interpreter``, as they are written for LLVM; nothing is allocated in them.
 
-A program's results are numbers of ``harness.certify.double_double``, (m, 3).
+A program's results are numbers of ``harness.certify.double_double``, (places, 3): first the inputs, then the constants, then what
+the instructions give.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
 
-import numba
-from numba import carray
-
-from harness.arrays import Array
-from harness.certify import encoding as code
-from harness.certify.double_double import add, divide, inner, multiply, root, sine_and_cosine
+from harness.certify import encoding as operations
+from harness.certify.double_double import add, divide, multiply, number_at, root, sine_and_cosine, store
+from harness.certify.language import LANES, Array, Value, Writer, select
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.solution import factorise, number_at, solve, sum_of_norms
-from harness.equations.mechanism_kernel import Indices
+from harness.certify.solution import condition_number, factorise, in_metric, invert, norm, solve, sum_of_norms
 
-_INPUT, _CONSTANT, _NEGATIVE = code.INPUT, code.CONSTANT, code.NEGATIVE
-# Sums and differences stand before.
-_PRODUCT, _QUOTIENT, _ROOT, _SINE_AND_COSINE = code.PRODUCT, code.QUOTIENT, code.ROOT, code.SINE_AND_COSINE
-_COSINE = code.COSINE
+_SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
+_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers"}
+_ROOM = {"values": "numbers", "adjoints": "vectors", "sizes": "numbers"}
 
 
-@inner
-def _run(codes: Indices, first: Indices, second: Indices, constants: Array, inputs: Array, values: Array) -> None:
-    """Every instruction's result, into ``values`` (m, 3)."""
-    for place in range(len(codes)):
-        operation, a, b = codes[place], first[place], second[place]
-        if operation == _PRODUCT:
-            result = multiply(number_at(values, a), number_at(values, b))
-        elif operation < _PRODUCT:
-            sign = 1.0 - 2.0 * operation
-            result = add(number_at(values, a), (sign * values[b, 0], sign * values[b, 1], values[b, 2]))
-        elif operation == _INPUT:
-            result = (inputs[a], 0.0, 0.0)
-        elif operation == _CONSTANT:
-            result = number_at(constants, a)
-        elif operation == _NEGATIVE:
-            result = (-values[a, 0], -values[a, 1], values[a, 2])
-        elif operation == _QUOTIENT:
-            result = divide(number_at(values, a), number_at(values, b))
-        elif operation == _ROOT:
-            result = root(number_at(values, a))
-        elif operation == _SINE_AND_COSINE:
-            result, cosine = sine_and_cosine(number_at(values, a))
-            values[place + 1, 0], values[place + 1, 1], values[place + 1, 2] = cosine
-        else:
-            continue
-        values[place, 0], values[place, 1], values[place, 2] = result
+class _Program:
+    """A program in the function that is being written, with room for its results and their adjoints at one state."""
+
+    def __init__(self, code: Writer) -> None:
+        self.code = code
+        self.m, self.nv, self.inputs = code.argument("m"), code.argument("nv"), code.argument("inputs")
+        self.blocks = (self.nv + (LANES - 1)) // LANES
+        # Of the first instruction's result.
+        self.start = self.inputs + code.argument("constants")
+        self.instructions = code.array("instructions", 3)
+        self.mass, self.force = code.array("mass", self.nv), code.array("force")
+        self.values, self.adjoints, self.sizes = code.array("values", 3), code.array("adjoints", self.blocks), code.array("sizes")
+        constants = code.array("of_constants", 3)
+        for k in code.range(code.argument("constants")):
+            store(self.values, self.inputs + k, number_at(constants, k))
+
+    def run(self, inputs: Array) -> None:
+        """Every instruction's result, into ``values``."""
+        code, values = self.code, self.values
+        for i in code.range(self.inputs):
+            store(values, i, (inputs[i], 0.0, 0.0))
+        for index in code.range(self.m):
+            operation, place = self.instructions[index, 0], self.start + index
+            a, b = number_at(values, self.instructions[index, 1]), number_at(values, self.instructions[index, 2])
+
+            def sum_or_difference() -> None:
+                sign = 1.0 - 2.0 * operation.number()
+                store(values, place, add(a, (sign * b[0], sign * b[1], b[2])))
+
+            def pair() -> None:
+                sine, cosine = sine_and_cosine(code, a)
+                store(values, place, sine)
+                store(values, place + 1, cosine)
+
+            cases: dict[int, Callable[[], None]] = {
+                operations.PRODUCT: lambda: store(values, place, multiply(a, b)),
+                operations.QUOTIENT: lambda: store(values, place, divide(a, b)),
+                operations.ROOT: lambda: store(values, place, root(a)),
+                operations.SINE_AND_COSINE: pair,
+                operations.COSINE: lambda: None,
+            }
+            code.choose(operation, cases, sum_or_difference)
+
+    def sweep(self, accelerations: Array, scale: Array, found: Array) -> None:
+        """Derivatives of f - M a by the inputs, (inputs, nv + 1): behind them sums of absolute values over ``scale``.
+
+        ``adjoints``, (places, nv rounded up to whole vectors), and ``sizes``, (places,), are zero before and after.
+        """
+        code = self.code
+        lanes = code.array_of_numbers(self.adjoints, self.blocks * LANES)
+        for i in code.range(self.nv):
+            lanes[self.force[i], i] += 1.0
+            self.sizes[self.force[i]] += 1.0 / scale[i]
+            for j in code.range(self.nv):
+                lanes[self.mass[i, j], i] -= accelerations[j]
+                self.sizes[self.mass[i, j]] += abs(accelerations[j]) / scale[i]
+        for reverse in code.range(self.m):
+            self._step_back(self.m - 1 - reverse)
+        for i in code.range(self.start):
+            with code.when(i < self.inputs):
+                for lane in code.range(self.nv):
+                    found[i, lane] = lanes[i, lane]
+                found[i, self.nv] = self.sizes[i]
+            for block in code.range(self.blocks):
+                self.adjoints[i, block] = 0.0
+            self.sizes[i] = 0.0
+
+    def _step_back(self, index: Value) -> None:
+        """Add the adjoint of an instruction's result, times partial derivatives, to those of its operands, and empty it."""
+        code, place = self.code, self.start + index
+        operation, a, b = (self.instructions[index, part] for part in range(3))
+
+        def of_sums_and_products() -> None:
+            is_product = operation.equals(operations.PRODUCT)
+            one = code.number(1.0)
+            by_a = select(is_product, self.values[b, 0], one)
+            by_b = select(is_product, self.values[a, 0], 1.0 - 2.0 * operation.number())
+            most_of_a, most_of_b = select(is_product, self._most(b), one), select(is_product, self._most(a), one)
+            self._pass_on(place, [(a, by_a, most_of_a), (b, by_b, most_of_b)])
+
+        def of_quotient() -> None:
+            by_a = 1.0 / self.values[b, 0]
+            most_of_a = abs(by_a) * self._most(b) * abs(by_a)
+            self._pass_on(place, [(a, by_a, most_of_a), (b, -(self.values[place, 0] * by_a), self._most(place) * most_of_a)])
+
+        def of_root() -> None:
+            by_a = 0.5 / self.values[place, 0]
+            self._pass_on(place, [(a, by_a, 2.0 * by_a * self._most(place) * by_a)])
+
+        def of_sine_and_cosine() -> None:
+            sine, cosine, size = self.values[place, 0], self.values[place + 1, 0], self.sizes[place + 1]
+            for block in code.range(self.blocks):
+                self.adjoints[place, block] = cosine * self.adjoints[place, block] - sine * self.adjoints[place + 1, block]
+                self.adjoints[place + 1, block] = 0.0
+            self.sizes[place] = self._most(place + 1) * self.sizes[place] + self._most(place) * size
+            self.sizes[place + 1] = 0.0
+            self._pass_on(place, [(a, code.number(1.0), code.number(1.0))])
+
+        cases: dict[int, Callable[[], None]] = {
+            operations.QUOTIENT: of_quotient,
+            operations.ROOT: of_root,
+            operations.SINE_AND_COSINE: of_sine_and_cosine,
+            # Its adjoint is passed on with that of the sine before it.
+            operations.COSINE: lambda: None,
+        }
+        code.choose(operation, cases, of_sums_and_products)
+
+    def _most(self, place: Value) -> Value:
+        """An absolute value, so much enlarged that a unit roundoff of it is more than the error of the value."""
+        return abs(self.values[place, 0]) + self.values[place, 2] / UNIT_ROUNDOFF
+
+    def _pass_on(self, place: Value, to: list[tuple[Value, Value, Value]]) -> None:
+        for block in self.code.range(self.blocks):
+            adjoint = self.adjoints[place, block]
+            self.adjoints[place, block] = 0.0
+            for operand, factor, _ in to:
+                self.adjoints[operand, block] += factor * adjoint
+        size = self.sizes[place]
+        self.sizes[place] = 0.0
+        for operand, _, most in to:
+            self.sizes[operand] += most * size
 
 
-@inner
-def _most(values: Array, place: int) -> float:
-    """An absolute value, so much enlarged that a unit roundoff of it is more than the error of the value."""
-    most: float = abs(values[place, 0]) + values[place, 2] / UNIT_ROUNDOFF
-    return most
-
-
-@inner
-def _sweep(
-    codes: Indices, first: Indices, second: Indices, values: Array, places: Indices, force: Indices, accelerations: Array, scale: Array,
-    adjoints: Array, sizes: Array, found: Array,
-) -> None:  # fmt: skip
-    """Derivatives of f - M a by the inputs, (number of inputs, nv + 1): behind them sums of absolute values over ``scale``.
-
-    ``adjoints``, (m, nv rounded up to whole vectors of the processor), and ``sizes``, (m,), are zero before and after.
-    """
-    nv, width = len(force), adjoints.shape[1]
-    for i in range(nv):
-        adjoints[force[i], i] += 1.0
-        sizes[force[i]] += 1 / scale[i]
-        for j in range(nv):
-            adjoints[places[i, j], i] -= accelerations[j]
-            sizes[places[i, j]] += abs(accelerations[j]) / scale[i]
-    for place in range(len(codes) - 1, -1, -1):
-        operation, a, b = codes[place], first[place], second[place]
-        if operation <= _PRODUCT:
-            # What is most common is chosen among, which processors do faster than they branch.
-            is_product = operation == _PRODUCT
-            of_first, of_second = values[a, 0], values[b, 0]
-            by_first, by_second = of_second if is_product else 1.0, of_first if is_product else 1.0 - 2.0 * operation
-            most_of_first, most_of_second = _most(values, b) if is_product else 1.0, _most(values, a) if is_product else 1.0
-        elif operation == _QUOTIENT:
-            by_first = 1 / values[b, 0]
-            by_second = -values[place, 0] * by_first
-            most_of_first = abs(by_first) * _most(values, b) * abs(by_first)
-            most_of_second = _most(values, place) * most_of_first
-        elif operation == _NEGATIVE:
-            by_first, most_of_first, by_second, most_of_second = -1.0, 1.0, 0.0, 0.0
-        elif operation == _ROOT:
-            by_first, by_second, most_of_second = 0.5 / values[place, 0], 0.0, 0.0
-            most_of_first = 2 * by_first * _most(values, place) * by_first
-        elif operation == _SINE_AND_COSINE:
-            by_first, most_of_first, by_second, most_of_second = 1.0, 1.0, 0.0, 0.0
-            for lane in range(width):
-                of_cosine = adjoints[place + 1, lane]
-                adjoints[place + 1, lane] = 0.0
-                adjoints[place, lane] = values[place + 1, 0] * adjoints[place, lane] - values[place, 0] * of_cosine
-            sizes[place] = _most(values, place + 1) * sizes[place] + _most(values, place) * sizes[place + 1]
-            sizes[place + 1] = 0.0
-        elif operation == _COSINE:
-            # It ends with its sine, which stands before it.
-            continue
-        else:
-            if operation == _INPUT:
-                for lane in range(nv):
-                    found[a, lane] = adjoints[place, lane]
-                found[a, nv] = sizes[place]
-            for lane in range(width):
-                adjoints[place, lane] = 0.0
-            sizes[place] = 0.0
-            continue
-        # Four at a time, all read before one is written, which lets the compiler use the processor's vectors.
-        for lane in range(0, width, 4):
-            r, s, t, u = adjoints[place, lane], adjoints[place, lane + 1], adjoints[place, lane + 2], adjoints[place, lane + 3]
-            adjoints[place, lane], adjoints[place, lane + 1], adjoints[place, lane + 2], adjoints[place, lane + 3] = 0.0, 0.0, 0.0, 0.0
-            e, f, g, h = adjoints[a, lane], adjoints[a, lane + 1], adjoints[a, lane + 2], adjoints[a, lane + 3]
-            adjoints[a, lane], adjoints[a, lane + 1] = e + by_first * r, f + by_first * s
-            adjoints[a, lane + 2], adjoints[a, lane + 3] = g + by_first * t, h + by_first * u
-            e, f, g, h = adjoints[b, lane], adjoints[b, lane + 1], adjoints[b, lane + 2], adjoints[b, lane + 3]
-            adjoints[b, lane], adjoints[b, lane + 1] = e + by_second * r, f + by_second * s
-            adjoints[b, lane + 2], adjoints[b, lane + 3] = g + by_second * t, h + by_second * u
-        size = sizes[place]
-        sizes[place] = 0.0
-        sizes[a] += most_of_first * size
-        sizes[b] += most_of_second * size
-
-
-def _evaluate(
-    n: int, m: int, nv: int, count: int, of_constants: int, gamma: float,
-    at_codes: Any, at_first: Any, at_second: Any, at_constants: Any, at_mass: Any, at_terms: Any, at_force: Any, at_inputs: Any,
-    at_scales: Any, at_high: Any, at_low: Any, at_radius: Any, at_scale: Any, at_factor: Any, at_found: Any, at_sensitivity: Any,
-    at_doubt: Any, at_values: Any, at_adjoints: Any, at_sizes: Any, at_columns: Any, at_work: Any,
-) -> None:  # fmt: skip
-    codes, first, second, constants = (
-        carray(at_codes, m),
-        carray(at_first, m),
-        carray(at_second, m),
-        carray(at_constants, (of_constants, 3)),
-    )
-    mass, terms, force = carray(at_mass, (nv, nv)), carray(at_terms, (3, nv)), carray(at_force, nv)
-    inputs, scales = carray(at_inputs, (n, count)), carray(at_scales, (n, count))
-    high, low, radius, scale = carray(at_high, (n, nv)), carray(at_low, (n, nv)), carray(at_radius, (n, nv)), carray(at_scale, (n, nv))
-    factor, found = carray(at_factor, (n, nv, nv)), carray(at_found, (n, 3, nv))
-    sensitivity, doubt = carray(at_sensitivity, n), carray(at_doubt, n)
-    values, adjoints, sizes = carray(at_values, (m, 3)), carray(at_adjoints, (m, (nv + 3) // 4 * 4)), carray(at_sizes, m)
-    columns, work = carray(at_columns, (count, nv + 1)), carray(at_work, (6, nv + 3, nv + 3))
-    matrix, inverse, approximate, solution, residual, sums = work[0], work[1], work[2], work[3], work[4], work[5]
-    for state in range(n):
-        _run(codes, first, second, constants, inputs[state], values)
-        for i in range(nv):
-            for term in range(3):
-                found[state, term, i] = values[terms[term, i], 0]
-            for j in range(nv):
-                matrix[i, j] = values[mass[i, j], 0]
-        if not factorise(matrix, scale[state], factor[state], inverse):
-            for i in range(nv):
-                scale[state, i] = math.nan
-            continue
-        solve(values, mass, force, scale[state], inverse, sums, approximate, residual, solution, radius[state])
-        for i in range(nv):
+def _evaluate(code: Writer) -> None:
+    """Accelerations, sensitivities and what they are made of at n states."""
+    program, n, nv = _Program(code), code.argument("n"), code.argument("nv")
+    inputs, scales = code.array("given", program.inputs), code.array("scales", program.inputs)
+    high, low, radius, scale = (code.array(name, nv) for name in ("high", "low", "radius", "scale"))
+    factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
+    columns, work = code.array("columns", nv + 1), code.array("work", nv + 3, nv + 3)
+    sensitivity, doubt = code.array("sensitivity"), code.array("doubt")
+    matrix, inverse, approximate, solution, residual, sums = (work.part(k) for k in range(6))
+    for state in code.range(n):
+        program.run(inputs.part(state))
+        for i in code.range(nv):
+            for term in code.range(3):
+                terms[state, term, i] = program.values[places[term, i], 0]
+            for j in code.range(nv):
+                matrix[i, j] = program.values[program.mass[i, j], 0]
+        here = scale.part(state)
+        factorise(code, nv, matrix, here, factor.part(state), inverse)
+        solve(
+            code, nv, program.values, program.mass, program.force, here, inverse, sums, approximate, residual, solution, radius.part(state)
+        )
+        for i in code.range(nv):
             high[state, i], low[state, i] = solution[i, 0], solution[i, 1]
-        _sweep(codes, first, second, values, mass, force, high[state], scale[state], adjoints, sizes, columns)
-        sensitivity[state], doubt[state] = sum_of_norms(columns, scales[state], scale[state], inverse, sums[0], gamma)
+        program.sweep(high.part(state), here, columns)
+        found = sum_of_norms(
+            code, nv, program.inputs, columns, scales.part(state), here, inverse, sums.part(0), code.argument("gamma")
+        )
+        sensitivity[state], doubt[state] = found
 
 
-def _derive(
-    n: int, m: int, nv: int, count: int, of_constants: int,
-    at_codes: Any, at_first: Any, at_second: Any, at_constants: Any, at_mass: Any, at_force: Any, at_inputs: Any, at_accelerations: Any,
-    at_scale: Any, at_found: Any, at_values: Any, at_adjoints: Any, at_sizes: Any,
-) -> None:  # fmt: skip
-    codes, first, second, constants = (
-        carray(at_codes, m),
-        carray(at_first, m),
-        carray(at_second, m),
-        carray(at_constants, (of_constants, 3)),
-    )
-    mass, force, scale = carray(at_mass, (nv, nv)), carray(at_force, nv), carray(at_scale, (n, nv))
-    inputs, accelerations, found = carray(at_inputs, (n, count)), carray(at_accelerations, (n, nv)), carray(at_found, (n, count, nv + 1))
-    values, adjoints, sizes = carray(at_values, (m, 3)), carray(at_adjoints, (m, (nv + 3) // 4 * 4)), carray(at_sizes, m)
-    for state in range(n):
-        _run(codes, first, second, constants, inputs[state], values)
-        _sweep(codes, first, second, values, mass, force, accelerations[state], scale[state], adjoints, sizes, found[state])
+def _derive(code: Writer) -> None:
+    """The derivatives of a sweep at n states."""
+    program, nv = _Program(code), code.argument("nv")
+    inputs, accelerations, scale = code.array("given", program.inputs), code.array("accelerations", nv), code.array("scale", nv)
+    found = code.array("found", program.inputs, nv + 1)
+    for state in code.range(code.argument("n")):
+        program.run(inputs.part(state))
+        program.sweep(accelerations.part(state), scale.part(state), found.part(state))
 
 
-def intermediate_representation(name: str) -> tuple[str, str]:
-    """The name of the machine code of a loop that Python calls, "evaluate" or "derive", and LLVM's text of the module that holds it."""
-    number, indices, numbers = numba.int64, numba.types.CPointer(numba.int64), numba.types.CPointer(numba.float64)
-    sizes, program = [number] * 5, [indices] * 3 + [numbers] + [indices]
-    signatures = {
-        "evaluate": (_evaluate, [*sizes, numba.float64, *program, indices, indices, *[numbers] * 15]),
-        "derive": (_derive, [*sizes, *program, indices, *[numbers] * 7]),
-    }
-    function, arguments = signatures[name]
-    made = numba.cfunc(numba.void(*arguments), error_model="numpy")(function)
-    return made.native_name, made.inspect_llvm()
+def _measure(code: Writer) -> None:
+    """Norms at n states at which factors of M are known; see ``harness.certify.interpreter.Norms``."""
+    n, nv = code.argument("n"), code.argument("nv")
+    scale, accelerations, radii, velocities = (code.array(name, nv) for name in ("scale", "accelerations", "radii", "velocities"))
+    factor, norm_factor, terms, rotating = code.array("factor", nv, nv), code.array("norm_factor", nv, nv), code.array("terms", 4, nv), code.array("rotating")
+    condition, radius, motion, instability = (code.array(name) for name in ("condition", "radius", "motion", "instability"))
+    inverse, vector = code.array("inverse", nv), code.array("vector")
+    columns = code.array("columns", (nv + (LANES - 1)) // LANES * LANES)
+
+    def in_energy_norm(entry: Callable[[Value, Value], Value]) -> Value:
+        for i in code.range(nv):
+            total = code.variable(0.0)
+            for j in code.range(i, nv):
+                total.value += entry(i, j)
+            vector[i] = total.value
+        return norm(code, vector, nv)
+
+    for state in code.range(n):
+        upper, here = norm_factor.part(state), scale.part(state)
+        for i in code.range(nv):
+            for j in code.range(nv):
+                upper[i, j] = factor[state, j, i] * here[j]
+        condition[state] = condition_number(code, nv, factor.part(state), columns)
+        invert(code, nv, factor.part(state), inverse)
+        radius[state] = in_energy_norm(lambda i, j: abs(upper[i, j]) * radii[state, j])
+        speed = in_energy_norm(lambda i, j: upper[i, j] * velocities[state, j])
+        of_torques, of_terms = code.variable(0.0), code.variable(0.0)
+        for k in code.range(nv):
+            with code.when(rotating[k] > 0.0):
+                for i in code.range(nv):
+                    vector[i] = select(i < k, code.number(0.0), inverse[i, k] / here[k])
+                of_torques.value += norm(code, vector, nv)
+        motion[state] = speed * speed * of_torques.value
+        for term in code.range(4):
+            of_terms.value += in_metric(code, nv, inverse, lambda j: terms[state, term, j] / here[j], vector)
+        size = in_energy_norm(lambda i, j: upper[i, j] * accelerations[state, j])
+        instability[state] = code.argument("roundings") * nv.number() * condition[state] * (size + of_terms.value)
+
+
+LOOPS: dict[str, tuple[Callable[[Writer], None], dict[str, str]]] = {
+    "evaluate": (
+        _evaluate,
+        {**_SIZES, **_PROGRAM, **_ROOM, "of_terms": "integers", "gamma": "number"}
+        | dict.fromkeys(("given", "scales", "high", "low", "radius", "scale", "factor", "terms", "sensitivity", "doubt", "columns", "work"), "numbers"),
+    ),
+    "derive": (_derive, {**_SIZES, **_PROGRAM, **_ROOM} | dict.fromkeys(("given", "accelerations", "scale", "found"), "numbers")),
+    "measure": (
+        _measure,
+        {"n": "integer", "nv": "integer", "roundings": "number"}
+        | dict.fromkeys(
+            ("scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion", "instability", "inverse", "vector", "columns"),
+            "numbers",
+        ),
+    ),
+}  # fmt: skip
