@@ -37,11 +37,12 @@ _UNDERFLOW = 2.0**-1040
 _SMALLEST, _LARGEST = 2.0**-400, 2.0**400
 
 # Sines are known at the multiples of pi / _PARTS, and a series leads on from the nearest one.
-_PARTS = 64
+_PARTS = 256
 # The most that an argument is off the nearest multiple, over its exact half distance for roundings of the quotient.
 _REACH = math.pi / (2 * _PARTS) * 1.001
 _LARGEST_ARGUMENT = 2.0**20
-_TERMS = 7
+# Of each series, and how many of them, the first, need more digits than a float64 has.
+_TERMS, _LONG_TERMS = 6, 4
 # The first terms that are left out, over the argument and over 1.
 _REST_OF_SINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS + 1) * 1.001
 _REST_OF_COSINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS) * 1.001
@@ -146,9 +147,13 @@ def root(a: Known) -> Known:
 
 
 def _series(square: Known, coefficients: Place) -> Known:
-    """sum of coefficients[k] square^k, by Horner's scheme."""
-    total = number_at(coefficients, _TERMS - 1)
-    for k in reversed(range(_TERMS - 1)):
+    """sum of coefficients[k] square^k, by Horner's scheme; its last terms in float64."""
+    short = coefficients[_TERMS - 1, 0]
+    for k in reversed(range(_LONG_TERMS, _TERMS - 1)):
+        short = short * square[0] + coefficients[k, 0]
+    # Terms fall by 1,000 and more, and each of them takes part in six roundings at most, those of its number and of the square among them.
+    total: Known = short, short.code.number(0.0), abs(coefficients[_LONG_TERMS, 0]) * (1.01 * 6 * 2.0**-53) + square[2]
+    for k in reversed(range(_LONG_TERMS)):
         total = add(multiply(total, square), number_at(coefficients, k))
     return total
 

@@ -26,6 +26,7 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.certify.encoding import Encoded
 from harness.certify.machine_code import loop
+from harness.certify.numbers import LANES
 
 
 @dataclass(frozen=True)
@@ -76,10 +77,10 @@ def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     n, nv = len(inputs), program.force.size
     high, low, radius, scale = (np.full((n, nv), np.nan) for _ in range(4))
     factor, terms, sensitivity, doubt = np.zeros((n, nv, nv)), np.empty((n, 3, nv)), np.full(n, np.nan), np.full(n, np.nan)
-    columns, work = np.zeros((program.inputs, nv + 1)), np.zeros((6, nv + 3, nv + 3))
+    weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((8, nv + 3, nv + 3))
     loop("evaluate")(
         *_program(n, program), program.terms, program.gamma, np.ascontiguousarray(inputs), np.ascontiguousarray(scales),
-        high, low, radius, scale, factor, terms, sensitivity, doubt, columns, work,
+        high, low, radius, scale, factor, terms, sensitivity, doubt, weights, work,
     )  # fmt: skip
     return Filtered(high, low, radius, scale, factor, terms, sensitivity, doubt)
 
@@ -106,10 +107,10 @@ def measure(
     n, nv = scale.shape
     norm_factor = np.empty((n, nv, nv))
     condition, radius, motion, instability = (np.empty(n) for _ in range(4))
-    columns = np.zeros((nv, (nv + 3) // 4 * 4))
+    columns = np.zeros((nv + 1, _whole(nv)))
     given = (np.ascontiguousarray(values) for values in (scale, factor, accelerations, radii, velocities, terms, rotating))
     loop("measure")(
-        n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros(nv), columns
+        n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
     )  # fmt: skip
     return Norms(norm_factor, condition, radius, motion, instability)
 
@@ -117,6 +118,11 @@ def measure(
 def _program(n: int, program: Encoded) -> tuple[object, ...]:
     """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at one state."""
     nv, places = program.force.size, program.places
-    room = np.zeros((places, 3)), np.zeros((places, (nv + 3) // 4 * 4)), np.zeros(places)
+    room = np.zeros((places, 3)), np.zeros((places, _whole(nv))), np.zeros(places)
     sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
     return *sizes, program.instructions, program.constants, program.mass, program.force, *room
+
+
+def _whole(count: int) -> int:
+    """Numbers of as many whole vectors of the processor as hold ``count``."""
+    return -(-count // LANES) * LANES

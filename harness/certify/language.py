@@ -17,9 +17,9 @@ from typing import Any
 
 from llvmlite import ir
 
+from harness.certify.numbers import LANES as LANES
+
 NUMBER, INTEGER, FLAG = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-LANES = 4
-# Four numbers, on which one instruction works at once.
 VECTOR = ir.VectorType(NUMBER, LANES)
 _HALF_INTEGER = ir.IntType(32)
 # Arguments by the kind that a signature names.

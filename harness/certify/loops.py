@@ -13,7 +13,7 @@ from harness.certify import encoding as operations
 from harness.certify.double_double import add, divide, multiply, number_at, root, sine_and_cosine, store
 from harness.certify.language import LANES, Array, Value, Writer, select
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.solution import condition_number, factorise, in_metric, invert, norm, solve, sum_of_norms
+from harness.certify.solution import condition_number, factorise, SumOfNorms, in_metric, invert, norm, solve
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers"}
@@ -63,8 +63,8 @@ class _Program:
             }
             code.choose(operation, cases, sum_or_difference)
 
-    def sweep(self, accelerations: Array, scale: Array, found: Array) -> None:
-        """Derivatives of f - M a by the inputs, (inputs, nv + 1): behind them sums of absolute values over ``scale``.
+    def sweep(self, accelerations: Array, scale: Array, take: Callable[[Value, Array, Value], None]) -> None:
+        """Give ``take`` each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
 
         ``adjoints``, (places, nv rounded up to whole vectors), and ``sizes``, (places,), are zero before and after.
         """
@@ -78,11 +78,9 @@ class _Program:
                 self.sizes[self.mass[i, j]] += abs(accelerations[j]) / scale[i]
         for reverse in code.range(self.m):
             self._step_back(self.m - 1 - reverse)
+        for i in code.range(self.inputs):
+            take(i, lanes.part(i), self.sizes[i])
         for i in code.range(self.start):
-            with code.when(i < self.inputs):
-                for lane in code.range(self.nv):
-                    found[i, lane] = lanes[i, lane]
-                found[i, self.nv] = self.sizes[i]
             for block in code.range(self.blocks):
                 self.adjoints[i, block] = 0.0
             self.sizes[i] = 0.0
@@ -149,9 +147,9 @@ def _evaluate(code: Writer) -> None:
     inputs, scales = code.array("given", program.inputs), code.array("scales", program.inputs)
     high, low, radius, scale = (code.array(name, nv) for name in ("high", "low", "radius", "scale"))
     factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
-    columns, work = code.array("columns", nv + 1), code.array("work", nv + 3, nv + 3)
+    weights, work = code.array("weights", program.blocks * LANES), code.array("work", nv + 3, nv + 3)
     sensitivity, doubt = code.array("sensitivity"), code.array("doubt")
-    matrix, inverse, approximate, solution, residual, sums = (work.part(k) for k in range(6))
+    matrix, inverse, solution = (work.part(k) for k in range(5, 8))
     for state in code.range(n):
         program.run(inputs.part(state))
         for i in code.range(nv):
@@ -161,16 +159,17 @@ def _evaluate(code: Writer) -> None:
                 matrix[i, j] = program.values[program.mass[i, j], 0]
         here = scale.part(state)
         factorise(code, nv, matrix, here, factor.part(state), inverse)
-        solve(
-            code, nv, program.values, program.mass, program.force, here, inverse, sums, approximate, residual, solution, radius.part(state)
-        )
+        solve(code, nv, program.values, program.mass, program.force, here, inverse, work, solution, radius.part(state))
         for i in code.range(nv):
             high[state, i], low[state, i] = solution[i, 0], solution[i, 1]
-        program.sweep(high.part(state), here, columns)
-        found = sum_of_norms(
-            code, nv, program.inputs, columns, scales.part(state), here, inverse, sums.part(0), code.argument("gamma")
-        )
-        sensitivity[state], doubt[state] = found
+        norms, sizes = SumOfNorms(code, nv, inverse, here, weights), code.variable(0.0)
+
+        def take(i: Value, derivatives: Array, size: Value) -> None:
+            norms.add(derivatives, scales[state, i])
+            sizes.value += size * scales[state, i]
+
+        program.sweep(high.part(state), here, take)
+        sensitivity[state], doubt[state] = norms.total.value, sizes.value * code.argument("gamma") * norms.of_inverse
 
 
 def _derive(code: Writer) -> None:
@@ -179,8 +178,14 @@ def _derive(code: Writer) -> None:
     inputs, accelerations, scale = code.array("given", program.inputs), code.array("accelerations", nv), code.array("scale", nv)
     found = code.array("found", program.inputs, nv + 1)
     for state in code.range(code.argument("n")):
+
+        def take(i: Value, derivatives: Array, size: Value) -> None:
+            for row in code.range(nv):
+                found[state, i, row] = derivatives[row]
+            found[state, i, nv] = size
+
         program.run(inputs.part(state))
-        program.sweep(accelerations.part(state), scale.part(state), found.part(state))
+        program.sweep(accelerations.part(state), scale.part(state), take)
 
 
 def _measure(code: Writer) -> None:
@@ -189,7 +194,8 @@ def _measure(code: Writer) -> None:
     scale, accelerations, radii, velocities = (code.array(name, nv) for name in ("scale", "accelerations", "radii", "velocities"))
     factor, norm_factor, terms, rotating = code.array("factor", nv, nv), code.array("norm_factor", nv, nv), code.array("terms", 4, nv), code.array("rotating")
     condition, radius, motion, instability = (code.array(name) for name in ("condition", "radius", "motion", "instability"))
-    inverse, vector = code.array("inverse", nv), code.array("vector")
+    inverse, room = code.array("inverse", nv), code.array("room", nv)
+    vector = room.part(0)
     columns = code.array("columns", (nv + (LANES - 1)) // LANES * LANES)
 
     def in_energy_norm(entry: Callable[[Value, Value], Value]) -> Value:
@@ -217,7 +223,7 @@ def _measure(code: Writer) -> None:
                 of_torques.value += norm(code, vector, nv)
         motion[state] = speed * speed * of_torques.value
         for term in code.range(4):
-            of_terms.value += in_metric(code, nv, inverse, lambda j: terms[state, term, j] / here[j], vector)
+            of_terms.value += in_metric(code, nv, inverse, lambda j: terms[state, term, j] / here[j], room)
         size = in_energy_norm(lambda i, j: upper[i, j] * accelerations[state, j])
         instability[state] = code.argument("roundings") * nv.number() * condition[state] * (size + of_terms.value)
 
@@ -226,14 +232,14 @@ LOOPS: dict[str, tuple[Callable[[Writer], None], dict[str, str]]] = {
     "evaluate": (
         _evaluate,
         {**_SIZES, **_PROGRAM, **_ROOM, "of_terms": "integers", "gamma": "number"}
-        | dict.fromkeys(("given", "scales", "high", "low", "radius", "scale", "factor", "terms", "sensitivity", "doubt", "columns", "work"), "numbers"),
+        | dict.fromkeys(("given", "scales", "high", "low", "radius", "scale", "factor", "terms", "sensitivity", "doubt", "weights", "work"), "numbers"),
     ),
     "derive": (_derive, {**_SIZES, **_PROGRAM, **_ROOM} | dict.fromkeys(("given", "accelerations", "scale", "found"), "numbers")),
     "measure": (
         _measure,
         {"n": "integer", "nv": "integer", "roundings": "number"}
         | dict.fromkeys(
-            ("scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion", "instability", "inverse", "vector", "columns"),
+            ("scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion", "instability", "inverse", "room", "columns"),
             "numbers",
         ),
     ),

@@ -17,6 +17,8 @@ from harness.certify.language import LANES, Array, Value, Writer, larger, root_o
 from harness.certify.numbers import UNIT_ROUNDOFF
 
 _REFINEMENTS = 4
+# A step of so little of the largest acceleration is below the last digits of double-double.
+_SETTLED = 2.0**-106
 # Jacobi's rotations stop where columns are as square as this; what is left changes a condition number relatively by as much.
 _SQUARE, _MOST_SWEEPS = 1e-10, 40
 
@@ -57,19 +59,23 @@ def _bounds(
     code: Writer, nv: Value, values: Array, places: Array, scale: Array, approximate: Array, residual: Array, work: Array, radius: Array
 ) -> None:  # fmt: skip
     """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
-    rows, errors = work.part(0), work.part(1)
+    entries, sizes, rows, errors = work.part(0), work.part(1), work.part(2, 0), work.part(2, 1)
     # The last roundings are those of M's scaled entries.
     gamma = (nv + 12).number() * (UNIT_ROUNDOFF * 1.001)
+    for i in code.range(nv):
+        for j in code.range(nv):
+            high, _, bound = number_at(values, places[i, j])
+            entries[i, j] = high / scale[i] / scale[j]
+            # So much that the entry's own bound is within gamma times it.
+            sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
     for i in code.range(nv):
         row, error = code.variable(0.0), code.variable(0.0)
         for j in code.range(nv):
             diagonal = select(i.equals(j), code.number(1.0), 0.0)
             total, most = code.variable(diagonal), code.variable(diagonal)
             for k in code.range(nv):
-                high, _, bound = number_at(values, places[k, j])
-                total.value -= approximate[i, k] * (high / scale[k] / scale[j])
-                # So much that the entry's own bound is within gamma times it.
-                most.value += abs(approximate[i, k]) * ((abs(high) + bound / UNIT_ROUNDOFF) / scale[k] / scale[j])
+                total.value -= approximate[i, k] * entries[k, j]
+                most.value += abs(approximate[i, k]) * sizes[k, j]
             row.value += abs(total.value) + gamma * most.value
         for k in code.range(nv):
             error.value += abs(approximate[i, k]) * ((abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k])
@@ -84,29 +90,44 @@ def _bounds(
 
 
 def solve(
-    code: Writer, nv: Value, values: Array, places: Array, force: Array, scale: Array, inverse: Array, work: Array, approximate: Array,
-    residual: Array, solution: Array, radius: Array,
+    code: Writer, nv: Value, values: Array, places: Array, force: Array, scale: Array, inverse: Array, work: Array, solution: Array,
+    radius: Array,
 ) -> None:  # fmt: skip
-    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``."""
+    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``.
+
+    ``work`` is five matrices (nv + 3, nv + 3). The refinement ends when it changes nothing that the digits can hold.
+    """
+    approximate, residual = work.part(3), work.part(4)
     for i in code.range(nv):
         solution[i, 0] = solution[i, 1] = 0.0
-        for j in code.range(nv):
+        for j in code.range(i + 1):
             entry = code.variable(0.0)
-            for k in code.range(select(i < j, j, i), nv):
+            for k in code.range(i, nv):
                 entry.value += inverse[k, i] * inverse[k, j]
-            approximate[i, j] = entry.value
+            approximate[i, j] = approximate[j, i] = entry.value
+    is_moving = code.variable(1.0)
     for refinement in code.range(_REFINEMENTS + 1):
-        for i in code.range(nv):
-            store(residual, i, number_at(values, force[i]))
-            for j in code.range(nv):
-                product = multiply(negative(number_at(values, places[i, j])), (solution[j, 0], solution[j, 1], 0.0))
-                store(residual, i, add(number_at(residual, i), product))
-        for i in code.range(select(refinement < _REFINEMENTS, nv, 0)):
-            step = code.variable(0.0)
-            for j in code.range(nv):
-                step.value += approximate[i, j] * (residual[j, 0] / scale[j])
-            better = add((solution[i, 0], solution[i, 1], code.number(0.0)), (step.value / scale[i], 0.0, 0.0))
-            solution[i, 0], solution[i, 1] = better[0], better[1]
+        with code.when(is_moving.value > 0.0):
+            for i in code.range(nv):
+                store(residual, i, number_at(values, force[i]))
+                for j in code.range(nv):
+                    product = multiply(negative(number_at(values, places[i, j])), (solution[j, 0], solution[j, 1], 0.0))
+                    store(residual, i, add(number_at(residual, i), product))
+            largest, largest_step = code.variable(0.0), code.variable(0.0)
+            steps = work.part(0, 0)
+            for i in code.range(nv):
+                step = code.variable(0.0)
+                for j in code.range(nv):
+                    step.value += approximate[i, j] * (residual[j, 0] / scale[j])
+                steps[i] = step.value
+                largest.value = larger(largest.value, abs(solution[i, 0] * scale[i]))
+                largest_step.value = larger(largest_step.value, abs(step.value))
+            is_last = (largest_step.value <= _SETTLED * largest.value) | refinement.equals(_REFINEMENTS)
+            is_moving.value = select(is_last, 0.0, is_moving.value)
+            with code.when(~is_last):
+                for i in code.range(nv):
+                    better = add((solution[i, 0], solution[i, 1], code.number(0.0)), (steps[i] / scale[i], 0.0, 0.0))
+                    solution[i, 0], solution[i, 1] = better[0], better[1]
     _bounds(code, nv, values, places, scale, approximate, residual, work, radius)
 
 
@@ -129,33 +150,50 @@ def norm(code: Writer, entries: Array, count: Value) -> Value:
 
 
 def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], Value], work: Array) -> Value:
-    """|L^-1 x| for the entries of x; in ``work``, (nv,), stands L^-1 x."""
+    """|L^-1 x| for the entries of x, with two rows of ``work``."""
+    given, found = work.part(0), work.part(1)
     for i in code.range(nv):
+        given[i] = entry(i)
         total = code.variable(0.0)
         for j in code.range(i + 1):
-            total.value += inverse[i, j] * entry(j)
-        work[i] = total.value
-    return norm(code, work, nv)
+            total.value += inverse[i, j] * given[j]
+        found[i] = total.value
+    return norm(code, found, nv)
 
 
-def sum_of_norms(
-    code: Writer, nv: Value, count: Value, columns: Array, scales: Array, scale: Array, inverse: Array, work: Array, gamma: Value
-) -> tuple[Value, Value]:  # fmt: skip
-    """sum over inputs of |L^-1 D^-1 column| over ``columns`` of a sweep, and a bound of what its roundings do to it."""
-    total, doubt, square = code.variable(0.0), code.variable(0.0), code.variable(0.0)
-    for i in code.range(nv):
-        for j in code.range(i + 1):
-            square.value += inverse[i, j] * inverse[i, j]
-    for k in code.range(count):
-        total.value += in_metric(code, nv, inverse, lambda j, k=k: columns[k, j] * (scales[k] / scale[j]), work)
-        doubt.value += columns[k, nv] * scales[k]
-    return total.value, doubt.value * gamma * root_of(square.value)
+class SumOfNorms:
+    """sum over columns of |L^-1 D^-1 column|, for columns in whole vectors.
+
+    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
+    """
+
+    def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, weights: Array) -> None:
+        self._code, self._nv, self._blocks = code, nv, (nv + (LANES - 1)) // LANES
+        self._weights, self._product = weights.in_vectors(self._blocks), weights.part(nv)
+        self.total, square = code.variable(0.0), code.variable(0.0)
+        for j in code.range(nv):
+            for i in code.range(self._blocks * LANES):
+                weights[j, i] = 0.0
+            for i in code.range(j, nv):
+                weights[j, i] = inverse[i, j] / scale[j]
+                square.value += inverse[i, j] * inverse[i, j]
+        self.of_inverse = root_of(square.value)
+
+    def add(self, column: Array, factor: Value) -> None:
+        """Add the norm of a column times a factor."""
+        code, products = self._code, self._product.in_vectors(self._blocks)
+        for block in code.range(self._blocks):
+            product = code.variable(self._weights[0, block] * column[0])
+            for j in code.range(1, self._nv):
+                product.value += self._weights[j, block] * column[j]
+            products[0, block] = product.value * factor
+        self.total.value += norm(code, self._product, self._nv)
 
 
 def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> Value:
     """That of L L', as ``harness.certify.factorisation.condition_number``, by Jacobi's rotations of the columns of L.
 
-    ``columns``, (nv, nv rounded up to whole vectors), is for them.
+    ``columns``, (nv + 1, nv rounded up to whole vectors), is room for them and for their squares.
     """
     blocks = (nv + (LANES - 1)) // LANES
     vectors = columns.in_vectors(blocks)
@@ -171,25 +209,29 @@ def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> 
             total.value += vectors[first, block] * vectors[second, block]
         return total.value.total()
 
+    squares = columns.part(nv)
     is_turning = code.variable(1.0)
     for _ in code.range(_MOST_SWEEPS):
         with code.when(is_turning.value > 0.0):
             is_turning.value = 0.0
             for p in code.range(nv):
+                squares[p] = product(p, p)
+            for p in code.range(nv):
                 for q in code.range(p + 1, nv):
-                    first, second, mixed = product(p, p), product(q, q), product(p, q)
-                    with code.when(abs(mixed) > _SQUARE * root_of(first) * root_of(second)):
+                    mixed = product(p, q)
+                    with code.when(mixed * mixed > _SQUARE * _SQUARE * squares[p] * squares[q]):
                         is_turning.value = 1.0
-                        _rotate(code, vectors, blocks, p, q, (second - first) / (2.0 * mixed))
+                        tangent = _rotate(code, vectors, blocks, p, q, (squares[q] - squares[p]) / (2.0 * mixed))
+                        squares[p] -= tangent * mixed
+                        squares[q] += tangent * mixed
     smallest, largest = code.variable(math.inf), code.variable(0.0)
     for p in code.range(nv):
-        size = product(p, p)
-        smallest.value, largest.value = smaller(smallest.value, size), larger(largest.value, size)
+        smallest.value, largest.value = smaller(smallest.value, squares[p]), larger(largest.value, squares[p])
     return select(smallest.value > 0.0, largest.value / smallest.value, math.inf)
 
 
-def _rotate(code: Writer, vectors: Array, blocks: Value, p: Value, q: Value, cotangent: Value) -> None:
-    """Make two columns square to one another, by the cotangent of twice the angle."""
+def _rotate(code: Writer, vectors: Array, blocks: Value, p: Value, q: Value, cotangent: Value) -> Value:
+    """Make two columns square to one another, by the cotangent of twice the angle; the tangent of the angle."""
     size = 1.0 / (abs(cotangent) + root_of(1.0 + cotangent * cotangent))
     tangent = select(cotangent < 0.0, -size, size)
     cosine = 1.0 / root_of(1.0 + tangent * tangent)
@@ -197,3 +239,4 @@ def _rotate(code: Writer, vectors: Array, blocks: Value, p: Value, q: Value, cot
     for block in code.range(blocks):
         first, second = vectors[p, block], vectors[q, block]
         vectors[p, block], vectors[q, block] = first * cosine - second * sine, first * sine + second * cosine
+    return tangent
