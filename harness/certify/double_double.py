@@ -72,8 +72,9 @@ def store(values: Place, place: Value | int, number: Number) -> None:
     values[place, 0], values[place, 1], values[place, 2] = number
 
 
-def known(code: Writer, number: Number) -> Known:
-    high, low, bound = (part if isinstance(part, Value) else code.number(part) for part in number)
+def _like(a: Known, number: Number) -> Known:
+    """A number of as many lanes as ``a`` has."""
+    high, low, bound = (Value(a[0].code, a[0].code.constant(part, a[0].raw.type)) for part in number)
     return high, low, bound
 
 
@@ -93,7 +94,7 @@ def _two_sum(a: Value, b: Value) -> tuple[Value, Value]:
 
 def add(a: Known, b: Number) -> Known:
     """a + b by algorithm 6 (AccurateDWPlusDW)."""
-    b = known(a[0].code, b)
+    b = _like(a, b)
     high, rest = _two_sum(a[0], b[0])
     low, last = _two_sum(a[1], b[1])
     rest += low
@@ -108,7 +109,7 @@ def add(a: Known, b: Number) -> Known:
 
 def multiply(a: Known, b: Number) -> Known:
     """a b by algorithm 12 (DWTimesDW3)."""
-    b = known(a[0].code, b)
+    b = _like(a, b)
     high = a[0] * b[0]
     rest = fma(a[0], b[0], -high) + fma(a[1], b[0], fma(a[0], b[1], a[1] * b[1]))
     product = high + rest
@@ -152,7 +153,7 @@ def _series(square: Known, coefficients: Place) -> Known:
     for k in reversed(range(_LONG_TERMS, _TERMS - 1)):
         short = short * square[0] + coefficients[k, 0]
     # Terms fall by 1,000 and more, and each of them takes part in six roundings at most, those of its number and of the square among them.
-    total: Known = short, short.code.number(0.0), abs(coefficients[_LONG_TERMS, 0]) * (1.01 * 6 * 2.0**-53) + square[2]
+    total = _like(square, (short, 0.0, abs(coefficients[_LONG_TERMS, 0]) * (1.01 * 6 * 2.0**-53) + square[2]))
     for k in reversed(range(_LONG_TERMS)):
         total = add(multiply(total, square), number_at(coefficients, k))
     return total

@@ -75,14 +75,18 @@ class Norms(Rows):
 def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     """Everything at ``inputs``, (n, number of inputs), whose changes for the sensitivity are ``scales`` of the same shape."""
     n, nv = len(inputs), program.force.size
-    high, low, radius, scale = (np.full((n, nv), np.nan) for _ in range(4))
-    factor, terms, sensitivity, doubt = np.zeros((n, nv, nv)), np.empty((n, 3, nv)), np.full(n, np.nan), np.full(n, np.nan)
-    weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((8, nv + 3, nv + 3))
+    blocks = -(-n // LANES)
+    solution, radius, scale, factor, terms, sensitivity, doubt = (
+        np.empty((blocks, *shape, LANES)) for shape in ((nv, 2), (nv,), (nv,), (nv, nv), (3, nv), (), ())
+    )
+    weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((7, nv + 3, nv + 3, LANES))
     loop("evaluate")(
-        *_program(n, program), program.terms, program.gamma, np.ascontiguousarray(inputs), np.ascontiguousarray(scales),
-        high, low, radius, scale, factor, terms, sensitivity, doubt, weights, work,
+        *_program(n, program), program.terms, program.gamma, _in_lanes(inputs), solution, radius, scale, factor, terms, work,
+        _in_lanes(scales), sensitivity, doubt, weights,
     )  # fmt: skip
-    return Filtered(high, low, radius, scale, factor, terms, sensitivity, doubt)
+    accelerations = _by_state(solution, n)
+    rest = (_by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
+    return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
 
 
 def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
@@ -92,8 +96,8 @@ def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Ar
     ``Encoded.gamma`` times as long as that is large.
     """
     n, nv = len(inputs), program.force.size
-    found, scale = np.zeros((n, program.inputs, nv + 1)), np.ones((n, nv)) if scale is None else np.ascontiguousarray(scale)
-    loop("derive")(*_program(n, program), np.ascontiguousarray(inputs), np.ascontiguousarray(accelerations), scale, found)
+    found, scale = np.zeros((n, program.inputs, nv + 1)), np.ones((n, nv)) if scale is None else scale
+    loop("derive")(*_program(n, program), _in_lanes(inputs), _in_lanes(accelerations), _in_lanes(scale), found)
     return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
 
 
@@ -116,11 +120,23 @@ def measure(
 
 
 def _program(n: int, program: Encoded) -> tuple[object, ...]:
-    """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at one state."""
+    """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at four states."""
     nv, places = program.force.size, program.places
-    room = np.zeros((places, 3)), np.zeros((places, _whole(nv))), np.zeros(places)
+    room = np.zeros((places, 3, LANES)), np.zeros((places, _whole(nv))), np.zeros(places)
     sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
     return *sizes, program.instructions, program.constants, program.mass, program.force, *room
+
+
+def _in_lanes(rows: Array) -> Array:
+    """Rows of states, (n, k), as four states side by side, (blocks, k, lanes); the last state fills up the last block."""
+    if len(rows) % LANES:
+        rows = np.concatenate([rows, np.repeat(rows[-1:], LANES - len(rows) % LANES, axis=0)])
+    return np.ascontiguousarray(rows.reshape(-1, LANES, rows.shape[1]).transpose(0, 2, 1))
+
+
+def _by_state(found: Array, n: int) -> Array:
+    """What the loop gives with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
+    return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
 
 
 def _whole(count: int) -> int:

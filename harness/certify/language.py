@@ -20,7 +20,8 @@ from llvmlite import ir
 from harness.certify.numbers import LANES as LANES
 
 NUMBER, INTEGER, FLAG = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-VECTOR = ir.VectorType(NUMBER, LANES)
+VECTOR, INTEGERS = ir.VectorType(NUMBER, LANES), ir.VectorType(INTEGER, LANES)
+_LANE = ir.IntType(32)
 _HALF_INTEGER = ir.IntType(32)
 # Arguments by the kind that a signature names.
 _ARGUMENTS = {"integer": INTEGER, "number": NUMBER, "numbers": NUMBER.as_pointer(), "integers": INTEGER.as_pointer(), "vectors": VECTOR.as_pointer(), "halves": _HALF_INTEGER.as_pointer()}  # fmt: skip
@@ -35,7 +36,7 @@ class Value:
 
     def _with(self, other: Operand, of_numbers: str, of_integers: str, is_reversed: bool = False) -> Value:
         first, second = self.code.alike(self, other)
-        name = of_integers if first.type == INTEGER else of_numbers
+        name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
         pair = (second, first) if is_reversed else (first, second)
         return Value(self.code, getattr(self.code.builder, name)(*pair))
 
@@ -55,10 +56,10 @@ class Value:
         """Of integers that are not negative."""
         return self._with(other, "", "udiv")
 
-    def __mod__(self, other: Operand) -> Value:
+    def __mod__(self, other: int) -> Value:
         """Of integers, by a power of two: the remainder that is not negative."""
-        first, second = self.code.alike(self, other)
-        return Value(self.code, self.code.builder.and_(first, ir.Constant(INTEGER, second.constant - 1)))
+        first, last = self.code.alike(self, other - 1)
+        return Value(self.code, self.code.builder.and_(first, last))
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -88,7 +89,7 @@ class Value:
         """False where a number is NaN."""
         first, second = self.code.alike(self, other)
         builder = self.code.builder
-        compare = builder.icmp_signed if first.type == INTEGER else builder.fcmp_ordered
+        compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
         return Value(self.code, compare(sign, first, second))
 
     def __lt__(self, other: Operand) -> Value:
@@ -107,17 +108,24 @@ class Value:
         return self._compared("==", other)
 
     def integer(self) -> Value:
-        """The whole number that this number is."""
-        return Value(self.code, self.code.builder.fptosi(self.raw, INTEGER))
+        """The whole number that this number is, lane by lane."""
+        return Value(self.code, self.code.builder.fptosi(self.raw, INTEGERS if self.raw.type == VECTOR else INTEGER))
 
     def number(self) -> Value:
         """The number that this integer is."""
         return Value(self.code, self.code.builder.sitofp(self.raw, NUMBER))
 
+    def lane(self, lane: int) -> Value:
+        return Value(self.code, self.code.builder.extract_element(self.raw, ir.Constant(_LANE, lane)))
+
     def total(self) -> Value:
-        """The sum of four numbers."""
-        lanes = [Value(self.code, self.code.builder.extract_element(self.raw, ir.Constant(ir.IntType(32), lane))) for lane in range(LANES)]
-        return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+        """The sum over the lanes."""
+        return (self.lane(0) + self.lane(1)) + (self.lane(2) + self.lane(3))
+
+    def any(self) -> Value:
+        """Whether a flag is true in one of the lanes."""
+        bits = self.code.builder.bitcast(self.raw, ir.IntType(LANES))
+        return Value(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
 
 
 Operand = Value | float
@@ -156,7 +164,10 @@ class Array:
         return self.code.builder.gep(self.pointer, [self.code.constant(offset, INTEGER)])
 
     def __getitem__(self, indices: Value | int | tuple[Value | int, ...]) -> Value:
-        raw = self.code.builder.load(self._place(indices if isinstance(indices, tuple) else (indices,)), align=_align(self.pointer))
+        indices = indices if isinstance(indices, tuple) else (indices,)
+        if isinstance(indices[0], Value) and indices[0].raw.type == INTEGERS:
+            return self.code.gathered([self[(indices[0].lane(lane), *indices[1:])] for lane in range(LANES)])
+        raw = self.code.builder.load(self._place(indices), align=_align(self.pointer))
         return Value(self.code, self.code.builder.sext(raw, INTEGER) if raw.type == _HALF_INTEGER else raw)
 
     def __setitem__(self, indices: Value | int | tuple[Value | int, ...], value: Operand) -> None:
@@ -167,9 +178,13 @@ class Array:
         """The array at the first indices."""
         return Array(self.code, self._place(indices), self._inner[len(indices) :])
 
-    def in_vectors(self, blocks: Value | int) -> Array:
-        """The same numbers, rows of ``blocks`` times four of them, as rows of vectors."""
-        return Array(self.code, self.code.builder.bitcast(self.pointer, VECTOR.as_pointer()), (blocks,))
+    def in_vectors(self, *inner: Value | int) -> Array:
+        """The same numbers as an array of vectors of the given sizes but the first."""
+        return Array(self.code, self.code.builder.bitcast(self.pointer, VECTOR.as_pointer()), inner)
+
+    def in_numbers(self, *inner: Value | int) -> Array:
+        """The same vectors as an array of numbers of the given sizes but the first."""
+        return Array(self.code, self.code.builder.bitcast(self.pointer, NUMBER.as_pointer()), inner)
 
 
 def _align(pointer: Any) -> int:
@@ -197,10 +212,6 @@ class Writer:
         """The array argument of the given sizes but the first."""
         return Array(self, self._arguments[name], inner)
 
-    def array_of_numbers(self, vectors: Array, size: Value | int) -> Array:
-        """Rows of vectors as rows of ``size`` numbers."""
-        return Array(self, self.builder.bitcast(vectors.pointer, NUMBER.as_pointer()), (size,))
-
     def finish(self) -> None:
         self.builder.ret_void()
 
@@ -209,21 +220,35 @@ class Writer:
     def constant(self, value: Operand, kind: Any) -> Any:
         """LLVM's value of a kind."""
         if not isinstance(value, Value):
-            return ir.Constant(kind, [float(value)] * LANES if kind == VECTOR else int(value) if kind == INTEGER else float(value))
-        if kind == VECTOR and value.raw.type == NUMBER:
-            single = self.builder.insert_element(ir.Constant(VECTOR, ir.Undefined), value.raw, ir.Constant(ir.IntType(32), 0))
-            return self.builder.shuffle_vector(single, single, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+            number = int(value) if kind in (INTEGER, INTEGERS) else float(value)
+            return ir.Constant(kind, [number] * LANES if isinstance(kind, ir.VectorType) else number)
+        if isinstance(kind, ir.VectorType) and not isinstance(value.raw.type, ir.VectorType):
+            single = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value.raw, ir.Constant(_LANE, 0))
+            return self.builder.shuffle_vector(single, single, ir.Constant(ir.VectorType(_LANE, LANES), [0] * LANES))
         return value.raw
 
     def alike(self, first: Value, second: Operand) -> tuple[Any, Any]:
-        """Both as LLVM's values of one kind: that of the one which is four numbers, else that of the first."""
-        kind = second.raw.type if isinstance(second, Value) and second.raw.type == VECTOR else first.raw.type
+        """Both as LLVM's values of one kind, that of the one which has lanes, else that of the first."""
+        has_lanes = isinstance(second, Value) and isinstance(second.raw.type, ir.VectorType)
+        kind = second.raw.type if has_lanes else first.raw.type
         return self.constant(first, kind), self.constant(second, kind)
+
+    def gathered(self, parts: Sequence[Value]) -> Value:
+        """One value of the lanes given."""
+        found = ir.Constant(ir.VectorType(parts[0].raw.type, LANES), ir.Undefined)
+        for lane, part in enumerate(parts):
+            found = self.builder.insert_element(found, part.raw, ir.Constant(_LANE, lane))
+        return Value(self, found)
 
     def number(self, value: float) -> Value:
         return Value(self, ir.Constant(NUMBER, value))
 
+    def lanes(self, value: Operand) -> Value:
+        """A number in all lanes."""
+        return Value(self, self.constant(value, VECTOR))
+
     def variable(self, initial: Operand) -> Variable:
+        """A place whose kind is that of its first value."""
         return Variable(self, initial if isinstance(initial, Value) else self.number(initial))
 
     def table(self, name: str, rows: Any) -> Array:
@@ -239,7 +264,8 @@ class Writer:
     def call(self, name: str, *arguments: Value) -> Value:
         """A function of LLVM's that rounds once, such as fabs, sqrt, floor and fma."""
         kind = arguments[0].raw.type
-        function = self.module.declare_intrinsic(f"llvm.{name}", [kind], ir.FunctionType(kind, [kind] * len(arguments)))
+        name = f"llvm.{name}.{f'v{LANES}f64' if kind == VECTOR else 'f64'}"
+        function = self.module.globals.get(name) or ir.Function(self.module, ir.FunctionType(kind, [kind] * len(arguments)), name)
         return Value(self, self.builder.call(function, [argument.raw for argument in arguments]))
 
     # What is done, and how often.
@@ -281,24 +307,33 @@ class Writer:
 def select(flag: Value, first: Operand, second: Operand) -> Value:
     """``first`` where the flag is true, else ``second``; both are known."""
     code = flag.code
-    known = next(value for value in (first, second, code.number(0.0)) if isinstance(value, Value))
-    return Value(code, code.builder.select(flag.raw, code.constant(first, known.raw.type), code.constant(second, known.raw.type)))
+    kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)] or [NUMBER]
+    kind = next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
+    if isinstance(flag.raw.type, ir.VectorType) and not isinstance(kind, ir.VectorType):
+        kind = ir.VectorType(kind, LANES)
+    return Value(code, code.builder.select(flag.raw, code.constant(first, kind), code.constant(second, kind)))
 
 
 def larger(first: Value, second: Operand) -> Value:
     """The larger one; NaN where either is, so that what is unknown is never passed over."""
-    return first.code.call("maximum", first, Value(first.code, first.code.constant(second, NUMBER)))
+    return _called("maximum", first, second)
 
 
 def smaller(first: Value, second: Operand) -> Value:
     """The smaller one; NaN where either is."""
-    return first.code.call("minimum", first, Value(first.code, first.code.constant(second, NUMBER)))
+    return _called("minimum", first, second)
 
 
 def fma(a: Value, b: Operand, c: Operand) -> Value:
     """a b + c, rounded once: an instruction of the processor, or the C library's function where it has none."""
-    code = a.code
-    return code.call("fma", a, *(Value(code, code.constant(value, NUMBER)) for value in (b, c)))
+    return _called("fma", a, b, c)
+
+
+def _called(name: str, first: Value, *others: Operand) -> Value:
+    code = first.code
+    kinds = [value.raw.type for value in (first, *others) if isinstance(value, Value)]
+    kind = VECTOR if VECTOR in kinds else NUMBER
+    return code.call(name, *(Value(code, code.constant(value, kind)) for value in (first, *others)))
 
 
 def root_of(value: Value) -> Value:

@@ -1,7 +1,8 @@
 """The solution of M a = f, as loops are written: the factor of M, the accelerations, their bounds, and norms in the metric of M.
 
 Results of instructions are ``values``, (m, 3), numbers of ``harness.certify.double_double``; ``places`` are those of M's entries
-and ``force`` those of f. See ``harness.certify.interpreter`` for the proofs.
+and ``force`` those of f. What is factorised and solved has a state in each lane; no lane's result depends on what the others hold.
+See ``harness.certify.interpreter`` for the proofs.
 
 Sources: Golub, Van Loan, Matrix Computations, 4th ed., section 4.2 (Cholesky); Demmel, Veselic, Jacobi's method is more accurate
 than QR, SIAM J. Matrix Anal. Appl. 13 (1992), for the singular values of a factor.
@@ -25,31 +26,33 @@ _SQUARE, _MOST_SWEEPS = 1e-10, 40
 
 def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array, inverse: Array) -> None:
     """Scale and factor as ``harness.certify.factorisation.scaled_cholesky``, and L^-1; NaN for the scale where M has none."""
+    zero = code.lanes(0.0)
+    is_regular = code.variable(zero)
     for i in code.range(nv):
         scale[i] = root_of(mass[i, i])
-    is_regular = code.variable(0.0)
     for j in code.range(nv):
-        known = code.variable(0.0)
+        known = code.variable(zero)
         for k in code.range(j):
             known.value += factor[j, k] * factor[j, k]
+            factor[k, j] = 0.0
         factor[j, j] = root_of(mass[j, j] / scale[j] / scale[j] - known.value)
-        is_regular.value += select(factor[j, j] > 0.0, 0.0, math.nan)
+        is_regular.value += select(factor[j, j] > 0.0, zero, math.nan)
         for i in code.range(j + 1, nv):
-            known = code.variable(0.0)
+            known = code.variable(zero)
             for k in code.range(j):
                 known.value += factor[i, k] * factor[j, k]
             factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known.value) / factor[j, j]
     for i in code.range(nv):
         scale[i] += is_regular.value
-    invert(code, nv, factor, inverse)
+    invert(code, nv, factor, inverse, zero)
 
 
-def invert(code: Writer, nv: Value, factor: Array, inverse: Array) -> None:
-    """L^-1 below and on the diagonal."""
+def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) -> None:
+    """L^-1 below and on the diagonal; ``zero`` has the lanes of both."""
     for column in code.range(nv):
         inverse[column, column] = 1.0 / factor[column, column]
         for i in code.range(column + 1, nv):
-            known = code.variable(0.0)
+            known = code.variable(zero)
             for k in code.range(column, i):
                 known.value += factor[i, k] * inverse[k, column]
             inverse[i, column] = -known.value / factor[i, i]
@@ -60,6 +63,7 @@ def _bounds(
 ) -> None:  # fmt: skip
     """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
     entries, sizes, rows, errors = work.part(0), work.part(1), work.part(2, 0), work.part(2, 1)
+    zero = code.lanes(0.0)
     # The last roundings are those of M's scaled entries.
     gamma = (nv + 12).number() * (UNIT_ROUNDOFF * 1.001)
     for i in code.range(nv):
@@ -69,9 +73,9 @@ def _bounds(
             # So much that the entry's own bound is within gamma times it.
             sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
     for i in code.range(nv):
-        row, error = code.variable(0.0), code.variable(0.0)
+        row, error = code.variable(zero), code.variable(zero)
         for j in code.range(nv):
-            diagonal = select(i.equals(j), code.number(1.0), 0.0)
+            diagonal = code.lanes(select(i.equals(j), 1.0, 0.0))
             total, most = code.variable(diagonal), code.variable(diagonal)
             for k in code.range(nv):
                 total.value -= approximate[i, k] * entries[k, j]
@@ -80,13 +84,13 @@ def _bounds(
         for k in code.range(nv):
             error.value += abs(approximate[i, k]) * ((abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k])
         rows[i], errors[i] = row.value, error.value
-    alpha, most = code.variable(0.0), code.variable(0.0)
+    alpha, most = code.variable(zero), code.variable(zero)
     for i in code.range(nv):
         alpha.value, most.value = larger(alpha.value, rows[i]), larger(most.value, errors[i])
     is_inverse = (alpha.value < 0.5) & (most.value < math.inf)
     for i in code.range(nv):
-        error = select(is_inverse, errors[i] + rows[i] * most.value / (1.0 - alpha.value), math.inf)
-        radius[i] = error * (1 + 1e-10) / scale[i] + select(most.value > 0.0, code.number(2.0**-1000), 0.0)
+        found = select(is_inverse, errors[i] + rows[i] * most.value / (1.0 - alpha.value), math.inf)
+        radius[i] = found * (1 + 1e-10) / scale[i] + select(most.value > 0.0, 2.0**-1000, 0.0)
 
 
 def solve(
@@ -95,38 +99,40 @@ def solve(
 ) -> None:  # fmt: skip
     """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``.
 
-    ``work`` is five matrices (nv + 3, nv + 3). The refinement ends when it changes nothing that the digits can hold.
+    ``work`` is five matrices (nv + 3, nv + 3). The refinement of a state ends when it changes nothing that the digits can hold.
     """
-    approximate, residual = work.part(3), work.part(4)
+    approximate, residual, steps = work.part(3), work.part(4), work.part(0, 0)
+    zero = code.lanes(0.0)
     for i in code.range(nv):
         solution[i, 0] = solution[i, 1] = 0.0
         for j in code.range(i + 1):
-            entry = code.variable(0.0)
+            entry = code.variable(zero)
             for k in code.range(i, nv):
                 entry.value += inverse[k, i] * inverse[k, j]
             approximate[i, j] = approximate[j, i] = entry.value
-    is_moving = code.variable(1.0)
+    is_moving = code.variable(code.lanes(1.0))
     for refinement in code.range(_REFINEMENTS + 1):
-        with code.when(is_moving.value > 0.0):
+        with code.when((is_moving.value > 0.0).any()):
             for i in code.range(nv):
                 store(residual, i, number_at(values, force[i]))
                 for j in code.range(nv):
                     product = multiply(negative(number_at(values, places[i, j])), (solution[j, 0], solution[j, 1], 0.0))
                     store(residual, i, add(number_at(residual, i), product))
-            largest, largest_step = code.variable(0.0), code.variable(0.0)
-            steps = work.part(0, 0)
+            largest, largest_step = code.variable(zero), code.variable(zero)
             for i in code.range(nv):
-                step = code.variable(0.0)
+                step = code.variable(zero)
                 for j in code.range(nv):
                     step.value += approximate[i, j] * (residual[j, 0] / scale[j])
                 steps[i] = step.value
                 largest.value = larger(largest.value, abs(solution[i, 0] * scale[i]))
                 largest_step.value = larger(largest_step.value, abs(step.value))
-            is_last = (largest_step.value <= _SETTLED * largest.value) | refinement.equals(_REFINEMENTS)
+            is_last = largest_step.value <= _SETTLED * largest.value
             is_moving.value = select(is_last, 0.0, is_moving.value)
-            with code.when(~is_last):
+            with code.when(refinement < _REFINEMENTS):
                 for i in code.range(nv):
-                    better = add((solution[i, 0], solution[i, 1], code.number(0.0)), (steps[i] / scale[i], 0.0, 0.0))
+                    # The exact zero, in a lane that has come to rest, changes nothing.
+                    step_now = select(is_moving.value > 0.0, steps[i] / scale[i], 0.0)
+                    better = add((solution[i, 0], solution[i, 1], zero), (step_now, 0.0, 0.0))
                     solution[i, 0], solution[i, 1] = better[0], better[1]
     _bounds(code, nv, values, places, scale, approximate, residual, work, radius)
 
@@ -164,10 +170,10 @@ def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], 
 class SumOfNorms:
     """sum over columns of |L^-1 D^-1 column|, for columns in whole vectors.
 
-    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
+    ``inverse`` and ``scale`` have a lane behind their other places. ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
     """
 
-    def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, weights: Array) -> None:
+    def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, lane: Value, weights: Array) -> None:
         self._code, self._nv, self._blocks = code, nv, (nv + (LANES - 1)) // LANES
         self._weights, self._product = weights.in_vectors(self._blocks), weights.part(nv)
         self.total, square = code.variable(0.0), code.variable(0.0)
@@ -175,8 +181,8 @@ class SumOfNorms:
             for i in code.range(self._blocks * LANES):
                 weights[j, i] = 0.0
             for i in code.range(j, nv):
-                weights[j, i] = inverse[i, j] / scale[j]
-                square.value += inverse[i, j] * inverse[i, j]
+                weights[j, i] = inverse[i, j, lane] / scale[j, lane]
+                square.value += inverse[i, j, lane] * inverse[i, j, lane]
         self.of_inverse = root_of(square.value)
 
     def add(self, column: Array, factor: Value) -> None:
