@@ -24,7 +24,9 @@ VECTOR, INTEGERS = ir.VectorType(NUMBER, LANES), ir.VectorType(INTEGER, LANES)
 _LANE = ir.IntType(32)
 _HALF_INTEGER = ir.IntType(32)
 # Arguments by the kind that a signature names.
-_ARGUMENTS = {"integer": INTEGER, "number": NUMBER, "numbers": NUMBER.as_pointer(), "integers": INTEGER.as_pointer(), "vectors": VECTOR.as_pointer(), "halves": _HALF_INTEGER.as_pointer()}  # fmt: skip
+_ARGUMENTS = {"integer": INTEGER, "number": NUMBER}
+_ARRAYS = {"numbers": NUMBER, "integers": INTEGER, "vectors": VECTOR, "halves": _HALF_INTEGER}
+_ARGUMENTS |= {kind: element.as_pointer() for kind, element in _ARRAYS.items()}
 _ALIGNMENT = 8
 
 
@@ -212,9 +214,6 @@ class Writer:
         """The array argument of the given sizes but the first."""
         return Array(self, self._arguments[name], inner)
 
-    def finish(self) -> None:
-        self.builder.ret_void()
-
     # Values.
 
     def constant(self, value: Operand, kind: Any) -> Any:
@@ -229,8 +228,8 @@ class Writer:
 
     def alike(self, first: Value, second: Operand) -> tuple[Any, Any]:
         """Both as LLVM's values of one kind, that of the one which has lanes, else that of the first."""
-        has_lanes = isinstance(second, Value) and isinstance(second.raw.type, ir.VectorType)
-        kind = second.raw.type if has_lanes else first.raw.type
+        kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)]
+        kind = next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
         return self.constant(first, kind), self.constant(second, kind)
 
     def gathered(self, parts: Sequence[Value]) -> Value:
@@ -284,6 +283,11 @@ class Writer:
         index.value = now + 1
         self.builder.branch(head)
         self.builder.position_at_end(after)
+
+    def perform(self, name: str, *arguments: Value | Array) -> None:
+        """Call a function of the module that is written already."""
+        raws = [argument.raw if isinstance(argument, Value) else argument.pointer for argument in arguments]
+        self.builder.call(self.module.globals[name], raws)
 
     @contextmanager
     def when(self, flag: Value) -> Iterator[None]:
@@ -344,11 +348,17 @@ def floor(value: Value) -> Value:
     return value.code.call("floor", value)
 
 
-def module_of(functions: Mapping[str, tuple[Callable[[Writer], None], Mapping[str, str]]]) -> str:
-    """LLVM's text of a module of functions by their names, each with what writes it and its signature."""
+# What writes a function, and its signature.
+Function = tuple[Callable[[Writer], None], Mapping[str, str]]
+
+
+def module_of(functions: Mapping[str, Function], parts: Mapping[str, Function] | None = None) -> str:
+    """LLVM's text of a module of functions by their names, which may perform ``parts``."""
     module = ir.Module()
-    for name, (write, signature) in functions.items():
+    for name, (write, signature) in {**(parts or {}), **functions}.items():
         code = Writer(module, name, signature)
         write(code)
-        code.finish()
+        code.builder.ret_void()
+        if name not in functions:
+            module.globals[name].linkage = "internal"
     return str(module)

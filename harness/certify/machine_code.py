@@ -112,8 +112,8 @@ def _loops() -> Any:
     text = kept()
     if text is None:
         from harness.certify.language import module_of
-        from harness.certify.loops import LOOPS
+        from harness.certify.loops import LOOPS, PARTS
 
-        text = base64.b64encode(_object_file(module_of(LOOPS))).decode()
+        text = base64.b64encode(_object_file(module_of(LOOPS, PARTS))).decode()
         write_entry(_entry(), text)
     return _engine(base64.b64decode(text))

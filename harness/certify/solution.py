@@ -170,7 +170,8 @@ def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], 
 class SumOfNorms:
     """sum over columns of |L^-1 D^-1 column|, for columns in whole vectors.
 
-    ``inverse`` and ``scale`` have a lane behind their other places. ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
+    ``inverse`` and ``scale`` have a lane behind their other places.
+    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
     """
 
     def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, lane: Value, weights: Array) -> None:
