@@ -48,8 +48,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         folder = folder.parent
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
     # Before there are processes that would all compile it.
-    for name in ("evaluate", "derive"):
-        loop(name)
+    loop("evaluate")
 
 
 @pytest.fixture(scope="session")

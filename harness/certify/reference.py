@@ -90,6 +90,11 @@ class Reference(Rows):
     def __len__(self) -> int:
         return len(self.high)
 
+    @property
+    def in_balls(self) -> Flags:
+        """(n,) whether the state took ball arithmetic."""
+        return np.asarray(self.bits > DOUBLE_DOUBLE)
+
     @functools.cached_property
     def size(self) -> Array:
         """(n,) energy norm of the accelerations [sqrt(J)/s]."""
