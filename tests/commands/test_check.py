@@ -183,7 +183,7 @@ BROKEN_SYSTEMS = {
     "syntax": ("a = (\n", 1, "not Python"),
     "leaves": ("import sys\n\nsys.exit(0)\n", 3, "SystemExit"),
     "aborts": ("import os\nos.abort()\n", None, "SIGABRT"),
-    "hangs": ("while True:\n    pass\n", None, "time limit"),
+    "hangs": ("import time\nwhile True:\n    time.sleep(1)\n", None, "time limit"),
 }
 
 
