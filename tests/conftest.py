@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
 os.environ.setdefault("MUJOCO_GL", "disable")
+# Without bytecode, as in many containers, each process that a test starts compiles the harness anew, for a second.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
