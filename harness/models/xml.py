@@ -61,8 +61,26 @@ def read_document(path: Path, root_tag: str) -> Document:
 
 def parse_document(path: Path, text: str, root_tag: str) -> Document:
     """``read_document`` of a file at ``path`` that would hold ``text``; raises the same."""
+    document = parse_any(path, text, f"a <{root_tag}> model")
+    root = document.root
+    if root.tag != root_tag:
+        document.refuse(root, f"the root element is <{shorten(root.tag)}>; expected <{root_tag}>, without a default namespace")
+    return document
+
+
+def read_any(path: Path, expected: str) -> Document:
+    """Read and parse ``path``, whatever its root element is; ``expected`` says what an empty file should have been.
+
+    Raises:
+        InvalidModel: as ``read_document``.
+    """
+    return parse_any(path, _read_text(path), expected)
+
+
+def parse_any(path: Path, text: str, expected: str) -> Document:
+    """``read_any`` of a file at ``path`` that would hold ``text``; raises the same."""
     if not text.strip("\ufeff \t\r\n"):
-        raise InvalidModel(path, None, f"is empty; expected a <{root_tag}> model")
+        raise InvalidModel(path, None, f"is empty; expected {expected}")
     lines, comments, complaint = _scan(path, text)
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
@@ -74,10 +92,7 @@ def parse_document(path: Path, text: str, root_tag: str) -> Document:
         raise InvalidModel(path, error.lineno or None, f"is not well-formed XML: {problem}; correct it, or restore the file") from None
     if complaint is not None:
         raise complaint
-    document = Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
-    if root.tag != root_tag:
-        document.refuse(root, f"the root element is <{shorten(root.tag)}>; expected <{root_tag}>, without a default namespace")
-    return document
+    return Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
 
 
 def _written_by_family(path: Path, writer: Path, size: int) -> str:
