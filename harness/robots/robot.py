@@ -101,7 +101,7 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         path=document.path,
         format=_FORMATS[root.tag],
         tree=tree,
-        joints=tuple(joint.name for joint in tree.joints if not joint.follows),
+        joints=_moving(tree),
         left_out=left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
@@ -110,3 +110,12 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"
         raise InvalidModel(document.path, source.place(root).line, found)
     return robot
+
+
+def _moving(tree: Tree) -> tuple[str, ...]:
+    """The joints that move by themselves: a free base, then the others as they follow each other in the file, or in the place of its
+    includes."""
+    moving = [joint for joint in tree.joints if not joint.follows]
+    if len({joint.place.path for joint in moving if joint.place}) == 1:
+        moving.sort(key=lambda joint: (joint.kind != "free", joint.place.element if joint.place else 0))
+    return tuple(joint.name for joint in moving)
