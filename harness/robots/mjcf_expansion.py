@@ -89,11 +89,6 @@ def _replicate(source: Source, root: etree._Element, element: etree._Element) ->
         frame = copy.deepcopy(element)
         source.add_copy(element, frame)
         frame.tag = "frame"
-        for attribute in ("count", "sep", "offset", "euler"):
-            frame.attrib.pop(attribute, None)
-        for attribute, own in (("pos", "offset"), ("euler", "euler")):
-            if own in element.attrib:
-                frame.set(attribute, element.get(own))
         frame.set(REPEATED, str(number))
         for part in frame.iterdescendants("*"):
             if part.get("name"):

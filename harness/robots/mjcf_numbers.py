@@ -96,7 +96,7 @@ class Attributes:
         return Placement(self._position(element), self.rotation(element))
 
     def _position(self, element: etree._Element) -> Vector:
-        return vector(self.numbers(element, "pos", (0, 0, 0)))
+        return vector(self.numbers(element, "offset" if REPEATED in element.attrib else "pos", (0, 0, 0)))
 
     def rotation(self, element: etree._Element) -> Rotation:
         """The orientation of an element; raises InvalidModel where it is given twice."""

@@ -101,7 +101,7 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         path=document.path,
         format=_FORMATS[root.tag],
         tree=tree,
-        joints=_moving(tree),
+        joints=_moving(tree, _FORMATS[root.tag]),
         left_out=left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
@@ -112,10 +112,10 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
     return robot
 
 
-def _moving(tree: Tree) -> tuple[str, ...]:
-    """The joints that move by themselves: a free base, then the others as they follow each other in the file, or in the place of its
-    includes."""
+def _moving(tree: Tree, model_format: str) -> tuple[str, ...]:
+    """The joints that move by themselves in the order of the file, behind a floating base that is none of its own."""
     moving = [joint for joint in tree.joints if not joint.follows]
-    if len({joint.place.path for joint in moving if joint.place}) == 1:
-        moving.sort(key=lambda joint: (joint.kind != "free", joint.place.element if joint.place else 0))
+    if model_format == "urdf":
+        # A tree has them by depth.
+        moving.sort(key=lambda joint: (joint.name != urdf.FLOATING_BASE, joint.place.element if joint.place else 0))
     return tuple(joint.name for joint in moving)
