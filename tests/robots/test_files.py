@@ -127,10 +127,18 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
         extra = [number for number, line in enumerate(lines, 1) if what == "visual geometry" and "<material name" in line]
         assert found[what] == LeftOut(what, tuple(sorted(expected + extra)), bears)
     # A spring is read, and no more left out than the joints without limits.
-    assert [lines[line - 1].strip() for line in found["gazebo elements"].lines] == ['<gazebo reference="forearm"><mu1>0.2</mu1><turnGravityOff>false</turnGravityOff></gazebo>']
+    assert [lines[line - 1].strip() for line in found["gazebo elements"].lines] == [
+        '<gazebo reference="forearm"><mu1>0.2</mu1><turnGravityOff>false</turnGravityOff></gazebo>'
+    ]
     assert len(found["joint limits"].lines) == 8
     kinds = {one.what: one.bears_on_motion for one in read_robot(FILES / "quadruped.xml").left_out}
-    assert {what for what, bears in kinds.items() if bears} == {"fluid", "equality constraints", "contacts", "friction loss", "joint limits"}
+    assert {what for what, bears in kinds.items() if bears} == {
+        "fluid",
+        "equality constraints",
+        "contacts",
+        "friction loss",
+        "joint limits",
+    }
 
 
 def test_joints_stand_in_the_order_of_the_file() -> None:
@@ -186,7 +194,11 @@ def test_data_roundoff_includes_the_rounding_of_each_number_of_the_file(tmp_path
     """Two files whose masses differ by an ulp differ by about a data roundoff, and by no more."""
     text = (FILES / "arm.urdf").read_text()
     path = tmp_path / "arm.urdf"
-    path.write_text(text.replace('<mass value="3.7"/>', f'<mass value="{float(np.nextafter(3.7, 4))!r}"/>').replace('value="2.3"', f'value="{float(np.nextafter(2.3, 3))!r}"'))
+    path.write_text(
+        text.replace('<mass value="3.7"/>', f'<mass value="{float(np.nextafter(3.7, 4))!r}"/>').replace(
+            'value="2.3"', f'value="{float(np.nextafter(2.3, 3))!r}"'
+        )
+    )
     reference, truth = certified(read_robot(FILES / "arm.urdf"))
     _, other = certified(read_robot(path), reference)
     error = np.abs((other.high - truth.high) + (other.low - truth.low))

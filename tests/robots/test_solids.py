@@ -81,7 +81,10 @@ def test_solids_weigh_what_their_slices_weigh(first: Fraction, second: Fraction,
 
     cases = {
         "sphere": (solid("sphere", first), of_slices(dome(a, 0), dome(a, 0), False, -a, 0, a)),
-        "ellipsoid": (solid("ellipsoid", first, second, third), of_slices(lambda z: a * scaled(z), lambda z: b * scaled(z), False, -c, 0, c)),
+        "ellipsoid": (
+            solid("ellipsoid", first, second, third),
+            of_slices(lambda z: a * scaled(z), lambda z: b * scaled(z), False, -c, 0, c),
+        ),
         "box": (solid("box", first, second, third), of_slices(lambda z: a, lambda z: b, True, -c, c)),
         "cylinder": (solid("cylinder", first, second), of_slices(lambda z: a, lambda z: a, False, -b, b)),
         "capsule": (solid("capsule", first, second), of_slices(round_at, round_at, False, -b - a, -b, b, b + a)),
