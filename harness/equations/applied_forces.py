@@ -29,20 +29,33 @@ class AppliedForces:
 
 
 def applied_forces(program: StraightLineProgram, system: System) -> AppliedForces:
+    """``forces_of`` a system's program, within the ranges of its coordinates."""
+    positions = [system.ranges.get(q) for q in system.coordinates]
+    rates = [system.ranges.get(q.diff(TIME)) or DEFAULT_RATES for q in system.coordinates]
+    attitudes = [list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes]
+    return forces_of(program, [float(value) for value, _ in system.parameters.values()], positions, rates, attitudes)
+
+
+def forces_of(
+    program: StraightLineProgram,
+    parameters: Sequence[float],
+    position_ranges: Sequence[tuple[float, float] | None],
+    rate_ranges: Sequence[tuple[float, float]],
+    attitudes: Sequence[int],
+) -> AppliedForces:
     """The forces that would give each coordinate alone a brisk acceleration in the middle of its range, and those that hold it.
 
-    At the first joint of a chain the former are some hundred times what gravity asks for.
+    At the first joint of a chain the former are some hundred times what gravity asks for. ``attitudes`` are the places of the first
+    angles of ball and free joints.
     """
-    n = len(system.coordinates)
-    values = [float(value) for value, _ in system.parameters.values()]
-    evaluate = BallKernel(program, len(values)).bind(values)
-    positions = [_between(system.ranges.get(q), (-math.pi, math.pi)) for q in system.coordinates]
-    rates = [_between(system.ranges.get(q.diff(TIME)), DEFAULT_RATES) for q in system.coordinates]
+    n = len(position_ranges)
+    evaluate = BallKernel(program, len(parameters)).bind(parameters)
+    positions = [_between(bounds, (-math.pi, math.pi)) for bounds in position_ranges]
+    rates = [_between(bounds, DEFAULT_RATES) for bounds in rate_ranges]
 
     def outputs(places: Sequence[float], v: Sequence[float]) -> dict[str, list[float]]:
         q = [low + place * (high - low) for place, (low, high) in zip(places, positions, strict=True)]
-        for attitude in reversed(system.attitudes):
-            place = list(system.coordinates).index(attitude.angles[0])
+        for place in reversed(attitudes):
             q[place : place + 3] = ANY_ROTATION
         results = map(float, evaluate(*q, *v, *[0.0] * (n + 1)))
         return {name: list(itertools.islice(results, len(indices))) for name, indices in program.outputs.items()}

@@ -1,10 +1,13 @@
-"""A model file as its format's documentation gives it meaning: a tree of bodies, and its equations of motion by recursion.
+"""A robot's file as its format's documentation gives it meaning: a tree of bodies, and its equations of motion by recursion.
 
 It is a second truth beside a system's energies. It needs a model file and nothing else, and shares no expression with
 Lagrange's equations.
 
 Asks no engine. May use ``models``, ``equations`` and what is below them.
 
-Start with ``tree``, the plain data; ``mjcf`` and ``urdf`` read it, ``recursion`` writes its program in the vectors of ``spatial``,
-and ``accelerations`` evaluates that in balls.
+Start with ``robot``: ``read_robot`` gives a ``Robot``, whose ``tree`` is the plain data, with what is left out and what no body can
+have. ``urdf`` and ``mjcf`` read the tree from the elements of a ``source``; ``recursion`` writes its program in the vectors of
+``spatial``; ``mechanism`` makes a mechanism of it, for all that works on mechanisms, and ``accelerations`` evaluates it in balls.
+
+Certified accelerations at states are those of ``harness.certify.robot_reference``.
 """

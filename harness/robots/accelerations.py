@@ -11,8 +11,8 @@ from harness.equations.kernels import BallKernel
 from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
-from harness.robots import mjcf, urdf
-from harness.robots.recursion import recursion_program
+from harness.robots.recursion import Recursion, recursion_program
+from harness.robots.robot import tree_of
 
 BITS, LEAST_BITS = 192, 80
 
@@ -23,16 +23,19 @@ def accelerations(model: ModelFile, joints: Sequence[str], gravity: float, state
     ``gravity`` [m/s^2, along -z] is for a URDF, which holds none. No float64 kernel is compiled.
 
     Raises:
-        InvalidModel: as ``urdf.read_tree``. ValueError: the model has other joints.
+        InvalidModel: as ``read_robot``. ValueError: the model has other joints.
     """
+    return accelerations_of(recursion_program(tree_of(model, gravity), joints), states)
+
+
+def accelerations_of(recursion: Recursion, states: States) -> Array:
+    """``accelerations`` of a tree's program."""
     import flint
 
-    tree = mjcf.read_tree(model) if model.format == "mjcf" else urdf.read_tree(model, gravity)
-    program = recursion_program(tree, joints)
-    nv = states.v.shape[1]
+    program, nv = recursion.program, states.v.shape[1]
     found = np.full_like(states.v, np.nan)
     with flint.ctx.workprec(BITS):
-        evaluate = BallKernel(program, 0).bind(())
+        evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
         for row, (q, v, tau, time) in enumerate(zip(states.q, states.v, states.tau, states.time, strict=True)):
             values = iter(evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time)))
             outputs = {name: [next(values) for _ in places] for name, places in program.outputs.items()}

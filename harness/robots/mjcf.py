@@ -1,133 +1,154 @@
 """From an MJCF to its tree of bodies.
 
+Bodies and joints without names get names from their place, which no author's name can be.
+
 Source: MuJoCo documentation, XML reference, ``body``, ``inertial``, ``joint``, ``frame`` and ``compiler``; Modeling, section
 Frame orientations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from lxml import etree
 
-from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import resolved_text
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import parse_document
-from harness.robots.tree import (
-    ORIGIN,
-    WORLD,
-    Axes,
-    Body,
-    Direction,
-    Inertia,
-    Joint,
-    Placement,
-    Pose,
-    Quaternion,
-    Rotation,
-    Tree,
-    Turn,
-    vector,
-)
+from harness.models.mjcf_forces import GRAVITY, is_on
+from harness.models.values import not_negative, not_zero
+from harness.models.xml import describe
+from harness.robots.mjcf_inertias import Inertias
+from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
+from harness.robots.mjcf_tendons import read_tendons
+from harness.robots.source import Source
+from harness.robots.tree import ORIGIN, WORLD, Body, Joint, Tree, Vector, vector
 
-_UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
-Numbers = tuple[Fraction, ...]
+KINDS = ("hinge", "slide", "ball", "free")
 
 
-def read_tree(model: ModelFile) -> Tree:
-    """The tree of a validated MJCF."""
-    root = parse_document(model.path, model.text, ROOT_TAGS["mjcf"]).root
-    reader = _Reader(in_degrees=_last(root, "angle", "degree") == "degree", sequence=_last(root, "eulerseq", "xyz"))
-    assert model.gravity is not None
-    return Tree(tuple(map(reader.body, root.iterfind("worldbody//body"))), vector(model.gravity), model.force_elements)
+def read_tree(source: Source, root: etree._Element) -> Tree:
+    """The tree of an MJCF whose included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
+
+    Raises:
+        InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
+    """
+    attributes = Attributes(source, root)
+    _refuse_other_frames(source, root, attributes)
+    reader = _Reader(source, root, attributes)
+    bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
+    springs, couplings = read_tendons(
+        source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
+    )
+    return Tree(bodies, _gravity(source, root), springs, couplings, reader.inertias.total_mass, source.place(root))
 
 
-def _last(root: etree._Element, attribute: str, default: str) -> str:
-    return [default, *(str(compiler.get(attribute)) for compiler in root.iterfind(f"compiler[@{attribute}]"))][-1]
+def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
+    """Refuse what makes positions mean something else."""
+    for attribute, word in (("coordinate", "global"), ("alignfree", "true")):
+        if attributes.compiler(attribute, "") == word:
+            compiler = next(one for one in root.iterchildren("compiler") if one.get(attribute) == word)
+            source.refuse(compiler, f'<compiler {attribute}="{word}"> changes the frames of bodies, which is not read; write them out')
+    for joint in root.iter("freejoint"):
+        if joint.get("align") == "true":
+            source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
 
 
-def _numbers(text: str | None, default: str = "0 0 0") -> Numbers:
-    return tuple(Fraction(float(word)) for word in (text or default).split())
+def _gravity(source: Source, root: etree._Element) -> Vector:
+    options = [*root.iterchildren("option")]
+    if not is_on(root, "gravity"):
+        return ORIGIN
+    given = [option for option in options if "gravity" in option.attrib]
+    return vector(source.numbers(given[-1], "gravity", GRAVITY) if given else source.default(([*options, root])[0], "gravity", GRAVITY))
 
 
 class _Reader:
-    """Reads bodies by what the ``compiler`` element says of angles."""
+    """Bodies of one file."""
 
-    def __init__(self, in_degrees: bool, sequence: str) -> None:
-        self._in_degrees, self._sequence = in_degrees, sequence
-        self._rotations: Mapping[str, Callable[[Numbers], Rotation]] = {
-            "quat": lambda numbers: (Quaternion(numbers),),
-            "axisangle": self._turned,
-            "euler": self._by_euler_angles,
-            "xyaxes": lambda numbers: (Axes(vector(numbers[:3]), vector(numbers[3:])),),
-            "zaxis": lambda numbers: (Direction(vector(numbers)),),
-        }
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes) -> None:
+        self._source, self.attributes = source, attributes
+        self.inertias = Inertias(source, root, attributes)
+        self._names: dict[etree._Element, str] = {}
+        self._taken: dict[str, etree._Element] = {}
 
     def body(self, element: etree._Element) -> Body:
-        inertial = element.find("inertial")
         parent = next(element.iterancestors("body", "worldbody"))
-        inertia = None if inertial is None else self._inertia(inertial)
-        joints = tuple(map(self._joint, _joints_of(element)))
+        joints = tuple(map(self._joint, inside(element, *JOINTS)))
+        if any(joint.kind == "free" for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
+            self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
         # A free joint's position is that of the body in the world.
-        pose = () if joints and joints[0].kind == "free" else self._pose(element)
-        return Body(_name(element), _name(parent), pose, joints, inertia)
+        pose = () if joints and joints[0].kind == "free" else self.attributes.pose(element)
+        body = Body(self.name(element), self.name(parent), pose, joints, None, self._source.place(element))
+        return self.inertias.of_body(element, body)
 
-    def _pose(self, element: etree._Element) -> Pose:
-        """The placement of an element, behind those of the frames around it."""
-        placements = [self._placement(element)]
-        for ancestor in element.iterancestors():
-            if ancestor.tag != "frame":
-                break
-            placements.append(self._placement(ancestor))
-        return tuple(reversed(placements))
+    def name(self, element: etree._Element) -> str:
+        """The name of a body or joint, or one from its place."""
+        if element.tag == "worldbody":
+            return WORLD
+        if element not in self._names:
+            name = str(element.get("name") or "")
+            if not name:
+                name = self._name_of_place(element)
+            kind = "body" if element.tag == "body" else "joint"
+            other = self._taken.setdefault(f"{kind} {name}", element)
+            if other is not element or (kind == "body" and name == WORLD):
+                found = (
+                    "has the name of the world itself" if name == WORLD else f"repeats the name of line {self._source.place(other).line}"
+                )
+                self._source.refuse(element, f"{describe(element)} {found}; give each its own")
+            self._names[element] = name
+        return self._names[element]
 
-    def _placement(self, element: etree._Element) -> Placement:
-        return Placement(vector(_numbers(element.get("pos"))), tuple(self._rotation(element)))
-
-    def _rotation(self, element: etree._Element) -> Rotation:
-        given = [(name, _numbers(element.get(name))) for name in ORIENTATIONS if name in element.attrib]
-        return tuple(part for name, numbers in given for part in self._rotations[name](numbers))
-
-    def _turned(self, numbers: Numbers) -> Rotation:
-        *axis, angle = numbers
-        return (Turn(vector(axis), angle, self._in_degrees),)
-
-    def _by_euler_angles(self, numbers: Numbers) -> Rotation:
-        turns = [Turn(_UNITS[letter.lower()], angle, self._in_degrees) for letter, angle in zip(self._sequence, numbers, strict=True)]
-        # Capital letters turn about axes that stay.
-        return tuple(turns if self._sequence.islower() else reversed(turns))
-
-    def _inertia(self, element: etree._Element) -> Inertia:
-        full = _numbers(element.get("fullinertia"), "") or (*_numbers(element.get("diaginertia")), *ORIGIN)
-        return Inertia(self._pose(element), Fraction(float(element.get("mass", "0"))), full)
+    def _name_of_place(self, element: etree._Element) -> str:
+        """Such as "(joint 2 of thigh)" or "(body 1 of world)", which stay the same when lines are added."""
+        kind = "body" if element.tag == "body" else "joint"
+        owner = next(element.iterancestors("body", "worldbody"))
+        fellows = list(inside(owner, *(JOINTS if kind == "joint" else ("body",))))
+        return f"({kind} {fellows.index(element) + 1} of {self.name(owner)})"
 
     def _joint(self, element: etree._Element) -> Joint:
-        name = str(element.get("name"))
+        name, place, attributes = self.name(element), self._source.place(element), self.attributes
         kind = "free" if element.tag == "freejoint" else resolved_text(element, "type", "hinge")
+        if kind not in KINDS:
+            self._source.refuse(element, f"{describe(element)} is of type {kind!r}; expected one of {', '.join(KINDS)}")
+        joint = Joint(
+            name,
+            kind,
+            # Those of a free or ball joint belong to all of its velocities.
+            armature=attributes.number(element, "armature", 0.0, not_negative),
+            damping=attributes.coefficient(element, "damping", "damper"),
+            stiffness=attributes.coefficient(element, "stiffness", "spring"),
+            friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
+            place=place,
+        )
+        if joint.stiffness and kind in ("ball", "free"):
+            self._source.refuse(element, f"{describe(element)} is a {kind} joint with stiffness, which is not read; remove it")
+        if resolved_text(element, "springdamper", "0 0").split() not in (["0", "0"], []):
+            self._source.refuse(
+                element, f"{describe(element)} has springdamper, which MuJoCo turns into stiffness and damping; write those"
+            )
         if kind == "free":
-            return Joint(name, kind)
-        return Joint(
-            name=name,
-            kind=kind,
-            axis=ORIGIN if kind == "ball" else vector(_numbers(resolved_text(element, "axis", "0 0 1"))),
-            anchor=vector(_numbers(resolved_text(element, "pos"))),
+            return joint
+        turned = replace(
+            joint,
+            axis=ORIGIN if kind == "ball" else vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)),
+            anchor=vector(attributes.numbers(element, "pos", (0, 0, 0))),
             # A joint has no placement of its own.
-            pose=self._pose(element)[:-1],
-            reference=Fraction(float(resolved_text(element, "ref", "0"))),
-            in_degrees=kind == "hinge" and self._in_degrees,
-            armature=Fraction(float(resolved_text(element, "armature", "0"))),
+            pose=attributes.pose(element)[:-1],
+        )
+        if kind == "ball":
+            return turned
+        return replace(
+            turned,
+            reference=attributes.number(element, "ref", 0.0),
+            spring_reference=attributes.number(element, "springref", 0.0),
+            in_degrees=kind == "hinge" and attributes.in_degrees,
+            limits=self._limits(element),
         )
 
-
-def _name(element: etree._Element) -> str:
-    """A body without a name gets one from its place, which no author's name can be."""
-    if element.tag == "worldbody":
-        return WORLD
-    return str(element.get("name") or f"\0{element.getroottree().getpath(element)}")
-
-
-def _joints_of(body: etree._Element) -> Iterator[etree._Element]:
-    for child in body.iterchildren("joint", "freejoint", "frame"):
-        yield from _joints_of(child) if child.tag == "frame" else (child,)
+    def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
+        """The range of a joint that is limited, as ``autolimits`` says where it does not say so itself."""
+        lower, upper = self.attributes.numbers(element, "range", (0, 0))
+        limited = resolved_text(element, "limited", "auto")
+        given = lower.place != self._source.place(element) or "range" in element.attrib
+        is_limited = limited == "true" or (limited == "auto" and self.attributes.auto_limits and given)
+        return (lower, upper) if is_limited and lower < upper else None

@@ -11,38 +11,39 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.models.model_file import JointSpring, PointSpring
-from harness.robots.spatial import Matrix, SpatialWriter, Three, transposed
-from harness.robots.tree import WORLD, Inertia, Joint, Pose, Tree
+from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.tree import WORLD, Body, Coupling, Direction, Given, Joint, Placement, Pose, Spring, Tree
 
 # A motion or a force as its two vectors.
 Pair = tuple[Three, Three]
 
-_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+# Positions and velocities.
+SIZES = {"hinge": (1, 1), "slide": (1, 1), "planar": (3, 3), "ball": (4, 3), "free": (7, 6)}
 
 
-def recursion_program(tree: Tree, joints: Sequence[str]) -> StraightLineProgram:
+@dataclass(frozen=True)
+class Recursion:
+    """The program of a tree, and the numbers of the file that are its last inputs."""
+
+    program: StraightLineProgram
+    parameters: tuple[Given, ...]
+
+
+def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False) -> Recursion:
     """The program of a tree; q, v and tau follow ``joints``, inputs and outputs are those of ``harness.equations.kernels``.
 
     A rotation stands in q as a quaternion (w, x, y, z) of any length, its velocity in v in the body's frame, both behind the
-    position of a free joint, whose velocity is in the frame of the parent. There are no parameters: numbers are those of the file.
+    position of a free joint, whose velocity is in the frame of the parent, or in that of the body. A planar joint has its position
+    in its plane, x and y, and its turn. The parameters are the numbers of the file, but for zeros and the lengths of directions
+    along an axis.
 
     Raises:
         ValueError: the tree has other joints.
     """
-    return _Recursion(tree, joints).written()
-
-
-@dataclass
-class _Rigid:
-    """Mass, first moments and moments about the origin of a frame."""
-
-    mass: int
-    first: Three
-    second: Matrix
+    return _Recursion(tree, joints, linear_velocity_in_body).written()
 
 
 @dataclass
@@ -62,18 +63,19 @@ class _Node:
     motions: list[Pair]
     columns: list[int]
     bias: Pair
-    rigid: _Rigid
+    rigid: Rigid
 
 
-class _Recursion(SpatialWriter):
+class _Recursion(BodyWriter):
     """Writes the program of one tree."""
 
-    def __init__(self, tree: Tree, joints: Sequence[str]) -> None:
+    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool) -> None:
+        self._in_body = linear_velocity_in_body
         order = list(dict.fromkeys(joints))
         kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints if not joint.follows}
         if sorted(order) != sorted(kinds):
             raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
-        sizes = [_SIZES[kinds[name]] for name in order]
+        sizes = [SIZES[kinds[name]] for name in order]
         nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
         names = [f"{kind}{i}" for kind, count in (("q", nq), ("v", self.nv), ("tau", self.nv)) for i in range(count)]
         super().__init__((*names, "t"))
@@ -84,13 +86,14 @@ class _Recursion(SpatialWriter):
             self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
             q, v = q + positions, v + velocities
         self.tree = tree
+        self.scale_to(tree)
         self.nodes: list[_Node] = []
         # Node, and the body's frame in that of the node.
         self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
         for body in tree.bodies:
             self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
-            if body.inertia is not None and self.frames[body.name][0] >= 0:
-                self._load(self.frames[body.name], body.inertia)
+            if self.frames[body.name][0] >= 0:
+                self._load(self.frames[body.name], body)
 
     # The tree.
 
@@ -101,7 +104,7 @@ class _Recursion(SpatialWriter):
         for joint in joints:
             frame, offset = self.placed(self.identity, self.still, joint.pose)
             anchor = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
-            axis = self.turned(frame, self.unit(self.numbers(joint.axis))) if any(joint.axis) else self.still
+            axis = self.turned(frame, self.direction(joint.axis)) if any(joint.axis) else self.still
             self._add(node, turn, self.added(shift, self.turned(turn, anchor)), joint, axis)
             node, turn, shift = len(self.nodes) - 1, self.identity, self.minus(anchor)
         return node, turn, shift
@@ -111,15 +114,29 @@ class _Recursion(SpatialWriter):
         about = [(row, self.still) for row in self.identity]
         bias: Pair = (self.still, self.still)
         if joint.kind in ("hinge", "slide"):
-            multiplier = self.number(joint.multiplier)
-            position = self.sum(self.product(multiplier, positions[0]), self.number(joint.offset))
+            multiplier = self.given(joint.multiplier)
+            position = self._position(joint)
             moved, felt = self.difference(position, self.angle(joint.reference, joint.in_degrees)), self.times(multiplier, axis)
             if joint.kind == "hinge":
                 turn, motions = self.multiplied(turn, self.about(axis, moved)), [(felt, self.still)]
             else:
                 shift, motions = self.added(shift, self.turned(turn, self.times(moved, axis))), [(self.still, felt)]
+        elif joint.kind == "planar":
+            along = transposed(self.rotation(Placement(rotation=(Direction(joint.axis),))))
+            own = self.about(axis, positions[2])
+            moved_by = self.added(self.times(positions[0], along[0]), self.times(positions[1], along[1]))
+            shift, turn = self.added(shift, self.turned(turn, moved_by)), self.multiplied(turn, own)
+            motions = [*((self.still, self.turned_back(own, row)) for row in along[:2]), (axis, self.still)]
+            rate = self.added(*(self.times(self._first_rate + columns[i], along[i]) for i in range(2)))
+            # The velocity is given in the frame that does not turn.
+            turning = self.times(self._first_rate + columns[2], axis)
+            bias = (self.still, self.minus(self.cross(turning, self.turned_back(own, rate))))
         elif joint.kind == "ball":
             turn, motions = self.multiplied(turn, self.of_quaternion(positions)), about
+        elif self._in_body:
+            shift = self.added(shift, self.turned(turn, positions[:3]))
+            turn = self.multiplied(turn, self.of_quaternion(positions[3:]))
+            motions = [(self.still, row) for row in self.identity] + about
         else:
             shift = self.added(shift, self.turned(turn, positions[:3]))
             own = self.of_quaternion(positions[3:])
@@ -128,39 +145,15 @@ class _Recursion(SpatialWriter):
             rates = [self._first_rate + column for column in columns]
             # The velocity is given in the parent's frame, which turns in the body's.
             bias = (self.still, self.minus(self.cross(rates[3:], self.turned_back(own, rates[:3]))))
-        empty = _Rigid(self.zero, self.still, [self.still] * 3)
+        empty = Rigid(self.zero, self.still, [self.still] * 3)
         self.nodes.append(_Node(parent, turn, shift, joint, motions, columns, bias, empty))
 
-    def _load(self, frame: tuple[int, Matrix, Three], inertia: Inertia) -> None:
+    def _load(self, frame: tuple[int, Matrix, Three], body: Body) -> None:
         """Add a body's inertia to that of its node."""
         number, turn, shift = frame
-        turn, centre = self.placed(turn, shift, inertia.pose)
-        xx, yy, zz, xy, xz, yz = (self.number(moment) for moment in inertia.moments)
-        second = self.multiplied(self.multiplied(turn, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), transposed(turn))
-        mass = self.number(inertia.mass)
-        about_centre = _Rigid(mass, self.still, second)
         node = self.nodes[number]
-        node.rigid = self._joined(node.rigid, self._moved(about_centre, self.identity, centre))
-
-    def _joined(self, one: _Rigid, other: _Rigid) -> _Rigid:
-        second = [self.added(a, b) for a, b in zip(one.second, other.second, strict=True)]
-        return _Rigid(self.sum(one.mass, other.mass), self.added(one.first, other.first), second)
-
-    def _moved(self, rigid: _Rigid, turn: Matrix, shift: Three) -> _Rigid:
-        """The same about the origin of the frame in which its own stands at ``shift``, turned by ``turn``."""
-        first = self.turned(turn, rigid.first)
-        second = self.multiplied(self.multiplied(turn, rigid.second), transposed(turn))
-        half = self.added(first, self.times(self.product(rigid.mass, self.number(Fraction(1, 2))), shift))
-        # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
-        trace = self.product(self.number(2), self.dot(shift, half))
-        rows = []
-        for i in range(3):
-            row = []
-            for j in range(3):
-                mixed = self.sum(self.product(shift[i], half[j]), self.product(half[i], shift[j]))
-                row.append(self.sum(second[i][j], self.difference(trace if i == j else self.zero, mixed)))
-            rows.append(row)
-        return _Rigid(rigid.mass, self.added(first, self.times(rigid.mass, shift)), rows)
+        for part in self.parts(body):
+            node.rigid = self.joined(node.rigid, self.moved(part, turn, shift))
 
     # Motions and forces.
 
@@ -174,7 +167,7 @@ class _Recursion(SpatialWriter):
         moment, linear = self.turned(node.turn, force[0]), self.turned(node.turn, force[1])
         return self.added(moment, self.cross(node.shift, linear)), linear
 
-    def _momentum(self, rigid: _Rigid, motion: Pair) -> Pair:
+    def _momentum(self, rigid: Rigid, motion: Pair) -> Pair:
         angular, linear = motion
         moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
         return moment, self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
@@ -243,7 +236,7 @@ class _Recursion(SpatialWriter):
         for number in reversed(range(len(self.nodes))):
             node = self.nodes[number]
             if node.parent >= 0:
-                composite[node.parent] = self._joined(composite[node.parent], self._moved(composite[number], node.turn, node.shift))
+                composite[node.parent] = self.joined(composite[node.parent], self.moved(composite[number], node.turn, node.shift))
             own = list(zip(node.motions, node.columns, strict=True))
             for place, (motion, column) in enumerate(own):
                 force, at, others = self._momentum(composite[number], motion), number, own[: place + 1]
@@ -255,50 +248,74 @@ class _Recursion(SpatialWriter):
                         entries[entry] = self.sum(entries.get(entry, self.zero), self.product(times, self._power(other, force)))
                     force, at = self._up(self.nodes[at], force), self.nodes[at].parent
                     others = list(zip(self.nodes[at].motions, self.nodes[at].columns, strict=True))
+            multiplier = self.given(node.joint.multiplier)
+            armature = self.product(self.product(multiplier, multiplier), self.given(node.joint.armature))
             for column in node.columns:
-                entries[column, column] = self.sum(entries[column, column], self.number(node.joint.armature))
+                entries[column, column] = self.sum(entries[column, column], armature)
         return [entries.get(pair, self.zero) for pair in upper_triangle(self.nv)]
 
     # Springs and dampers.
 
+    def _position(self, joint: Joint) -> int:
+        """The position of a hinge or slide, of those that follow another too."""
+        (place,), _ = self._places[joint.follows or joint.name]
+        return self.sum(self.product(self.given(joint.multiplier), place), self.given(joint.offset))
+
     def _passive_forces(self, velocities: list[Pair]) -> Three:
         found = [self.zero] * self.nv
+        for node in self.nodes:
+            joint, multiplier = node.joint, self.given(node.joint.multiplier)
+            for column in node.columns if joint.damping else ():
+                rate = self.product(multiplier, self._first_rate + column)
+                force = self.product(multiplier, self.product(self.given(joint.damping), rate))
+                found[column] = self.difference(found[column], force)
+            if joint.stiffness and joint.kind in ("hinge", "slide"):
+                (column,) = node.columns
+                moved = self.difference(self._position(joint), self.angle(joint.spring_reference, joint.in_degrees))
+                force = self.product(multiplier, self.product(self.given(joint.stiffness), moved))
+                found[column] = self.difference(found[column], force)
+        for coupling in self.tree.couplings:
+            self._couple(coupling, found)
         on_nodes: list[Pair] = [(self.still, self.still)] * len(self.nodes)
-        for element in self.tree.forces:
-            if isinstance(element, PointSpring):
-                self._pull(element, velocities, on_nodes)
-                continue
-            positions, columns = self._places[element.joint]
-            if isinstance(element, JointSpring):
-                factor = element.stiffness
-                moved = [self.difference(position, self.number(Fraction(element.reference))) for position in positions]
-            else:
-                factor, moved = element.damping, [self._first_rate + column for column in columns]
-            for column, value in zip(columns, moved, strict=True):
-                found[column] = self.difference(found[column], self.product(self.number(Fraction(factor)), value))
+        for spring in self.tree.springs:
+            self._pull(spring, velocities, on_nodes)
         return self.added(found, self._generalised(on_nodes))
 
-    def _pull(self, spring: PointSpring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
+    def _couple(self, coupling: Coupling, found: Three) -> None:
+        """Add the forces of a coupling to the generalised forces ``found``."""
+        joints = {node.joint.name: node for node in self.nodes}
+        total, rate, rest, columns = self.zero, self.zero, self.zero, []
+        for name, multiple in coupling.joints:
+            node, factor = joints[name], self.given(multiple)
+            slope = self.product(factor, self.given(node.joint.multiplier))
+            total = self.sum(total, self.product(factor, self._position(node.joint)))
+            rate = self.sum(rate, self.product(slope, self._first_rate + node.columns[0]))
+            rest = self.sum(rest, self.product(factor, self.angle(node.joint.spring_reference, node.joint.in_degrees)))
+            columns.append((node.columns[0], slope))
+        stretch = self.difference(total, rest if coupling.rest is None else self.given(coupling.rest))
+        tension = self.sum(self.product(self.given(coupling.stiffness), stretch), self.product(self.given(coupling.damping), rate))
+        for column, slope in columns:
+            found[column] = self.difference(found[column], self.product(slope, tension))
+
+    def _pull(self, spring: Spring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
         """Add the forces of a spring between two points to those on their nodes."""
-        ends = [self._end(*end, velocities) for end in ((spring.body_a, spring.point_a), (spring.body_b, spring.point_b))]
+        ends = [self._end(body, pose, velocities) for body, pose in spring.ends]
         (first, rate_of_first), (second, rate_of_second) = ((position, rate) for _, _, position, rate, _ in ends)
         between = self.added(second, self.minus(first))
         length = self.add("sqrt", self.dot(between, between))
         along = [self.quotient(value, length) for value in between]
         rate = self.dot(along, self.added(rate_of_second, self.minus(rate_of_first)))
-        stretch = self.difference(length, self.number(Fraction(spring.free_length)))
-        tension = self.sum(
-            self.product(self.number(Fraction(spring.stiffness)), stretch), self.product(self.number(Fraction(spring.damping)), rate)
-        )
+        stretch = self.difference(length, self.given(spring.free_length))
+        tension = self.sum(self.product(self.given(spring.stiffness), stretch), self.product(self.given(spring.damping), rate))
         for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
             if node >= 0:
                 force = self.turned_back(turn, self.times(self.product(self.number(sign), tension), along))
                 on_nodes[node] = self._both(on_nodes[node], (self.cross(arm, force), force))
 
-    def _end(self, body: str, point: Sequence[float], velocities: list[Pair]) -> tuple[int, Three, Three, Three, Matrix]:
+    def _end(self, body: str, pose: Pose, velocities: list[Pair]) -> tuple[int, Three, Three, Three, Matrix]:
         """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
         node, turn, shift = self.frames[body]
-        arm = self.added(shift, self.turned(turn, self.numbers(Fraction(value) for value in point)))
+        _, arm = self.placed(turn, shift, pose)
         if node < 0:
             return node, arm, arm, self.still, self.identity
         angular, linear = velocities[node]
@@ -309,7 +326,7 @@ class _Recursion(SpatialWriter):
             orientation, at = self.multiplied(above.turn, orientation), above.parent
         return node, arm, position, self.turned(orientation, rate), orientation
 
-    def written(self) -> StraightLineProgram:
+    def written(self) -> Recursion:
         """The program of what the tree says."""
         velocities = self._velocities()
         outputs: Mapping[str, Three] = {
@@ -318,4 +335,4 @@ class _Recursion(SpatialWriter):
             "gravity": self._gravity_terms(),
             "passive": self._passive_forces(velocities),
         }
-        return without_unused(self.program(outputs))
+        return Recursion(without_unused(self.program(outputs)), self.parameters)

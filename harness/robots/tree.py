@@ -1,16 +1,93 @@
-"""A mechanism as its model file states it: bodies in a tree, joints between them, and the numbers exactly as they stand there."""
+"""A robot as its file states it: bodies in a tree, joints between them, and the numbers exactly as they stand there.
+
+Every number of a file is a ``Given``: the float64 that its decimals mean, and the place where they stand. Arithmetic with it gives
+plain fractions, which stand nowhere.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from fractions import Fraction
-
-from harness.models.model_file import ForceElement
+from pathlib import Path
+from typing import Any, Self
 
 Vector = tuple[Fraction, Fraction, Fraction]
 ORIGIN: Vector = (Fraction(0), Fraction(0), Fraction(0))
 WORLD = "world"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something stands: the line (1-based) of its element, the number of that element in its file, and its tag."""
+
+    path: Path
+    line: int
+    element: int = 0
+    tag: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}"
+
+
+class Given(Fraction):
+    """A number of a file: exactly the float64 that is read, its place, its attribute there and its number in that.
+
+    Two of equal ``key`` are one number of the file, of which elements made from others, or of one class, have a share each.
+    """
+
+    __slots__ = ("attribute", "index", "place")
+
+    place: Place
+    attribute: str
+    index: int
+
+    def __new__(cls, value: float | Fraction, place: Place, attribute: str, index: int = 0) -> Self:
+        self = super().__new__(cls, value)
+        self.place, self.attribute, self.index = place, attribute, index
+        return self
+
+    @property
+    def key(self) -> tuple[Place, str, int]:
+        return self.place, self.attribute, self.index
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (Fraction(self.numerator, self.denominator), self.place, self.attribute, self.index)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        return self
+
+
+class _Placed:
+    """A part of a tree, which knows the place of its element and of each of its quantities."""
+
+    place: Place | None
+
+    @property
+    def places(self) -> Mapping[str, Place]:
+        """The place of each quantity, by the name of its field; that of the element where the file does not give the quantity."""
+        found = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            given = next(_given(getattr(self, field.name)), None)
+            place = self.place if given is None else given.place
+            if place is not None:
+                found[field.name] = place
+        return found
+
+
+def _given(value: object) -> Iterator[Given]:
+    """The numbers of the file in a quantity; none of parts that have places of their own."""
+    if isinstance(value, Given):
+        yield value
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from _given(part)
+    elif isinstance(value, Turn | Quaternion | Axes | Direction | Placement):
+        for field in fields(value):
+            yield from _given(getattr(value, field.name))
 
 
 @dataclass(frozen=True)
@@ -39,9 +116,10 @@ class Axes:
 
 @dataclass(frozen=True)
 class Direction:
-    """The least rotation that turns the z axis into a direction."""
+    """The least rotation that turns the z axis into a direction, from the point ``start`` to the point ``end``."""
 
-    z: Vector
+    end: Vector
+    start: Vector = ORIGIN
 
 
 # Rotations about the axes that those before have turned.
@@ -50,10 +128,11 @@ Rotation = tuple[Turn | Quaternion | Axes | Direction, ...]
 
 @dataclass(frozen=True)
 class Placement:
-    """A frame in another: its origin [m] and its orientation."""
+    """A frame in another: its origin [m], which is the middle between two points where ``other_end`` is given, and its orientation."""
 
     position: Vector = ORIGIN
     rotation: Rotation = ()
+    other_end: Vector | None = None
 
 
 # Frames one in the other, the outermost first.
@@ -61,16 +140,22 @@ Pose = tuple[Placement, ...]
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(_Placed):
     """One joint of a body.
 
     Attributes:
-        kind: "hinge", "slide", "ball" or "free".
+        kind: "hinge", "slide", "ball", "free", or "planar".
         axis, anchor: in the frame ``pose`` of the body; the axis has any length but 0. A free joint has neither, a ball joint no axis.
+            That of a planar joint is square to its plane.
         reference: position [m, rad, or degrees] at which the body stands where its pose says.
         armature: inertia [kg m^2 or kg] that a rotor adds to the joint's own.
         follows: name of the joint that it mimics, "" for one that moves by itself; its position is ``multiplier`` times that of
             the other, and ``offset`` [m or rad].
+        damping [N s/m or N m s/rad], stiffness [N/m or N m/rad]: force -damping v - stiffness (q - spring_reference) of the joint.
+        spring_reference: [m, rad, or degrees].
+        friction_loss: dry friction [N or N m], which the equations of motion leave out.
+        limits: (lowest, highest) position [m, rad, or degrees], which they leave out too; None without.
+        in_degrees: whether reference, spring_reference and limits are in degrees.
     """
 
     name: str
@@ -84,38 +169,120 @@ class Joint:
     follows: str = ""
     multiplier: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
+    damping: Fraction = Fraction(0)
+    stiffness: Fraction = Fraction(0)
+    spring_reference: Fraction = Fraction(0)
+    friction_loss: Fraction = Fraction(0)
+    limits: tuple[Fraction, Fraction] | None = None
+    place: Place | None = None
 
 
 @dataclass(frozen=True)
-class Inertia:
+class Inertia(_Placed):
     """Mass [kg] and moments xx, yy, zz, xy, xz, yz [kg m^2] about the centre of mass, in the frame ``pose`` of a body."""
 
     pose: Pose
     mass: Fraction
     moments: tuple[Fraction, ...]
+    place: Place | None = None
 
 
 @dataclass(frozen=True)
-class Body:
-    """A body in the frame of its parent; with several joints, the first is the nearest to the parent."""
+class Solid(_Placed):
+    """A geometric body of even density, or an even surface where ``shell``, in the frame ``pose`` of a body, whose origin is its centre.
+
+    Attributes:
+        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
+        size: radius; radius and half length along z without the half spheres; or half the extents along x, y and z [m].
+        mass: [kg]; None where ``density`` [kg/m^3, or kg/m^2] gives it.
+        ends: the two points between which it reaches, instead of all sizes but the first; None without.
+    """
+
+    kind: str
+    size: tuple[Fraction, ...]
+    pose: Pose
+    mass: Fraction | None
+    density: Fraction
+    shell: bool = False
+    ends: tuple[Vector, Vector] | None = None
+    place: Place | None = None
+
+    @property
+    def is_massless(self) -> bool:
+        return not (self.density if self.mass is None else self.mass)
+
+
+@dataclass(frozen=True)
+class Body(_Placed):
+    """A body in the frame of its parent; with several joints, the first is the nearest to the parent.
+
+    Its mass is that of ``inertia`` and of all ``solids``.
+    """
 
     name: str
     parent: str
     pose: Pose
     joints: tuple[Joint, ...]
     inertia: Inertia | None
+    place: Place | None = None
+    solids: tuple[Solid, ...] = ()
+
+    @property
+    def is_massless(self) -> bool:
+        return all(solid.is_massless for solid in self.solids) and not (self.inertia and self.inertia.mass)
 
 
 @dataclass(frozen=True)
-class Tree:
-    """Bodies, parents before their children, the gravity [m/s^2] they feel, and springs and dampers."""
+class Coupling(_Placed):
+    """A spring and damper on a sum of multiples of joint positions, from which the generalised force of each joint is its multiple.
+
+    Attributes:
+        joints: (name, multiple) of hinges and slides.
+        rest: the sum [m or rad] at which the spring is relaxed; None for that of the joints' ``spring_reference``.
+    """
+
+    joints: tuple[tuple[str, Fraction], ...]
+    stiffness: Fraction
+    damping: Fraction
+    rest: Fraction | None
+    place: Place | None = None
+
+
+@dataclass(frozen=True)
+class Spring(_Placed):
+    """A spring and damper between two points, each a body's name and a frame in that body, whose origin the point is.
+
+    ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate.
+    """
+
+    ends: tuple[tuple[str, Pose], tuple[str, Pose]]
+    free_length: Fraction
+    stiffness: Fraction
+    damping: Fraction
+    place: Place | None = None
+
+
+@dataclass(frozen=True)
+class Tree(_Placed):
+    """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
+
+    With ``total_mass`` [kg] all masses and inertias are scaled by one factor, so that the masses of all bodies sum to it.
+    """
 
     bodies: tuple[Body, ...]
     gravity: Vector
-    forces: tuple[ForceElement, ...]
+    springs: tuple[Spring, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    total_mass: Fraction | None = None
+    place: Place | None = None
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """All joints, those of a body before those of its children."""
+        return tuple(joint for body in self.bodies for joint in body.joints)
 
 
 def vector(numbers: Sequence[float | Fraction]) -> Vector:
     """Three numbers of a file, exactly."""
-    x, y, z = (Fraction(number) for number in numbers)
+    x, y, z = (number if isinstance(number, Fraction) else Fraction(number) for number in numbers)
     return x, y, z

@@ -20,11 +20,11 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
 from harness.equations.program import upper_triangle
 from harness.equations.states import States
-from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.robots import mjcf, urdf
 from harness.robots.accelerations import accelerations as by_recursion
+from harness.robots.accelerations import accelerations_of
 from harness.robots.recursion import recursion_program
+from harness.robots.robot import read_robot, tree_of
 
 STATES = 10
 BITS = 192
@@ -190,12 +190,13 @@ def _agrees_with_inverse_dynamics(file: ModelFile) -> None:
     theirs = pinocchio.buildModelFromXML(file.text, mimic=True)
     theirs.gravity.linear = np.array([0.0, 0.0, -9.81])
     joints = tuple(file.joint_lines)
-    program = recursion_program(urdf.read_tree(file, 9.81), joints)
+    recursion = recursion_program(tree_of(file, 9.81), joints)
+    program, numbers = recursion.program, [float(value) for value in recursion.parameters]
     nv = len(joints)
     assert (theirs.nv, len(file.mimics)) == (nv, 3 - nv)
     q, v = np.random.default_rng(SEED).normal(size=(2, nv))
     with flint.ctx.workprec(BITS):
-        values = iter(map(float, BallKernel(program, 0).bind(())(*q.tolist(), *v.tolist(), *[0.0] * (nv + 1))))
+        values = iter(map(float, BallKernel(program, len(numbers)).bind(numbers)(*q.tolist(), *v.tolist(), *[0.0] * (nv + 1))))
     outputs = {name: np.array([next(values) for _ in places]) for name, places in program.outputs.items()}
     mass = np.triu(pinocchio.crba(theirs, theirs.createData(), q))
     np.testing.assert_allclose([mass[entry] for entry in upper_triangle(nv)], outputs["mass"], rtol=1e-13)
@@ -204,14 +205,37 @@ def _agrees_with_inverse_dynamics(file: ModelFile) -> None:
 
 
 def test_other_joints_than_those_of_the_tree_are_refused(tmp_path: Path) -> None:
-    tree = mjcf.read_tree(parse_model(tmp_path / "everything.xml", EVERYTHING, "mjcf"))
+    tree = tree_of(parse_model(tmp_path / "everything.xml", EVERYTHING, "mjcf"), 0.0)
     with pytest.raises(ValueError, match=r"the tree has the joints .*'third'.*; expected .*'last'"):
         recursion_program(tree, ("first", "second", "last"))
 
 
-def test_a_planar_joint_is_refused_at_its_line(tmp_path: Path) -> None:
-    text = URDF_WITH_EVERYTHING.replace('name="third" type="revolute"', 'name="third" type="planar"')
-    model = parse_model(tmp_path / "everything.urdf", text, "urdf")
-    with pytest.raises(InvalidModel, match="joint 'third' is planar; write two prismatic joints") as caught:
-        urdf.read_tree(model, 9.81)
-    assert caught.value.line == text[: text.index('name="third"')].count("\n") + 1
+def test_a_planar_joint_is_two_prismatic_joints_and_a_revolute_one_in_its_place(tmp_path: Path) -> None:
+    """About an axis between the axes of coordinates; the directions in its plane are those of the least rotation that gives it."""
+    text = URDF_WITH_EVERYTHING.replace('name="second" type="prismatic"', 'name="second" type="planar"').replace(
+        'xyz="0.28 0 0.96"', 'xyz="0 0.6 0.8"'
+    )
+    link = '<link name="{}"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    joint = '<joint name="{}" type="{}">{}<parent link="{}"/><child link="{}"/><axis xyz="{}"/><limit effort="0" velocity="0"/></joint>'
+    start = text.index('<joint name="second"')
+    old = text[start : text.index("</joint>", start) + len("</joint>")]
+    origin = '<origin xyz="0.1 0 0" rpy="0 0.7 0"/>'
+    # The least rotation from z to (0, 0.6, 0.8) is one about x.
+    parts = (
+        ("x", "prismatic", origin, "bracket", "one", "1 0 0"),
+        ("y", "prismatic", "", "one", "two", "0 0.8 -0.6"),
+        ("turn", "revolute", "", "two", "slider", "0 0.6 0.8"),
+    )
+    new = "".join([link.format("one"), link.format("two"), *(joint.format(*part) for part in parts)])
+    states = States.at(*np.random.default_rng(SEED).normal(size=(3, STATES, 5)))
+    found = []
+    for changed, joints in (
+        (text, ("first", "second", "second", "second", "third")),
+        (text.replace(old, new), ("first", "x", "y", "turn", "third")),
+    ):
+        path = tmp_path / "planar.urdf"
+        path.write_text(changed)
+        robot = read_robot(path)
+        assert robot.degrees_of_freedom == 5
+        found.append(accelerations_of(recursion_program(robot.tree, joints), states))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-15)

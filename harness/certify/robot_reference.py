@@ -1,0 +1,30 @@
+"""Certified accelerations of a robot, and their data roundoff.
+
+The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: half an ulp of q, v, tau, and of
+each number as it stands there, once however many elements share it through a class. Numbers that are zero are exact.
+"""
+
+from __future__ import annotations
+
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.robots.mechanism import mechanism_of
+from harness.robots.robot import Robot
+
+
+class RobotReference:
+    """Certified accelerations of one robot; write its program once, evaluate many batches.
+
+    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint: that of the body, as
+    Pinocchio has it, or that of the parent, as MuJoCo has it.
+    """
+
+    def __init__(self, robot: Robot, linear_velocity_in_body: bool = False) -> None:
+        self.robot = robot
+        self.mechanism: Mechanism = mechanism_of(robot)
+        self._kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
+
+    def evaluate(self, states: States) -> Reference:
+        """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates."""
+        return self._kernel.evaluate(states)

@@ -1,0 +1,41 @@
+"""What a robot's file holds besides its equations of motion, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the file says, and the equations of motion do not hold.
+
+    Attributes:
+        what: in plural, such as "joint limits" or "visual and collision geometry".
+        lines: of each such element in the order of the file; of one in an included file, that of the element that includes it.
+        bears_on_motion: whether an engine that has it switched on could give other accelerations for it.
+    """
+
+    what: str
+    lines: tuple[int, ...]
+    bears_on_motion: bool
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """An inertia that no body can have. The equations of motion are computed with it as it stands.
+
+    Attributes:
+        what: such as "indefinite inertia", "A + B < C", "negative mass", "massless moving link".
+        found: mass [kg], then moments xx, yy, zz, xy, xz, yz [kg m^2] about the centre of mass, or the three principal moments.
+        by_how_much: by which share of the largest moment (of the mass, where that is wrong) it is out of bounds.
+        nearest: moments xx, yy, zz, xy, xz, yz of the nearest inertia that a body can have: the Frobenius norm of the difference
+            of the matrices of second moments J = trace(I) / 2 1 - I is least, which makes J its projection on the cone of the
+            positive semidefinite matrices. The same moments where nothing is wrong but the mass.
+    """
+
+    body: str
+    line: int
+    what: str
+    found: tuple[float, ...]
+    by_how_much: float
+    nearest: tuple[float, ...]

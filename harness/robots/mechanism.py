@@ -1,0 +1,76 @@
+"""A robot as a mechanism, for all that works on mechanisms: certified reference, data roundoff, sampling.
+
+The parameters are the numbers of the file, each the float64 that an engine reads, so that data roundoff includes the rounding of
+each decimal as it does for the parameters of a system.
+"""
+
+from __future__ import annotations
+
+import math
+
+from harness.equations.applied_forces import forces_of
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import DEFAULT_RATES
+from harness.robots.recursion import SIZES, recursion_program
+from harness.robots.robot import Robot
+from harness.robots.spatial import parameter_name
+from harness.robots.tree import Joint
+
+# Of a joint without limits [m].
+_REACH = (-1.0, 1.0)
+_COORDINATES = {"hinge": ("",), "slide": ("",), "planar": (" x", " y", " turn"), "ball": (" x", " y", " z")}
+_COORDINATES["free"] = (*(f" {axis}" for axis in "xyz"), *(f" about {axis}" for axis in "xyz"))
+
+
+def mechanism_of(robot: Robot) -> Mechanism:
+    """The mechanism whose joints are ``robot.joints`` in this order; positions are sampled within the limits of joints that have some.
+
+    Its q holds a quaternion for each ball or free joint, as of ``recursion_program``; it has no energies and no text.
+    """
+    joints = [robot.joint(name) for name in robot.joints]
+    recursion = recursion_program(robot.tree, robot.joints)
+    has_free = any(joint.kind == "free" for joint in joints)
+    in_body = (recursion_program(robot.tree, robot.joints, linear_velocity_in_body=True).program,) if has_free else ()
+    ranges = [bounds for joint in joints for bounds in _ranges(joint)]
+    rates = [DEFAULT_RATES] * len(ranges)
+    attitudes: list[int] = []
+    first = 0
+    for joint in joints:
+        _, velocities = SIZES[joint.kind]
+        attitudes += [first + velocities - 3] if joint.kind in ("ball", "free") else []
+        first += velocities
+    values = [float(value) for value in recursion.parameters]
+    return Mechanism(
+        name=robot.path.stem,
+        description=f"The robot of {robot.path.name}.",
+        source="",
+        coordinates=tuple(joint.name + suffix for joint in joints for suffix in _COORDINATES[joint.kind]),
+        joints=tuple(joint.name for joint in joints for _ in _COORDINATES[joint.kind]),
+        parameters=tuple((parameter_name(one), float(one), "") for one in recursion.parameters),
+        gravity=math.hypot(*map(float, robot.tree.gravity)),
+        total_mass=robot.total_mass,
+        rotating=tuple(turns for joint in joints for turns in _turning(joint)),
+        position_ranges=tuple(ranges),
+        rate_ranges=tuple(rates),
+        **vars(forces_of(recursion.program, values, ranges, rates, attitudes)),
+        attitudes=tuple(attitudes),
+        charts_in_body=in_body,
+        program=recursion.program,
+        equations_text="",
+        equations_mathml="",
+        derivation_seconds=0.0,
+    )
+
+
+def _turning(joint: Joint) -> tuple[bool, ...]:
+    """For each velocity of a joint, whether it is of an angle."""
+    kinds = {"hinge": (True,), "slide": (False,), "planar": (False, False, True), "ball": (True,) * 3, "free": (False,) * 3 + (True,) * 3}
+    return kinds[joint.kind]
+
+
+def _ranges(joint: Joint) -> tuple[tuple[float, float] | None, ...]:
+    """The range of each coordinate; None for an angle without limits."""
+    if joint.limits is not None and joint.kind in ("hinge", "slide"):
+        low, high = map(float, joint.limits)
+        return ((math.radians(low), math.radians(high)) if joint.in_degrees else (low, high),)
+    return tuple(None if turns else _REACH for turns in _turning(joint))

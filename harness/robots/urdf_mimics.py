@@ -1,0 +1,63 @@
+"""The joints of a URDF that mimic another: their position is a multiple of its position, and an offset.
+
+Source: http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from fractions import Fraction
+
+from lxml import etree
+
+from harness.models.xml import describe
+from harness.robots.source import Source
+from harness.robots.tree import Body, Joint
+
+_SINGLE_AXIS = ("hinge", "slide")
+
+
+def follow(source: Source, elements: Mapping[str, etree._Element], bodies: Iterable[Body]) -> tuple[Body, ...]:
+    """The bodies, whose joints that mimic another say which one moves them in the end, and how.
+
+    Raises:
+        InvalidModel: a joint mimics none of this file, one of several degrees of freedom or none, or itself by way of others.
+    """
+    bodies = tuple(bodies)
+    kinds = {joint.name: joint.kind for body in bodies for joint in body.joints}
+    return tuple(
+        replace(body, joints=tuple(_following(source, elements, kinds, joint) for joint in body.joints))
+        if any(_mimic(elements, joint.name) is not None for joint in body.joints)
+        else body
+        for body in bodies
+    )
+
+
+def _mimic(elements: Mapping[str, etree._Element], name: str) -> etree._Element | None:
+    element = elements.get(name)
+    return None if element is None else element.find("mimic")
+
+
+def _following(source: Source, elements: Mapping[str, etree._Element], kinds: Mapping[str, str], joint: Joint) -> Joint:
+    name, multiplier, offset = joint.name, Fraction(1), Fraction(0)
+    passed = [name]
+    while (mimic := _mimic(elements, name)) is not None:
+        leader = str(mimic.get("joint"))
+        if leader not in elements:
+            source.refuse(mimic, f"{describe(elements[name])} mimics {leader!r}, which is no joint of this file; correct the name")
+        for one in (name, leader):
+            if kinds.get(one) not in _SINGLE_AXIS:
+                kind = elements[one].get("type")
+                source.refuse(
+                    mimic, f"{describe(elements[one])} is {kind}; both joints of a mimic must be revolute, continuous or prismatic"
+                )
+        if leader in passed:
+            source.refuse(mimic, f"{describe(elements[name])} mimics {leader!r}, which mimics it; name a joint that moves by itself")
+        times, plus = source.number(mimic, "multiplier", 1.0), source.number(mimic, "offset", 0.0)
+        first = len(passed) == 1
+        # The numbers of a chain of joints are products, which stand nowhere.
+        multiplier, offset = (times, plus) if first else (multiplier * times, multiplier * plus + offset)
+        name = leader
+        passed.append(name)
+    return joint if name == joint.name else replace(joint, follows=name, multiplier=multiplier, offset=offset)
