@@ -8,7 +8,7 @@ What is left of the functions that a program may hold has no code: such a progra
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -22,6 +22,7 @@ from harness.equations.program import OUTPUTS, StraightLineProgram, position_cou
 
 SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE = range(7)
 _CODES = {"add": SUM, "sub": DIFFERENCE, "mul": PRODUCT, "div": QUOTIENT, "sqrt": ROOT}
+_BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
 # Roundings of a partial derivative and of its product with an adjoint, which are fewer.
 _ROUNDINGS_OF_AN_EDGE = 8
 _ZERO, _ONE = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
@@ -34,9 +35,11 @@ class Encoded:
     Attributes:
         inputs: how many there are.
         constants: (k, 3) of ``harness.certify.numbers``.
-        instructions: (m, 3) each operation and the places of its operands, in 32 bits.
+        instructions: (m, 6) each operation, the places of its operands, and the rows of the adjoints of its result and operands, in 32
+            bits; behind a sine, the row of the cosine's stands in place of the second operand's.
         mass, terms, force: places of M's entries, (nv, nv); of velocity, gravity and passive forces, (3, nv); and of what M qdd
             equals, (nv,).
+        rows: (places,) where the adjoint of each result stands, from its last use back to where it is computed; some share one.
         roundings: the most that lie on any way from an output back to an input, for a sweep of adjoints.
     """
 
@@ -46,6 +49,7 @@ class Encoded:
     mass: Indices
     terms: Indices
     force: Indices
+    rows: Indices
     roundings: int
 
     @property
@@ -77,13 +81,20 @@ def encode(program: StraightLineProgram) -> Encoded | None:
         mass[i, j] = mass[j, i] = result
     instructions = np.array(encoder.instructions, dtype=np.int64)
     instructions[:, 1:] = encoder.places(instructions[:, 1:])
+    mass, force_places = encoder.places(mass), encoder.places(np.array(force))
+    start = encoder.inputs + len(encoder.constants)
+    rows = _rows(instructions, start, {*mass.flat, *force_places})
+    operands = instructions[:, 1:].copy()
+    [sines] = np.nonzero(instructions[:, 0] == SINE_AND_COSINE)
+    operands[sines, 1] = start + sines + 1
     return Encoded(
         inputs=encoder.inputs,
         constants=np.array(list(encoder.constants), dtype=np.float64).reshape(-1, 3),
-        instructions=instructions.astype(np.int32),
-        mass=encoder.places(mass),
+        instructions=np.column_stack([instructions, rows[start:], rows[operands]]).astype(np.int32),
+        mass=mass,
         terms=encoder.places(np.array([outputs[name] for name in OUTPUTS[1:]])),
-        force=encoder.places(np.array(force)),
+        force=force_places,
+        rows=rows,
         roundings=_most_roundings(encoder),
     )
 
@@ -150,14 +161,39 @@ class _Encoder:
         return result
 
 
+def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indices:
+    """``Encoded.rows``: so few that they stay near the processor, where one for each of 30,000 results would not."""
+    rows = np.arange(start + len(instructions))
+    taken = {place for place in outputs if place >= start}
+    for row, place in enumerate(sorted(taken), start):
+        rows[place] = row
+    free, end = list[int](), start + len(taken)
+
+    def take(place: int) -> None:
+        nonlocal end
+        if place >= start and place not in taken:
+            taken.add(place)
+            rows[place] = free.pop() if free else end
+            end += rows[place] == end
+
+    for index in reversed(range(len(instructions))):
+        (code, *operands), place = instructions[index].tolist(), start + index
+        take(place)
+        if code == COSINE:
+            continue
+        for operand in operands if code in _BINARY else operands[:1]:
+            take(operand)
+        free += [rows[place], rows[place + 1]] if code == SINE_AND_COSINE else [rows[place]]
+    return rows
+
+
 def _most_roundings(encoder: _Encoder) -> int:
     """Roundings on any way from a result back to an input: of each step, and of each sum of the steps that meet."""
     uses: Counter[int] = Counter()
     before: Counter[int] = Counter()
     for index in reversed(range(len(encoder.instructions))):
         (code, *operands), result = encoder.instructions[index], encoder.inputs + index
-        binary = code in (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
-        for operand in operands if binary else operands[:1]:
+        for operand in operands if code in _BINARY else operands[:1]:
             uses[operand] += 1
             before[operand] = max(before[operand], before[result] + uses[result] + _ROUNDINGS_OF_AN_EDGE)
     return max((before[place] + uses[place] for place in range(encoder.inputs)), default=0)

@@ -18,7 +18,7 @@ SWEEP = {**RUN, "blocks": "integer", "lane": "integer", "adjoints": "vectors", "
 
 def write_run(code: Writer) -> None:
     """Every instruction's result at four states, into ``values``."""
-    instructions, values = code.array("instructions", 3), code.array("values", 3)
+    instructions, values = code.array("instructions", 6), code.array("values", 3)
     for index in code.range(code.argument("m")):
         a, b = (number_at(values, instructions[index, operand]) for operand in (1, 2))
         _write_instruction(code, instructions[index, 0], values, code.argument("start") + index, a, b)
@@ -49,7 +49,7 @@ class _Sweep:
 
     def __init__(self, code: Writer) -> None:
         self.code, self.blocks = code, code.argument("blocks")
-        self.instructions, self.start = code.array("instructions", 3), code.argument("start")
+        self.instructions, self.start = code.array("instructions", 6), code.argument("start")
         self.adjoints, self.sizes = code.array("adjoints", self.blocks), code.array("sizes")
         self.values = code.array("values", 3).in_numbers(3, LANES)
 
@@ -63,31 +63,31 @@ class _Sweep:
     def step(self, index: Value) -> None:
         """Add the adjoint of an instruction's result, times partial derivatives, to those of its operands, and empty it."""
         code, place, value, most = self.code, self.start + index, self.value, self.most
-        operation, a, b = (self.instructions[index, part] for part in range(3))
+        operation, a, b, row, *rows = (self.instructions[index, part] for part in range(6))
 
         def of_sums_and_products() -> None:
             is_product = operation.equals(operations.PRODUCT)
             by_a = select(is_product, value(b, 0), 1.0)
             by_b = select(is_product, value(a, 0), 1.0 - 2.0 * operation.number())
-            self._pass_on(place, [(a, by_a, select(is_product, most(b), 1.0)), (b, by_b, select(is_product, most(a), 1.0))])
+            self._pass_on(row, [(rows[0], by_a, select(is_product, most(b), 1.0)), (rows[1], by_b, select(is_product, most(a), 1.0))])
 
         def of_quotient() -> None:
             by_a = 1.0 / value(b, 0)
             most_of_a = abs(by_a) * most(b) * abs(by_a)
-            self._pass_on(place, [(a, by_a, most_of_a), (b, -(value(place, 0) * by_a), most(place) * most_of_a)])
+            self._pass_on(row, [(rows[0], by_a, most_of_a), (rows[1], -(value(place, 0) * by_a), most(place) * most_of_a)])
 
         def of_root() -> None:
             by_a = 0.5 / value(place, 0)
-            self._pass_on(place, [(a, by_a, 2.0 * by_a * most(place) * by_a)])
+            self._pass_on(row, [(rows[0], by_a, 2.0 * by_a * most(place) * by_a)])
 
         def of_sine_and_cosine() -> None:
-            sine, cosine, size = value(place, 0), value(place + 1, 0), self.sizes[place + 1]
+            sine, cosine, of_cosine = value(place, 0), value(place + 1, 0), rows[1]
             for block in code.range(self.blocks):
-                self.adjoints[place, block] = cosine * self.adjoints[place, block] - sine * self.adjoints[place + 1, block]
-                self.adjoints[place + 1, block] = 0.0
-            self.sizes[place] = most(place + 1) * self.sizes[place] + most(place) * size
-            self.sizes[place + 1] = 0.0
-            self._pass_on(place, [(a, code.number(1.0), code.number(1.0))])
+                self.adjoints[row, block] = cosine * self.adjoints[row, block] - sine * self.adjoints[of_cosine, block]
+                self.adjoints[of_cosine, block] = 0.0
+            self.sizes[row] = most(place + 1) * self.sizes[row] + most(place) * self.sizes[of_cosine]
+            self.sizes[of_cosine] = 0.0
+            self._pass_on(row, [(rows[0], code.number(1.0), code.number(1.0))])
 
         cases: dict[int, Callable[[], None]] = {
             operations.QUOTIENT: of_quotient,
@@ -98,14 +98,14 @@ class _Sweep:
         }
         code.choose(operation, cases, of_sums_and_products)
 
-    def _pass_on(self, place: Value, to: list[tuple[Value, Value, Value]]) -> None:
+    def _pass_on(self, row: Value, to: list[tuple[Value, Value, Value]]) -> None:
         for block in self.code.range(self.blocks):
-            adjoint = self.adjoints[place, block]
-            self.adjoints[place, block] = 0.0
+            adjoint = self.adjoints[row, block]
+            self.adjoints[row, block] = 0.0
             for operand, factor, _ in to:
                 self.adjoints[operand, block] += factor * adjoint
-        size = self.sizes[place]
-        self.sizes[place] = 0.0
+        size = self.sizes[row]
+        self.sizes[row] = 0.0
         for operand, _, most in to:
             self.sizes[operand] += most * size
 

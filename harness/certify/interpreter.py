@@ -121,10 +121,10 @@ def measure(
 
 def _program(n: int, program: Encoded) -> tuple[object, ...]:
     """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at four states."""
-    nv, places = program.force.size, program.places
-    room = np.zeros((places, 3, LANES)), np.zeros((places, _whole(nv))), np.zeros(places)
+    nv, rows = program.force.size, int(program.rows.max()) + 1
+    room = np.zeros((program.places, 3, LANES)), np.zeros((rows, _whole(nv))), np.zeros(rows)
     sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
-    return *sizes, program.instructions, program.constants, program.mass, program.force, *room
+    return *sizes, program.instructions, program.constants, program.mass, program.force, program.rows, *room
 
 
 def _in_lanes(rows: Array) -> Array:

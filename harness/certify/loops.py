@@ -15,7 +15,7 @@ from harness.certify.language import LANES, Array, Function, Value, Writer, sele
 from harness.certify.solution import SumOfNorms, condition_number, factorise, in_metric, invert, norm, solve
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
-_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers"}
+_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}
 _ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
 
 
@@ -27,7 +27,7 @@ class _Program:
         self.m, self.nv, self.inputs = code.argument("m"), code.argument("nv"), code.argument("inputs")
         # Of the first instruction's result.
         self.start = self.inputs + code.argument("constants")
-        self.instructions = code.array("instructions", 3)
+        self.instructions, self.rows = code.array("instructions", 6), code.array("rows")
         self.mass, self.force = code.array("mass", self.nv), code.array("force")
         self.values = code.array("values", 3)
         self.blocks = (self.nv + (LANES - 1)) // LANES
@@ -51,16 +51,18 @@ class _Program:
     def sweep(self, lane: Value, accelerations: Array, scale: Array, take: Callable[[Value, Array, Value], None]) -> None:
         """Give ``take`` each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
 
-        It is done for the state in one lane. ``adjoints``, (places, nv rounded up to whole vectors), and ``sizes``, (places,), are zero
+        It is done for the state in one lane. ``adjoints``, (rows, nv rounded up to whole vectors), and ``sizes``, (rows,), are zero
         before and after.
         """
         code, adjoints = self.code, self.adjoints.in_numbers(self.blocks * LANES)
         for i in code.range(self.nv):
-            adjoints[self.force[i], i] += 1.0
-            self.sizes[self.force[i]] += 1.0 / scale[i, lane]
+            row = self.rows[self.force[i]]
+            adjoints[row, i] += 1.0
+            self.sizes[row] += 1.0 / scale[i, lane]
             for j in code.range(self.nv):
-                adjoints[self.mass[i, j], i] -= accelerations[j, lane]
-                self.sizes[self.mass[i, j]] += abs(accelerations[j, lane]) / scale[i, lane]
+                row = self.rows[self.mass[i, j]]
+                adjoints[row, i] -= accelerations[j, lane]
+                self.sizes[row] += abs(accelerations[j, lane]) / scale[i, lane]
         code.perform("sweep", self.m, self.start, self.instructions, self.values, self.blocks, lane, self.adjoints, self.sizes)
         for i in code.range(self.inputs):
             take(i, adjoints.part(i), self.sizes[i])

@@ -55,6 +55,8 @@ MOST_DOUBT = 2.0**-10
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80
+# Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
+_ENOUGH = 2.0**-68
 CERTIFIED_RADIUS = 2.0**-60
 _STATES_AT_ONCE = 2048
 # Of every entry of M that an unstable factorisation may lose.
@@ -207,7 +209,7 @@ class ChartKernel:
         found = evaluate(self.encoded, inputs, scales)
         norms = self._norms(states, found.high, found.radius, found.terms, found.scale, found.factor)
         is_known = self._is_believed(found.sensitivity, found.doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
-        bits = np.where(is_known & (norms.radius <= SOUGHT_RADIUS * found.sensitivity), DOUBLE_DOUBLE, 0)
+        bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
         return Reference(
             high=found.high,
             low=found.low,
