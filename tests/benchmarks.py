@@ -20,7 +20,9 @@ import sympy as sp
 
 from harness.bench import acceleration_cost
 from harness.bench.methods import select_methods
-from harness.certify.reference import ReferenceKernel
+from harness.certify.encoding import encode
+from harness.certify.reference import PRECISIONS, ReferenceKernel
+from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
@@ -29,6 +31,7 @@ from harness.equations.lagrange import derive
 from harness.equations.system import TIME
 from harness.library import Library
 from harness.models.model_file import read_model
+from harness.robots.robot import read_robot
 
 LIBRARY = Library.built_in()
 SYSTEMS = LIBRARY.system_names()
@@ -38,7 +41,11 @@ MANY, FEW, FEWEST = 20_000, 2_000, 100
 FASTER_THAN_A_LOOP = 25.0
 # Of the whole call from (q, v, tau) to qdd. pin.aba of one free body costs least, and to turn 19 inputs a state into columns most.
 FASTER_WITH_INPUTS = {"free_body": 18.0, "quadrotor": 12.0}
-BARS = {("mpmath", "certified reference"): 8.0}
+BARS = {("mpmath", "certified reference"): 80.0}
+# Of the certified reference: over a solution in balls of 128 bits, which has no data roundoff yet; and over pin.aba in a loop.
+FASTER_THAN_BALLS, SLOWER_THAN_ABA = 10.0, 20.0
+SEED_SYSTEMS = ("double_pendulum", "cart_pendulum", "spherical_pendulum", "spring_damper", "arm_3r")
+MILLION = 1_000_000
 # Cost of the first method over that of the second, on one thread each: at least, or at most.
 FASTER = {("pinocchio abaInParallel", "heyoka float64"): 5.0}
 OVERHEAD = {("harness check of mujoco", "mujoco batch"): 1.25, ("harness check of pinocchio", "pinocchio aba"): 1.25}
@@ -117,6 +124,89 @@ def test_a_warm_check_of_one_mechanism_costs_three_times_the_imports_at_most(tmp
         cpu_seconds("-c", "import sympy, heyoka, mujoco, pinocchio, hypothesis, flint, lxml.etree", cwd=tmp_path) for _ in range(2)
     )
     assert min(cpu_seconds(*check, cwd=tmp_path) for _ in range(2)) <= 3.1 * imports
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_certified_reference_over_balls(name: str) -> None:
+    """With data roundoff, against the accelerations alone in ball arithmetic."""
+    mechanism = load_mechanism(LIBRARY, name)
+    states, kernel = generic_sample(mechanism, FEW, seed=0), ReferenceKernel(mechanism)
+    few = states[:FEWEST]
+    parameters = np.broadcast_to(np.array(mechanism.parameter_values), (FEWEST, len(mechanism.parameters)))
+    [(chart, _), *_] = kernel.by_chart(few)
+    calls = (lambda: chart.balls.solve(few, parameters, PRECISIONS[0])), (lambda: kernel.evaluate(states))
+    rounds = [[min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS // 4)]
+    in_balls, certified = np.min(rounds, axis=0) / (FEWEST, FEW)
+    print(f"\n{name}: certified in 1/{in_balls / certified:.1f} of the time of balls; the bar is {FASTER_THAN_BALLS:g}")
+    assert mechanism.nv < 2 or in_balls >= FASTER_THAN_BALLS * certified
+
+
+@pytest.mark.parametrize("name", ["arm_7r", "puma_560", "stanford_arm"])
+def test_certified_reference_over_pinocchio_in_a_loop(name: str) -> None:
+    import pinocchio
+
+    mechanism = load_mechanism(LIBRARY, name)
+    file = read_model(LIBRARY.model_path(name, "urdf"), "urdf")
+    loaded: Any = load_model(LIBRARY, Subject("pinocchio", "urdf"), mechanism, file)
+    states, kernel, data = generic_sample(mechanism, FEW, seed=0), ReferenceKernel(mechanism), loaded.model.createData()
+    columns = loaded.columns(states.q, states.v, states.tau)
+    rows = [tuple(map(np.ascontiguousarray, row)) for row in zip(*(part.T for part in columns), strict=True)]
+
+    def loop() -> None:
+        for row in rows:
+            pinocchio.aba(loaded.model, data, *row)
+
+    rounds = [
+        [min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in (loop, lambda: kernel.evaluate(states))] for _ in range(ROUNDS)
+    ]
+    aba, certified = np.min(rounds, axis=0)
+    print(f"\n{name}: the certified reference costs {certified / aba:.1f} times pin.aba; the bar is {SLOWER_THAN_ABA:g}")
+    assert certified <= SLOWER_THAN_ABA * aba
+
+
+def test_certifying_a_million_states_of_the_first_systems() -> None:
+    kernels = [(ReferenceKernel(mechanism), mechanism) for mechanism in (load_mechanism(LIBRARY, name) for name in SEED_SYSTEMS)]
+    states = [generic_sample(mechanism, MILLION // len(kernels), seed=0) for _, mechanism in kernels]
+    started = time.process_time()
+    references = [kernel.evaluate(own) for (kernel, _), own in zip(kernels, states, strict=True)]
+    seconds = time.process_time() - started
+    print(f"\n{MILLION:,} certified states in {seconds:.1f} CPU s")
+    assert seconds <= 60.0
+    assert all(reference.certified.all() and reference.in_balls.mean() < 0.01 for reference in references)
+
+
+def test_certifying_a_program_of_30_000_instructions(tmp_path: Path) -> None:
+    """A trunk with seven arms of seven joints each, nowhere parallel."""
+    path = tmp_path / "arms.urdf"
+    path.write_text(arms(7, 7))
+    mechanism = RobotReference(read_robot(path)).mechanism
+    started = time.process_time()
+    encoded = encode(mechanism.program)
+    ready = time.process_time() - started
+    assert encoded is not None and len(encoded.instructions) >= 30_000
+    kernel, states = ReferenceKernel(mechanism), generic_sample(mechanism, FEWEST, seed=0)
+    kernel.evaluate(states)
+    started = time.process_time()
+    reference = kernel.evaluate(states)
+    each = (time.process_time() - started) / FEWEST
+    print(f"\n{len(encoded.instructions):,} instructions ready in {ready:.2f} s, {1e3 * each:.2f} ms a state")
+    assert not reference.in_balls.any() and ready <= 2.0 and each <= 0.002 * len(encoded.instructions) / 30_000
+
+
+def arms(count: int, joints: int) -> str:
+    """The URDF of a fixed trunk with ``count`` arms."""
+    names = [[f"arm_{arm}_{joint}" for joint in range(joints)] for arm in range(count)]
+    inertial = """<inertial><origin xyz="0.1 0.02 0.03" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"/></inertial>"""
+    links = "".join(f'<link name="{name}">{inertial}</link>' for arm in names for name in arm)
+    axes = ("1 0 0", "0 1 0", "0 0 1")
+    hinges = "".join(
+        f"""<joint name="to_{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+        <origin xyz="0.3 0.1 0.{number}" rpy="0.4 0.5 0.6"/><axis xyz="{axes[place % 3]}"/></joint>"""
+        for number, arm in enumerate(names)
+        for place, (parent, child) in enumerate(zip(["trunk", *arm], arm, strict=False))
+    )
+    return f'<robot name="arms"><link name="trunk"/>{links}{hinges}</robot>'
 
 
 def test_certifying_100_000_states_of_every_system(benchmark: Any) -> None:

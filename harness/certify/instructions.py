@@ -101,9 +101,11 @@ class _Sweep:
     def _pass_on(self, row: Value, to: list[tuple[Value, Value, Value]]) -> None:
         for block in self.code.range(self.blocks):
             adjoint = self.adjoints[row, block]
-            self.adjoints[row, block] = 0.0
-            for operand, factor, _ in to:
-                self.adjoints[operand, block] += factor * adjoint
+            # Most equations do not feel what happens on another branch of a tree.
+            with self.code.when(adjoint.differs(0.0).any()):
+                self.adjoints[row, block] = 0.0
+                for operand, factor, _ in to:
+                    self.adjoints[operand, block] += factor * adjoint
         size = self.sizes[row]
         self.sizes[row] = 0.0
         for operand, _, most in to:

@@ -109,6 +109,11 @@ class Value:
     def equals(self, other: Operand) -> Value:
         return self._compared("==", other)
 
+    def differs(self, other: Operand) -> Value:
+        """True where a number is NaN."""
+        first, second = self.code.alike(self, other)
+        return Value(self.code, self.code.builder.fcmp_unordered("!=", first, second))
+
     def integer(self) -> Value:
         """The whole number that this number is, lane by lane."""
         return Value(self.code, self.code.builder.fptosi(self.raw, INTEGERS if self.raw.type == VECTOR else INTEGER))
