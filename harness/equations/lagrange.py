@@ -13,6 +13,7 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 an
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -77,7 +78,9 @@ class EquationsOfMotion(EnergiesInSymbols):
     def simplified(self) -> EquationsOfMotion:
         """The same equations with every entry simplified: shorter, and with fewer roundings in float64."""
         names = ("mass_matrix", "velocity_terms", "gravity_terms", "passive_forces")
-        return replace(self, **{name: getattr(self, name).applyfunc(sp.simplify) for name in names})
+        # A mass matrix is symmetric: most of its entries stand there twice.
+        simplify = functools.cache(sp.simplify)
+        return replace(self, **{name: getattr(self, name).applyfunc(simplify) for name in names})
 
 
 def in_symbols(system: System) -> EnergiesInSymbols:
