@@ -1,0 +1,85 @@
+"""Readings: what an engine makes of an element of a file, each a ``Reading`` declared in a module of this package.
+
+A reading gives the tree that the engine computes with, as its documentation or source says. What it concerns follows from what
+changes. The truth of the tree that all readings give is what a plain engine has to answer; that of one alone is its effect.
+No list is kept: every ``READING`` of a module here is found. Nothing an engine answers enters a tree.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from harness.robots.robot import Robot
+from harness.robots.tree import Body, Inertia, Joint, Place, Tree
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What an engine makes of one kind of element.
+
+    Attributes:
+        name: as in a table. engine, formats: whose reader, of which formats.
+        sentence: for the reader of a report, the engine first.
+        concerns: what is counted, in the plural: "joints", "links".
+        source: the documentation or source that says so.
+        tree: the tree that the engine computes with; the very tree where the reading does not apply.
+    """
+
+    name: str
+    engine: str
+    formats: tuple[str, ...]
+    sentence: str
+    concerns: str
+    source: str
+    tree: Callable[[Robot], Tree]
+
+    def read(self, robot: Robot) -> Robot:
+        """The robot that the engine computes with; the very robot where the reading does not apply."""
+        tree = self.tree(robot)
+        return robot if tree is robot.tree or tree == robot.tree else with_tree(robot, tree)
+
+    def places(self, robot: Robot) -> list[Place]:
+        """Where the elements stand that it concerns, in the order of the file."""
+        return list(changed_places(robot.tree, self.read(robot).tree))
+
+
+def find_readings(engine: str, model_format: str) -> list[Reading]:
+    """The readings of an engine for a format, by name."""
+    modules = (importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__))
+    found: Iterable[Reading] = (module.READING for module in modules)
+    return sorted((one for one in found if one.engine == engine and model_format in one.formats), key=lambda one: one.name)
+
+
+def with_tree(robot: Robot, tree: Tree) -> Robot:
+    """The robot with another tree; joints that move by themselves there keep the order of the file."""
+    return replace(robot, tree=tree, joints=tuple(joint.name for joint in tree.joints if not joint.follows))
+
+
+def with_joints(tree: Tree, change: Callable[[Joint], Joint]) -> Tree:
+    """The tree with each joint as ``change`` gives it."""
+    return replace(tree, bodies=tuple(replace(body, joints=tuple(map(change, body.joints))) for body in tree.bodies))
+
+
+def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
+    """The tree with the inertia of each body as ``change`` gives it."""
+    return replace(tree, bodies=tuple(replace(body, inertia=change(body)) for body in tree.bodies))
+
+
+def changed_places(before: Tree, after: Tree) -> Iterable[Place]:
+    """The places of the joints and inertias that differ, of gravity and of springs; once each."""
+    found = []
+    for one, other in zip(before.bodies, after.bodies, strict=True):
+        pairs = zip(one.joints, other.joints, strict=True)
+        found += [joint.place for joint, changed in pairs if joint != changed]
+        if one.inertia != other.inertia:
+            kept = one.inertia if one.inertia is not None else other.inertia
+            found.append(kept.place if kept is not None and kept.place is not None else one.place)
+        elif one.pose != other.pose or one.parent != other.parent:
+            found.append(one.place)
+    if before.gravity != after.gravity:
+        found.append(before.places.get("gravity"))
+    found += [spring.place for spring in before.springs if spring not in after.springs]
+    return dict.fromkeys(place for place in found if place is not None)

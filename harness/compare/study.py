@@ -1,0 +1,167 @@
+"""The comparison of one or several robots' files, as a study for worker processes.
+
+A file is read and its truth certified in one task; each engine is asked in tasks of its own, plain and aided, so that one that aborts
+or hangs costs its own record; each answer is judged in a task beside the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.compare.callers import find_callers
+from harness.compare.judgement import judge, subject_of
+from harness.compare.questions import Answers, Question
+from harness.compare.states import aid, asked_joints, spread
+from harness.compare.truth import Meant, meant
+from harness.errors import InvalidInput
+from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, SubjectRecord
+from harness.robots.robot import Robot, read_robot
+from harness.study import Part, Rounds
+from harness.verdict import Verdict
+from harness.workers import Outcome, Task
+
+STATES = 64
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is compared.
+
+    Attributes:
+        paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
+        renamed: {joint of a file: joint of another} for files that name their joints otherwise.
+    """
+
+    paths: Sequence[Path]
+    states: int = STATES
+    seed: int = 0
+    floating_base: bool = False
+    renamed: Mapping[str, str] = field(default_factory=dict)
+
+
+class RobotComparison(Rounds):
+    """Every file with every engine that reads its format, plain and aided."""
+
+    def __init__(self, settings: Settings, title: str = "comparison") -> None:
+        super().__init__()
+        self.settings, self.title = settings, title
+        self._callers = find_callers()
+        self._meant: dict[Path, Meant] = {}
+        self._found = Comparison()
+        self.steps = len(settings.paths)
+
+    def result(self) -> Comparison:
+        order = {str(path): place for place, path in enumerate(self.settings.paths)}
+        self._found.files.sort(key=lambda file: order[file.path])
+        self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
+        return self._found
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        settings = self.settings
+        yield [
+            Task((self._take_file, path), _prepare, (path, settings.floating_base, settings.states, settings.seed), affinity=path)
+            for path in settings.paths
+        ]
+
+    def _take_file(self, outcome: Outcome, path: Path) -> Iterable[Part]:
+        if outcome.value is None:
+            problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else self.failure(outcome)
+            return [self._keep(FileRecord(path=str(path), problem=problem))]
+        found: Meant = outcome.value
+        self._meant[path] = found
+        record = _file_record(found)
+        for engine, caller in self._callers.items():
+            if found.robot.format in caller.formats and found.joints:
+                for aided in (False, True):
+                    self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided))))
+                    self.steps += 1
+        return [self._keep(record)]
+
+    def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
+        found, caller = self._meant[path], self._callers[engine]
+        if failure := self.failure(outcome):
+            about = subject_of(found, caller, aided)
+            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure))]
+        self._next.append(Task((self._take_record, path, engine, aided), _judge, (found, outcome.value, engine, aided), affinity=path))
+        return []
+
+    def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
+        if failure := self.failure(outcome):
+            about = subject_of(self._meant[path], self._callers[engine], aided)
+            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failure))]
+        return [self._keep_subject(outcome.value)]
+
+    def _keep(self, record: FileRecord) -> Part:
+        self._found.files.append(record)
+        return Part(record.name, Comparison(files=[record]))
+
+    def _keep_subject(self, record: SubjectRecord) -> Part:
+        self._found.subjects.append(record)
+        return Part(f"{Path(record.path).name} {record.subject}", Comparison(subjects=[record]))
+
+
+def _words(problem: InvalidInput) -> str:
+    return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
+
+
+def _question(found: Meant, settings: Settings, aided: bool) -> Question:
+    robot = found.robot
+    joints = asked_joints(robot.tree)
+    states = spread(robot, found.states, joints)
+    return Question(
+        path=robot.path,
+        format=robot.format,
+        joints=joints,
+        q=states.q,
+        v=states.v,
+        tau=states.tau,
+        floating_base=robot.joints[0] if settings.floating_base and robot.format == "urdf" else "",
+        aid=aid(robot, joints, states) if aided else None,
+    )
+
+
+def _file_record(found: Meant) -> FileRecord:
+    robot = found.robot
+    return FileRecord(
+        path=str(robot.path),
+        format=robot.format,
+        bodies=robot.bodies,
+        joints=len(robot.tree.joints),
+        followers=len(robot.tree.joints) - len(robot.joints),
+        degrees_of_freedom=robot.degrees_of_freedom,
+        total_mass=robot.total_mass,
+        gravity=tuple(float(component) for component in robot.tree.gravity),
+        states=len(found.states),
+        undecided=int((~found.truth.certified).sum()),
+        left_out=[OmittedPart(what=one.what, lines=one.lines, bears_on_motion=one.bears_on_motion) for one in robot.left_out],
+        impossible=[ImpossibleInertia(**vars(one)) for one in robot.impossible],
+    )
+
+
+# Tasks for worker processes.
+
+
+def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Callable[[str], None]) -> Meant:
+    robot: Robot = read_robot(path, floating_base=floating_base)
+    return meant(robot, count, seed)
+
+
+def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answers:
+    return find_callers()[engine].ask(question)
+
+
+def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
+    return judge(found, answers, find_callers()[engine], aided)
+
+
+def run(settings: Settings, workers: Any) -> Comparison:
+    """Run a comparison on workers whose context the caller has entered."""
+    from harness.study import run_study
+
+    study = RobotComparison(settings)
+    for _ in run_study(study, workers):
+        pass
+    return study.result()
