@@ -6,6 +6,9 @@ each number as it stands there, once however many elements share it through a cl
 
 from __future__ import annotations
 
+import numpy as np
+
+from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -28,3 +31,11 @@ class RobotReference:
     def evaluate(self, states: States) -> Reference:
         """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates."""
         return self._kernel.evaluate(states)
+
+    def derivatives(self, states: States, accelerations: Array) -> Array:
+        """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; inputs are q, v, tau, t and the file's numbers."""
+        found = np.zeros((len(states), self.mechanism.nv, len(self.mechanism.program.inputs)))
+        for chart, chosen in self._kernel.by_chart(states):
+            inputs = np.ascontiguousarray(self.mechanism.inputs(states[chosen]).T)
+            found[chosen] = chart.derivatives(inputs, np.ascontiguousarray(accelerations[chosen]))
+        return found

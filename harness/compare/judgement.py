@@ -32,6 +32,8 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if missing := [name for name in meant.robot.joints if name not in answers.accelerations]:
         return SubjectRecord(**about, verdict=Verdict.DISAGREES, explained=False, rest=[f"the engine has no joint {', '.join(missing)}"])
+    if meant.undetermined:
+        return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
     readings = [] if aided else [one for one in find_readings(caller.engine, meant.robot.format) if one.read(meant.robot) is not meant.robot]
     effects = [_effect(meant, reading) for reading in readings]
     compared = _compare(meant, answers)
@@ -43,6 +45,11 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     after = compared if read is meant else _compare(read, answers)
     rest = [] if _is_explained(after) else unexplained(read, answers)
     return replace(record, explained=_is_explained(after), left=_worst(after) if readings else None, rest=rest)
+
+
+def _of_undetermined(meant: Meant, answers: Answers) -> str:
+    finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
+    return f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
 
 
 def subject_of(meant: Meant, caller: Caller, aided: bool) -> dict[str, Any]:

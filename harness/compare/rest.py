@@ -70,7 +70,7 @@ def _whitened(meant: Meant, accelerations: Array) -> tuple[list[Array], Array]:
     reference = reference_of(meant.robot)
     mechanism = reference.mechanism
     truth, kept = meant.truth, np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
-    slopes = np.concatenate([reference.derivatives(meant.states[[row]], truth.high[[row]]) for row in kept])
+    slopes = reference.derivatives(meant.states[kept], truth.high[kept])
     inputs = mechanism.nq + 2 * mechanism.nv + 1
     scale = truth.data_roundoff[kept, None]
     error = np.einsum("nij,nj->ni", truth.norm_factor[kept], (accelerations - truth.high - truth.low)[kept]) / scale

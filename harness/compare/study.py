@@ -68,14 +68,15 @@ class RobotComparison(Rounds):
 
     def _take_file(self, outcome: Outcome, path: Path) -> Iterable[Part]:
         if outcome.value is None:
-            problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else self.failure(outcome)
+            failure = self.failure(outcome)
+            problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else failure
             return [self._keep(FileRecord(path=str(path), problem=problem))]
         found: Meant = outcome.value
         self._meant[path] = found
         record = _file_record(found)
         for engine, caller in self._callers.items():
             if found.robot.format in caller.formats and found.joints:
-                for aided in (False, True):
+                for aided in (False, True) if found.certified is not None else (False,):
                     self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided))))
                     self.steps += 1
         return [self._keep(record)]
@@ -135,7 +136,8 @@ def _file_record(found: Meant) -> FileRecord:
         total_mass=robot.total_mass,
         gravity=tuple(float(component) for component in robot.tree.gravity),
         states=len(found.states),
-        undecided=int((~found.truth.certified).sum()),
+        undecided=0 if found.certified is None else int((~found.certified.certified).sum()),
+        remark=found.undetermined,
         left_out=[OmittedPart(what=one.what, lines=one.lines, bears_on_motion=one.bears_on_motion) for one in robot.left_out],
         impossible=[ImpossibleInertia(**vars(one)) for one in robot.impossible],
     )

@@ -15,6 +15,7 @@ from harness.compare.questions import Asked
 from harness.compare.states import asked_joints, spread
 from harness.equations.states import States
 from harness.robots.robot import Robot
+from harness.robots.tree import Joint, Tree
 from harness.storage import Kept
 
 # Programs of humanoids take megabytes.
@@ -23,11 +24,21 @@ _REFERENCES: Kept[RobotReference] = Kept(most=8)
 
 @dataclass(frozen=True)
 class Meant:
-    """A robot with its states and their truth, over the joints that move by themselves; can be pickled."""
+    """A robot with its states and their truth, over the joints that move by themselves; can be pickled.
+
+    Attributes:
+        truth: None where no state can have one. undetermined: why; "" where states can.
+    """
 
     robot: Robot
     states: States
-    truth: Reference
+    certified: Reference | None
+    undetermined: str = ""
+
+    @property
+    def truth(self) -> Reference:
+        assert self.certified is not None, self.undetermined
+        return self.certified
 
     @property
     def joints(self) -> tuple[Asked, ...]:
@@ -41,9 +52,29 @@ def reference_of(robot: Robot) -> RobotReference:
 
 def meant(robot: Robot, count: int, seed: int) -> Meant:
     """``count`` sampled states of a robot, and their truth."""
+    if not robot.joints:
+        none = np.empty((0, 0))
+        return Meant(robot, States(none, none, none, np.empty(0)), None, "no joint moves, so that there is no acceleration")
     reference = reference_of(robot)
     states = sample(reference.mechanism, count, seed)
+    if idle := joints_without_inertia(robot.tree):
+        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
     return Meant(robot, states, reference.evaluate(states))
+
+
+def joints_without_inertia(tree: Tree) -> list[Joint]:
+    """The joints that carry neither mass nor inertia nor an armature, so that M is singular in every state."""
+    loaded: set[str] = set()
+    heavy = [body.name for body in tree.bodies if body.inertia is not None and (body.inertia.mass or any(body.inertia.moments))]
+    above = {body.name: body.parent for body in tree.bodies}
+    for name in heavy:
+        while name in above and name not in loaded:
+            loaded.add(name)
+            name = above[name]
+    of_body = [(joint, body.name in loaded or bool(joint.armature)) for body in tree.bodies for joint in body.joints]
+    moved = {joint.follows or joint.name for joint, is_loaded in of_body if is_loaded}
+    return [joint for joint, _ in of_body if not joint.follows and joint.name not in moved]
 
 
 def read_as(original: Meant, robot: Robot) -> Meant:

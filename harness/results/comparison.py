@@ -44,7 +44,7 @@ class FileRecord:
 
     Attributes:
         problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
-        undecided: number of states without certified truth.
+        undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
     """
 
     path: str
@@ -58,6 +58,7 @@ class FileRecord:
     gravity: tuple[float, ...] = ()
     states: int = 0
     undecided: int = 0
+    remark: str = ""
     left_out: list[OmittedPart] = field(default_factory=list)
     impossible: list[ImpossibleInertia] = field(default_factory=list)
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Inertia, Joint, Place, Tree
+
+_PARTS = ("bodies", "joints", "inertia", "springs", "place")
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Reading:
 
     def places(self, robot: Robot) -> list[Place]:
         """Where the elements stand that it concerns, in the order of the file."""
-        return list(changed_places(robot.tree, self.read(robot).tree))
+        return changed_places(robot.tree, self.read(robot).tree)
 
 
 def find_readings(engine: str, model_format: str) -> list[Reading]:
@@ -68,18 +71,22 @@ def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
     return replace(tree, bodies=tuple(replace(body, inertia=change(body)) for body in tree.bodies))
 
 
-def changed_places(before: Tree, after: Tree) -> Iterable[Place]:
-    """The places of the joints and inertias that differ, of gravity and of springs; once each."""
-    found = []
+def changed_places(before: Tree, after: Tree) -> list[Place]:
+    """Where the numbers stand that differ; the place of the element where the file does not give the number. Once each."""
+    pairs: list[tuple[Any, Any]] = [(before, after), *zip(before.bodies, after.bodies, strict=True)]
     for one, other in zip(before.bodies, after.bodies, strict=True):
-        pairs = zip(one.joints, other.joints, strict=True)
-        found += [joint.place for joint, changed in pairs if joint != changed]
-        if one.inertia != other.inertia:
-            kept = one.inertia if one.inertia is not None else other.inertia
-            found.append(kept.place if kept is not None and kept.place is not None else one.place)
-        elif one.pose != other.pose or one.parent != other.parent:
-            found.append(one.place)
-    if before.gravity != after.gravity:
-        found.append(before.places.get("gravity"))
+        pairs += zip(one.joints, other.joints, strict=True)
+        pairs.append((one.inertia or one, other.inertia if one.inertia else other))
+    found = [place for one, other in pairs for place in _changed(one, other)]
     found += [spring.place for spring in before.springs if spring not in after.springs]
-    return dict.fromkeys(place for place in found if place is not None)
+    return list(dict.fromkeys(place for place in found if place is not None))
+
+
+def _changed(one: Any, other: Any) -> Iterator[Place | None]:
+    """The places of the own quantities of a part of a tree that differ in ``other``, of which the parts have places of their own."""
+    if other is None:
+        yield one.place
+    elif one != other:
+        for part in fields(one):
+            if part.name not in _PARTS and getattr(one, part.name) != getattr(other, part.name):
+                yield one.places.get(part.name, one.place)
