@@ -16,7 +16,7 @@ from harness.compare.judgement import judge, subject_of
 from harness.compare.questions import Answers, Question
 from harness.compare.states import aid, asked_joints, spread
 from harness.compare.truth import Meant, meant
-from harness.errors import InvalidInput
+from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, SubjectRecord
 from harness.robots.robot import Robot, read_robot
 from harness.study import Part, Rounds
@@ -32,7 +32,7 @@ class Settings:
 
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
-        renamed: {joint of a file: joint of another} for files that name their joints otherwise.
+        renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
     """
 
     paths: Sequence[Path]
@@ -40,6 +40,7 @@ class Settings:
     seed: int = 0
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
+    pairwise: bool = True
 
 
 class RobotComparison(Rounds):
@@ -51,13 +52,18 @@ class RobotComparison(Rounds):
         self._callers = find_callers()
         self._meant: dict[Path, Meant] = {}
         self._found = Comparison()
-        self.steps = len(settings.paths)
+        self.steps = len(settings.paths) * (1 + 2 * len(self._callers))
 
     def result(self) -> Comparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
         self._found.files.sort(key=lambda file: order[file.path])
         self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
         return self._found
+
+    @property
+    def faults(self) -> list[Exception]:
+        """The problems that are not of a file alone, which a survey reports in its row."""
+        return [problem for problem in self.problems if not isinstance(problem, InvalidModel)]
 
     def rounds(self) -> Iterator[Sequence[Task]]:
         settings = self.settings
@@ -78,7 +84,6 @@ class RobotComparison(Rounds):
             if found.robot.format in caller.formats and found.joints:
                 for aided in (False, True) if found.certified is not None else (False,):
                     self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided))))
-                    self.steps += 1
         return [self._keep(record)]
 
     def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:

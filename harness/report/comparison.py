@@ -45,10 +45,18 @@ def sections(found: Comparison) -> Iterator[Section]:
             yield Section(f"5. {Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
 
 
-def survey_sections(found: Comparison) -> Iterator[Section]:
-    """A table of all robots, then what every robot's readings are."""
-    yield Section("Robots and engines", [survey_table(found)])
+def survey_overview(found: Comparison) -> Iterator[Section]:
+    """A table of all robots, and what is not explained."""
+    compared = [subject for subject in found.subjects if not subject.aided]
+    explained = sum(subject.explained for subject in compared)
+    count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
+    yield Section("Robots and engines", [count, survey_table(found)])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+
+
+def survey_sections(found: Comparison) -> Iterator[Section]:
+    """The overview, then each robot."""
+    yield from survey_overview(found)
     for file in found.files:
         own = found.of(file.path)
         yield Section(file.path, [*_descriptions([file]), *_impossible(Comparison(files=[file], subjects=own)), *_readings(own)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -234,8 +235,9 @@ def survey_table(found: Comparison) -> Table:
     """A row for each robot, a column for each plain subject."""
     engines = sorted({subject.engine for subject in found.subjects})
     rows = []
+    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
     for file in found.files:
-        cells: list[object] = [file.path, file.degrees_of_freedom if not file.problem else None]
+        cells: list[object] = [str(Path(file.path).relative_to(shared)), file.degrees_of_freedom if not file.problem else None]
         for engine in engines:
             for aided in (False, True):
                 own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
