@@ -12,18 +12,31 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.kernels import BallKernel
+from harness.equations.program import without_unused
 from harness.robots.findings import Impossible
+from harness.robots.rigid import BodyWriter
 from harness.robots.tree import WORLD, Body, Inertia, Tree
 
 # Relative to the largest moment: what rounding the decimals of three moments can do.
 _ROUNDING = 2.0**-51
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _NOTHING = (0.0,) * 6
+_BITS = 128
 
 
 def total_mass(tree: Tree) -> float:
-    """The mass of all bodies [kg]."""
-    return float(sum((body.inertia.mass for body in tree.bodies if body.inertia is not None), Fraction(0)))
+    """The mass of all bodies [kg], rounded once."""
+    import flint
+
+    if tree.total_mass is not None:
+        return float(tree.total_mass)
+    writer = BodyWriter(())
+    place = writer.mass(tree)
+    program = without_unused(writer.program({"mass": [place]}))
+    with flint.ctx.workprec(_BITS):
+        (mass,) = BallKernel(program, len(writer.parameters)).bind([float(value) for value in writer.parameters])()
+        return float(mass)
 
 
 def impossible_inertias(tree: Tree) -> tuple[Impossible, ...]:
@@ -59,14 +72,18 @@ def _of_moving_links(tree: Tree) -> Iterator[Impossible]:
         parts.setdefault(carrier[body.name], []).append(body)
     parts.pop("", None)
     for name, bodies in parts.items():
-        inertias = [body.inertia for body in bodies if body.inertia is not None]
         place = bodies[0].place
         line = place.line if place else 0
-        if not any(inertia.mass for inertia in inertias):
+        heavy = [body for body in bodies if not body.is_massless]
+        if not heavy:
             yield Impossible(name, line, "massless moving link", (0.0, *_NOTHING), 1.0, _NOTHING)
-        elif sum(inertia.mass != 0 for inertia in inertias) == 1 and not any(any(inertia.moments) for inertia in inertias):
-            mass = float(sum((inertia.mass for inertia in inertias), Fraction(0)))
-            yield Impossible(name, line, "no inertia", (mass, *_NOTHING), 1.0, _NOTHING)
+        elif (
+            len(heavy) == 1
+            and heavy[0].inertia
+            and not heavy[0].solids
+            and not any(any(one.inertia.moments) for one in bodies if one.inertia)
+        ):
+            yield Impossible(name, line, "no inertia", (float(heavy[0].inertia.mass), *_NOTHING), 1.0, _NOTHING)
 
 
 def nearest_inertia(moments: Sequence[float]) -> tuple[float, ...]:

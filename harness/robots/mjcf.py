@@ -8,7 +8,6 @@ Frame orientations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
@@ -18,24 +17,40 @@ from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import GRAVITY, is_on
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import describe
-from harness.robots.mjcf_numbers import Attributes
-from harness.robots.mjcf_tendons import springs
+from harness.robots.mjcf_inertias import Inertias
+from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
+from harness.robots.mjcf_tendons import read_tendons
 from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, WORLD, Body, Inertia, Joint, Tree, Vector, vector
+from harness.robots.tree import ORIGIN, WORLD, Body, Joint, Tree, Vector, vector
 
 KINDS = ("hinge", "slide", "ball", "free")
 
 
 def read_tree(source: Source, root: etree._Element) -> Tree:
-    """The tree of an MJCF.
+    """The tree of an MJCF whose included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
 
     Raises:
         InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
     """
-    reader = _Reader(source, root)
-    elements = [body for world in root.iterchildren("worldbody") for body in world.iter("body")]
-    bodies = tuple(map(reader.body, elements))
-    return Tree(bodies, _gravity(source, root), tuple(springs(source, root, reader.attributes, reader.name)), source.place(root))
+    attributes = Attributes(source, root)
+    _refuse_other_frames(source, root, attributes)
+    reader = _Reader(source, root, attributes)
+    bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
+    springs, couplings = read_tendons(
+        source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
+    )
+    return Tree(bodies, _gravity(source, root), springs, couplings, reader.inertias.total_mass, source.place(root))
+
+
+def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
+    """Refuse what makes positions mean something else."""
+    for attribute, word in (("coordinate", "global"), ("alignfree", "true")):
+        if attributes.compiler(attribute, "") == word:
+            compiler = next(one for one in root.iterchildren("compiler") if one.get(attribute) == word)
+            source.refuse(compiler, f'<compiler {attribute}="{word}"> changes the frames of bodies, which is not read; write them out')
+    for joint in root.iter("freejoint"):
+        if joint.get("align") == "true":
+            source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
 
 
 def _gravity(source: Source, root: etree._Element) -> Vector:
@@ -43,28 +58,27 @@ def _gravity(source: Source, root: etree._Element) -> Vector:
     if not is_on(root, "gravity"):
         return ORIGIN
     given = [option for option in options if "gravity" in option.attrib]
-    return vector(
-        source.numbers((given or options or [root])[-1], "gravity", GRAVITY) if given else source.default(root, "gravity", GRAVITY)
-    )
+    return vector(source.numbers(given[-1], "gravity", GRAVITY) if given else source.default(([*options, root])[0], "gravity", GRAVITY))
 
 
 class _Reader:
     """Bodies of one file."""
 
-    def __init__(self, source: Source, root: etree._Element) -> None:
-        self._source, self._root = source, root
-        self.attributes = Attributes(source, root)
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes) -> None:
+        self._source, self.attributes = source, attributes
+        self.inertias = Inertias(source, root, attributes)
         self._names: dict[etree._Element, str] = {}
         self._taken: dict[str, etree._Element] = {}
 
     def body(self, element: etree._Element) -> Body:
         parent = next(element.iterancestors("body", "worldbody"))
-        joints = tuple(map(self._joint, joints_of(element)))
-        inertial = element.find("inertial")
+        joints = tuple(map(self._joint, inside(element, *JOINTS)))
+        if any(joint.kind == "free" for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
+            self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
         # A free joint's position is that of the body in the world.
         pose = () if joints and joints[0].kind == "free" else self.attributes.pose(element)
-        inertia = None if inertial is None else self._inertia(inertial)
-        return Body(self.name(element), self.name(parent), pose, joints, inertia, self._source.place(element))
+        body = Body(self.name(element), self.name(parent), pose, joints, None, self._source.place(element))
+        return self.inertias.of_body(element, body)
 
     def name(self, element: etree._Element) -> str:
         """The name of a body or joint, or one from its place."""
@@ -88,23 +102,8 @@ class _Reader:
         """Such as "(joint 2 of thigh)" or "(body 1 of world)", which stay the same when lines are added."""
         kind = "body" if element.tag == "body" else "joint"
         owner = next(element.iterancestors("body", "worldbody"))
-        fellows = (
-            [*joints_of(owner)]
-            if kind == "joint"
-            else [one for one in owner.iter("body") if next(one.iterancestors("body", "worldbody")) is owner]
-        )
+        fellows = list(inside(owner, *(JOINTS if kind == "joint" else ("body",))))
         return f"({kind} {fellows.index(element) + 1} of {self.name(owner)})"
-
-    def _inertia(self, element: etree._Element) -> Inertia:
-        source, place = self._source, self._source.place(element)
-        mass, pose = source.number(element, "mass", None), self.attributes.pose(element)
-        given = [name for name in ("fullinertia", "diaginertia") if name in element.attrib]
-        if len(given) == 2:
-            source.refuse(element, f"{describe(element)} has both diaginertia and fullinertia; expected one of them")
-        if given == ["fullinertia"]:
-            return Inertia(pose, mass, source.numbers(element, "fullinertia", None, None, 6, 6), place)
-        moments = source.numbers(element, "diaginertia", (0, 0, 0))
-        return Inertia(pose, mass, (*moments, *ORIGIN), place)
 
     def _joint(self, element: etree._Element) -> Joint:
         name, place, attributes = self.name(element), self._source.place(element), self.attributes
@@ -121,6 +120,12 @@ class _Reader:
             friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
             place=place,
         )
+        if joint.stiffness and kind in ("ball", "free"):
+            self._source.refuse(element, f"{describe(element)} is a {kind} joint with stiffness, which is not read; remove it")
+        if resolved_text(element, "springdamper", "0 0").split() not in (["0", "0"], []):
+            self._source.refuse(
+                element, f"{describe(element)} has springdamper, which MuJoCo turns into stiffness and damping; write those"
+            )
         if kind == "free":
             return joint
         turned = replace(
@@ -147,9 +152,3 @@ class _Reader:
         given = lower.place != self._source.place(element) or "range" in element.attrib
         is_limited = limited == "true" or (limited == "auto" and self.attributes.auto_limits and given)
         return (lower, upper) if is_limited and lower < upper else None
-
-
-def joints_of(body: etree._Element) -> Iterator[etree._Element]:
-    """The joints of a body, those in its frames too."""
-    for child in body.iterchildren("joint", "freejoint", "frame"):
-        yield from joints_of(child) if child.tag == "frame" else (child,)

@@ -5,7 +5,7 @@ Source: MuJoCo documentation, Modeling, sections Default settings and Frame orie
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from lxml import etree
@@ -13,14 +13,16 @@ from lxml import etree
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import writings
 from harness.models.mjcf_forces import is_on
-from harness.models.values import Check, Numbers, not_zero
+from harness.models.values import Check, Numbers
 from harness.models.xml import describe
+from harness.robots.mjcf_expansion import REPEATED
 from harness.robots.source import Source
 from harness.robots.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, Vector, vector
 
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
 _SIZES = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 _LETTERS = 3
+JOINTS = ("joint", "freejoint")
 
 
 class Attributes:
@@ -70,7 +72,7 @@ class Attributes:
     def coefficient(self, element: etree._Element, attribute: str, stage: str) -> Fraction:
         """A stiffness or damping; 0 where that stage is switched off."""
         linear, *others = self.numbers(element, attribute, (0, 0, 0))
-        if not is_on(self._root, stage):
+        if not is_on(self._root, stage) or not is_on(self._root, "passive"):
             return Fraction(0)
         if any(others):
             problem = f"{attribute} is a polynomial of the displacement or rate, which is not read; write one number"
@@ -83,8 +85,12 @@ class Attributes:
         for ancestor in element.iterancestors():
             if ancestor.tag != "frame":
                 break
-            placements.append(self.placement(ancestor))
+            placements += [self.placement(ancestor)] * int(ancestor.get(REPEATED, "1"))
         return tuple(reversed(placements))
+
+    def between(self, first: Vector, second: Vector) -> Rotation:
+        """The orientation whose z axis points from one point to another."""
+        return (Direction(second, first),)
 
     def placement(self, element: etree._Element) -> Placement:
         return Placement(self._position(element), self.rotation(element))
@@ -99,7 +105,12 @@ class Attributes:
             self._source.refuse(element, f"{describe(element)} has {' and '.join(given)}; expected one orientation")
         rotation: Rotation = ()
         for name in given:
-            rotation = self._rotations[name](self.numbers(element, name, (0,) * _SIZES[name], not_zero))
+            numbers = self.numbers(element, name, (0,) * _SIZES[name])
+            # Angles may be zero, and an axis is needed only to turn about it.
+            direction = {"quat": numbers, "zaxis": numbers, "axisangle": numbers[:3] if any(numbers[3:]) else ()}.get(name, ())
+            if direction and not any(direction):
+                self._source.refuse(element, f"{describe(element)}: {name} is zero; expected a direction or rotation")
+            rotation = self._rotations[name](numbers)
         return rotation
 
     def _by_euler_angles(self, numbers: tuple[Given, ...]) -> Rotation:
@@ -109,3 +120,9 @@ class Attributes:
             turn = Turn(_UNITS[letter.lower()], angle, self.in_degrees)
             found = [*found, turn] if letter.islower() else [turn, *found]
         return tuple(found)
+
+
+def inside(body: etree._Element, *tags: str) -> Iterator[etree._Element]:
+    """What is right inside a body, in its frames too, under one of the tags."""
+    for child in body.iterchildren(*tags, "frame"):
+        yield from inside(child, *tags) if child.tag == "frame" else (child,)

@@ -1,57 +1,94 @@
-"""The springs and dampers of tendons that run straight from one site to another.
+"""The springs and dampers of tendons: those that run straight from one site to another, and those on sums of joint positions.
 
-Source: MuJoCo documentation, XML reference, ``tendon/spatial``.
+Source: MuJoCo documentation, XML reference, ``tendon/spatial`` and ``tendon/fixed``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import writings
+from harness.models.mjcf_defaults import resolved
 from harness.models.xml import describe
 from harness.robots.mjcf_numbers import Attributes
 from harness.robots.source import Source
-from harness.robots.tree import Pose, Spring
+from harness.robots.tree import Coupling, Given, Joint, Pose, Spring
+
+_SINGLE_AXIS = ("hinge", "slide")
 
 
-def springs(source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str]) -> Iterator[Spring]:
-    """The springs of a file; ``name`` gives the name of a body.
+def read_tendons(
+    source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], joints: Mapping[str, Joint]
+) -> tuple[tuple[Spring, ...], tuple[Coupling, ...]]:
+    """The springs and dampers of a file's tendons; ``name`` gives the name of a body, ``joints`` are those of the file by name.
 
     Raises:
-        InvalidModel: a tendon whose stiffness or damping acts on another path, or whose length is left to the reader.
+        InvalidModel: a spring or damper on another path, or between two lengths, and what speaks of nothing in the file.
     """
-    sites = {site.get("name"): site for world in root.iterchildren("worldbody") for site in world.iter("site")}
+    sites = {str(site.get("name")): site for world in root.iterchildren("worldbody") for site in world.iter("site")}
+    springs: list[Spring] = []
+    couplings: list[Coupling] = []
     for tendon in tendons(root):
         stiffness, damping = (attributes.coefficient(tendon, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
-        if any(attributes.numbers(tendon, "armature", (0,))):
+        if attributes.number(tendon, "armature", 0.0):
             source.refuse(tendon, f"{describe(tendon)} has armature, an inertia in a tendon, which is not read; remove it")
         if not stiffness and not damping:
             continue
-        path = [*tendon.iterchildren("*")]
-        if tendon.tag != "spatial" or [part.tag for part in path] != ["site", "site"]:
-            source.refuse(
-                tendon, f"{describe(tendon)} has a spring or damper and does not run straight from one site to another, which is not read"
-            )
-        ends = []
-        for part in path:
-            site = sites.get(part.get("site"))
-            if site is None:
-                source.refuse(part, f'<site site="{part.get("site")}"> names no site of this file; correct the name')
-            pose: Pose = attributes.pose(site)
-            ends.append((name(next(site.iterancestors("body", "worldbody"))), pose))
-        lengths = attributes.numbers(tendon, "springlength", (-1, -1))
-        if len([*writings(tendon, "springlength")]) and lengths[1] == -1:
-            lengths = (lengths[0], lengths[0])
-        if stiffness and min(lengths) < 0:
+        rest = _rest(source, attributes, tendon) if stiffness else Fraction(0)
+        if tendon.tag == "fixed":
+            terms = tuple(_terms(source, tendon, joints))
+            couplings.append(Coupling(terms, stiffness, damping, rest, source.place(tendon)))
+            continue
+        if rest is None:
             source.refuse(tendon, f"{describe(tendon)} leaves its springlength to the reader; write it")
-        if stiffness and lengths[0] != lengths[1]:
-            source.refuse(tendon, f"{describe(tendon)} is slack between two lengths, which is not read; write one springlength")
-        yield Spring((ends[0], ends[1]), max(lengths[0], 0 * lengths[0]), stiffness, damping, source.place(tendon))
+        first, second = _ends(source, attributes, tendon, sites, name)
+        springs.append(Spring((first, second), rest, stiffness, damping, source.place(tendon)))
+    return tuple(springs), tuple(couplings)
 
 
 def tendons(root: etree._Element) -> Iterator[etree._Element]:
     """The tendons of a file."""
     for section in root.iterchildren("tendon"):
         yield from section.iterchildren("*")
+
+
+def _rest(source: Source, attributes: Attributes, tendon: etree._Element) -> Fraction | None:
+    """The length of a tendon's spring at rest; None for that where the joints' springs are."""
+    lower, upper = attributes.numbers(tendon, "springlength", (-1, -1))
+    written = resolved(tendon, "springlength")
+    if written is not None and len(written.text.split()) == 1:
+        upper = lower
+    if lower != upper:
+        source.refuse(tendon, f"{describe(tendon)} is slack between two lengths, which is not read; write one springlength")
+    return None if lower < 0 else lower
+
+
+def _terms(source: Source, tendon: etree._Element, joints: Mapping[str, Joint]) -> Iterator[tuple[str, Given]]:
+    for part in tendon.iterchildren("joint"):
+        name = str(part.get("joint"))
+        if name not in joints or joints[name].kind not in _SINGLE_AXIS:
+            source.refuse(part, f'<joint joint="{name}"> names no hinge or slide of this file; correct the name')
+        yield name, source.number(part, "coef", None)
+
+
+def _ends(
+    source: Source,
+    attributes: Attributes,
+    tendon: etree._Element,
+    sites: Mapping[str, etree._Element],
+    name: Callable[[etree._Element], str],
+) -> list[tuple[str, Pose]]:
+    """Body and place of either end of a tendon."""
+    path = [*tendon.iterchildren("*")]
+    if [part.tag for part in path] != ["site", "site"]:
+        problem = "has a spring or damper and does not run straight from one site to another, which is not read"
+        source.refuse(tendon, f"{describe(tendon)} {problem}")
+    ends = []
+    for part in path:
+        site = sites.get(str(part.get("site")))
+        if site is None:
+            source.refuse(part, f'<site site="{part.get("site")}"> names no site of this file; correct the name')
+        ends.append((name(next(site.iterancestors("body", "worldbody"))), attributes.pose(site)))
+    return ends

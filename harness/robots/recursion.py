@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.robots.spatial import Matrix, SpatialWriter, Three, transposed
-from harness.robots.tree import WORLD, Direction, Given, Inertia, Joint, Placement, Pose, Spring, Tree
+from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.tree import WORLD, Body, Coupling, Direction, Given, Joint, Placement, Pose, Spring, Tree
 
 # A motion or a force as its two vectors.
 Pair = tuple[Three, Three]
@@ -47,15 +47,6 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
 
 
 @dataclass
-class _Rigid:
-    """Mass, first moments and moments about the origin of a frame."""
-
-    mass: int
-    first: Three
-    second: Matrix
-
-
-@dataclass
 class _Node:
     """One joint with what moves with it; its frame stands in the joint's anchor.
 
@@ -72,10 +63,10 @@ class _Node:
     motions: list[Pair]
     columns: list[int]
     bias: Pair
-    rigid: _Rigid
+    rigid: Rigid
 
 
-class _Recursion(SpatialWriter):
+class _Recursion(BodyWriter):
     """Writes the program of one tree."""
 
     def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool) -> None:
@@ -95,13 +86,14 @@ class _Recursion(SpatialWriter):
             self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
             q, v = q + positions, v + velocities
         self.tree = tree
+        self.scale_to(tree)
         self.nodes: list[_Node] = []
         # Node, and the body's frame in that of the node.
         self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
         for body in tree.bodies:
             self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
-            if body.inertia is not None and self.frames[body.name][0] >= 0:
-                self._load(self.frames[body.name], body.inertia)
+            if self.frames[body.name][0] >= 0:
+                self._load(self.frames[body.name], body)
 
     # The tree.
 
@@ -153,39 +145,15 @@ class _Recursion(SpatialWriter):
             rates = [self._first_rate + column for column in columns]
             # The velocity is given in the parent's frame, which turns in the body's.
             bias = (self.still, self.minus(self.cross(rates[3:], self.turned_back(own, rates[:3]))))
-        empty = _Rigid(self.zero, self.still, [self.still] * 3)
+        empty = Rigid(self.zero, self.still, [self.still] * 3)
         self.nodes.append(_Node(parent, turn, shift, joint, motions, columns, bias, empty))
 
-    def _load(self, frame: tuple[int, Matrix, Three], inertia: Inertia) -> None:
+    def _load(self, frame: tuple[int, Matrix, Three], body: Body) -> None:
         """Add a body's inertia to that of its node."""
         number, turn, shift = frame
-        turn, centre = self.placed(turn, shift, inertia.pose)
-        xx, yy, zz, xy, xz, yz = (self.given(moment) for moment in inertia.moments)
-        second = self.multiplied(self.multiplied(turn, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), transposed(turn))
-        mass = self.given(inertia.mass)
-        about_centre = _Rigid(mass, self.still, second)
         node = self.nodes[number]
-        node.rigid = self._joined(node.rigid, self._moved(about_centre, self.identity, centre))
-
-    def _joined(self, one: _Rigid, other: _Rigid) -> _Rigid:
-        second = [self.added(a, b) for a, b in zip(one.second, other.second, strict=True)]
-        return _Rigid(self.sum(one.mass, other.mass), self.added(one.first, other.first), second)
-
-    def _moved(self, rigid: _Rigid, turn: Matrix, shift: Three) -> _Rigid:
-        """The same about the origin of the frame in which its own stands at ``shift``, turned by ``turn``."""
-        first = self.turned(turn, rigid.first)
-        second = self.multiplied(self.multiplied(turn, rigid.second), transposed(turn))
-        half = self.added(first, self.times(self.product(rigid.mass, self.number(Fraction(1, 2))), shift))
-        # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
-        trace = self.product(self.number(2), self.dot(shift, half))
-        rows = []
-        for i in range(3):
-            row = []
-            for j in range(3):
-                mixed = self.sum(self.product(shift[i], half[j]), self.product(half[i], shift[j]))
-                row.append(self.sum(second[i][j], self.difference(trace if i == j else self.zero, mixed)))
-            rows.append(row)
-        return _Rigid(rigid.mass, self.added(first, self.times(rigid.mass, shift)), rows)
+        for part in self.parts(body):
+            node.rigid = self.joined(node.rigid, self.moved(part, turn, shift))
 
     # Motions and forces.
 
@@ -199,7 +167,7 @@ class _Recursion(SpatialWriter):
         moment, linear = self.turned(node.turn, force[0]), self.turned(node.turn, force[1])
         return self.added(moment, self.cross(node.shift, linear)), linear
 
-    def _momentum(self, rigid: _Rigid, motion: Pair) -> Pair:
+    def _momentum(self, rigid: Rigid, motion: Pair) -> Pair:
         angular, linear = motion
         moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
         return moment, self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
@@ -268,7 +236,7 @@ class _Recursion(SpatialWriter):
         for number in reversed(range(len(self.nodes))):
             node = self.nodes[number]
             if node.parent >= 0:
-                composite[node.parent] = self._joined(composite[node.parent], self._moved(composite[number], node.turn, node.shift))
+                composite[node.parent] = self.joined(composite[node.parent], self.moved(composite[number], node.turn, node.shift))
             own = list(zip(node.motions, node.columns, strict=True))
             for place, (motion, column) in enumerate(own):
                 force, at, others = self._momentum(composite[number], motion), number, own[: place + 1]
@@ -306,10 +274,28 @@ class _Recursion(SpatialWriter):
                 moved = self.difference(self._position(joint), self.angle(joint.spring_reference, joint.in_degrees))
                 force = self.product(multiplier, self.product(self.given(joint.stiffness), moved))
                 found[column] = self.difference(found[column], force)
+        for coupling in self.tree.couplings:
+            self._couple(coupling, found)
         on_nodes: list[Pair] = [(self.still, self.still)] * len(self.nodes)
         for spring in self.tree.springs:
             self._pull(spring, velocities, on_nodes)
         return self.added(found, self._generalised(on_nodes))
+
+    def _couple(self, coupling: Coupling, found: Three) -> None:
+        """Add the forces of a coupling to the generalised forces ``found``."""
+        joints = {node.joint.name: node for node in self.nodes}
+        total, rate, rest, columns = self.zero, self.zero, self.zero, []
+        for name, multiple in coupling.joints:
+            node, factor = joints[name], self.given(multiple)
+            slope = self.product(factor, self.given(node.joint.multiplier))
+            total = self.sum(total, self.product(factor, self._position(node.joint)))
+            rate = self.sum(rate, self.product(slope, self._first_rate + node.columns[0]))
+            rest = self.sum(rest, self.product(factor, self.angle(node.joint.spring_reference, node.joint.in_degrees)))
+            columns.append((node.columns[0], slope))
+        stretch = self.difference(total, rest if coupling.rest is None else self.given(coupling.rest))
+        tension = self.sum(self.product(self.given(coupling.stiffness), stretch), self.product(self.given(coupling.damping), rate))
+        for column, slope in columns:
+            found[column] = self.difference(found[column], self.product(slope, tension))
 
     def _pull(self, spring: Spring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
         """Add the forces of a spring between two points to those on their nodes."""

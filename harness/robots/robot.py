@@ -18,6 +18,7 @@ from harness.models.xml import Document, describe, parse_any, read_any
 from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out
 from harness.robots.findings import Impossible, LeftOut
 from harness.robots.inertias import impossible_inertias, total_mass
+from harness.robots.mjcf_expansion import expand
 from harness.robots.recursion import SIZES
 from harness.robots.source import Source
 from harness.robots.tree import Joint, Tree
@@ -93,7 +94,9 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
     elif floating_base:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
-        tree, left_out = mjcf.read_tree(source, root), mjcf_left_out.left_out(source, root)
+        expand(source, root, document.path)
+        tree = mjcf.read_tree(source, root)
+        left_out = mjcf_left_out.left_out(source, root, tree)
     robot = Robot(
         path=document.path,
         format=_FORMATS[root.tag],

@@ -187,14 +187,63 @@ class Inertia(_Placed):
 
 
 @dataclass(frozen=True)
+class Solid(_Placed):
+    """A geometric body of even density, or an even surface where ``shell``, in the frame ``pose`` of a body, whose origin is its centre.
+
+    Attributes:
+        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
+        size: radius; radius and half length along z without the half spheres; or half the extents along x, y and z [m].
+        mass: [kg]; None where ``density`` [kg/m^3, or kg/m^2] gives it.
+        ends: the two points between which it reaches, instead of all sizes but the first; None without.
+    """
+
+    kind: str
+    size: tuple[Fraction, ...]
+    pose: Pose
+    mass: Fraction | None
+    density: Fraction
+    shell: bool = False
+    ends: tuple[Vector, Vector] | None = None
+    place: Place | None = None
+
+    @property
+    def is_massless(self) -> bool:
+        return not (self.density if self.mass is None else self.mass)
+
+
+@dataclass(frozen=True)
 class Body(_Placed):
-    """A body in the frame of its parent; with several joints, the first is the nearest to the parent."""
+    """A body in the frame of its parent; with several joints, the first is the nearest to the parent.
+
+    Its mass is that of ``inertia`` and of all ``solids``.
+    """
 
     name: str
     parent: str
     pose: Pose
     joints: tuple[Joint, ...]
     inertia: Inertia | None
+    place: Place | None = None
+    solids: tuple[Solid, ...] = ()
+
+    @property
+    def is_massless(self) -> bool:
+        return all(solid.is_massless for solid in self.solids) and not (self.inertia and self.inertia.mass)
+
+
+@dataclass(frozen=True)
+class Coupling(_Placed):
+    """A spring and damper on a sum of multiples of joint positions, from which the generalised force of each joint is its multiple.
+
+    Attributes:
+        joints: (name, multiple) of hinges and slides.
+        rest: the sum [m or rad] at which the spring is relaxed; None for that of the joints' ``spring_reference``.
+    """
+
+    joints: tuple[tuple[str, Fraction], ...]
+    stiffness: Fraction
+    damping: Fraction
+    rest: Fraction | None
     place: Place | None = None
 
 
@@ -214,11 +263,16 @@ class Spring(_Placed):
 
 @dataclass(frozen=True)
 class Tree(_Placed):
-    """Bodies, parents before their children, the gravity [m/s^2] they feel, and springs between points."""
+    """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
+
+    With ``total_mass`` [kg] all masses and inertias are scaled by one factor, so that the masses of all bodies sum to it.
+    """
 
     bodies: tuple[Body, ...]
     gravity: Vector
     springs: tuple[Spring, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    total_mass: Fraction | None = None
     place: Place | None = None
 
     @property

@@ -66,7 +66,7 @@ class _Reader:
         for name in order:
             bodies.append(self._body(name, beside, floating_base and name == order[0]))
         down = Given(-gravity, place, "gravity")
-        return Tree(follow(self._source, self._joints, bodies), (Fraction(0), Fraction(0), down), beside.springs, place)
+        return Tree(follow(self._source, self._joints, bodies), (Fraction(0), Fraction(0), down), beside.springs, place=place)
 
     def _named(self, elements: list[etree._Element]) -> dict[str, etree._Element]:
         found: dict[str, etree._Element] = {}
