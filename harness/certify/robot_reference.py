@@ -28,9 +28,12 @@ class RobotReference:
         self.mechanism: Mechanism = mechanism_of(robot)
         self._kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
 
-    def evaluate(self, states: States) -> Reference:
-        """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates."""
-        return self._kernel.evaluate(states)
+    def evaluate(self, states: States, numbers: Array | None = None) -> Reference:
+        """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates.
+
+        ``numbers``, (n, parameters of ``mechanism``), gives each state numbers of its own in place of the file's.
+        """
+        return self._kernel.evaluate(states, numbers)
 
     def derivatives(self, states: States, accelerations: Array) -> Array:
         """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; inputs are q, v, tau, t and the file's numbers."""

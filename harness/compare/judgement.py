@@ -15,12 +15,10 @@ from harness.certify.compare import Comparison, compare
 from harness.compare.questions import Answers, Caller
 from harness.compare.readings import Reading, find_readings
 from harness.compare.rest import unexplained, why_refused
-from harness.compare.truth import Meant, change, read_as
+from harness.compare.truth import STATES_OF_EFFECTS, Meant, change, read_as
 from harness.results.comparison import Effect, SubjectRecord
 from harness.verdict import Verdict
 
-# States at which the effect of one reading is computed.
-STATES_OF_EFFECTS = 16
 EXPLAINED = (Verdict.AGREES, Verdict.UNSTABLE)
 
 

@@ -14,10 +14,11 @@ from typing import Any
 from harness.compare.callers import find_callers
 from harness.compare.judgement import judge, subject_of
 from harness.compare.questions import Answers, Question
+from harness.compare.sameness import hold_against
 from harness.compare.states import aid, asked_joints, spread
 from harness.compare.truth import Meant, meant
 from harness.errors import InvalidInput, InvalidModel
-from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, SubjectRecord
+from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
 from harness.robots.robot import Robot, read_robot
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -72,6 +73,14 @@ class RobotComparison(Rounds):
             for path in settings.paths
         ]
 
+        if settings.pairwise and len(settings.paths) > 1:
+            first, *others = settings.paths
+            yield [
+                Task((self._take_pair, first, other), _hold, (self._meant[first], self._meant[other].robot, settings.renamed), affinity=first)
+                for other in others
+                if first in self._meant and other in self._meant
+            ]
+
     def _take_file(self, outcome: Outcome, path: Path) -> Iterable[Part]:
         if outcome.value is None:
             failure = self.failure(outcome)
@@ -99,6 +108,12 @@ class RobotComparison(Rounds):
             about = subject_of(self._meant[path], self._callers[engine], aided)
             return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failure))]
         return [self._keep_subject(outcome.value)]
+
+    def _take_pair(self, outcome: Outcome, first: Path, second: Path) -> Iterable[Part]:
+        failure = self.failure(outcome)
+        record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
+        self._found.pairs.append(record)
+        return [Part(f"{first.name} {second.name}", Comparison(pairs=[record]))]
 
     def _keep(self, record: FileRecord) -> Part:
         self._found.files.append(record)
@@ -162,6 +177,10 @@ def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answer
 
 def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
     return judge(found, answers, find_callers()[engine], aided)
+
+
+def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:
+    return hold_against(first, second, renamed)
 
 
 def run(settings: Settings, workers: Any) -> Comparison:

@@ -18,6 +18,8 @@ from harness.robots.robot import Robot
 from harness.robots.tree import Joint, Tree
 from harness.storage import Kept
 
+# States at which the effect of one change is computed.
+STATES_OF_EFFECTS = 16
 # Programs of humanoids take megabytes.
 _REFERENCES: Kept[RobotReference] = Kept(most=8)
 
