@@ -13,7 +13,9 @@ from harness.commands._robots import compare_robots
 @click.command("compare")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
 @click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF.")
-@click.option("--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable.")
+@click.option(
+    "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
+)
 @click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
 @computing(time_limit=300.0, library=False)

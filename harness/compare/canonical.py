@@ -7,8 +7,7 @@ where it stands from the joint before it, its axis, and the mass, centre and mom
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -51,8 +50,8 @@ class Node:
     body: Body
     anchor: Array
     axis: Array
-    bodies: Mapping[str, Mass]
-    elements: Mapping[str, Body]
+    bodies: dict[str, Mass]
+    elements: dict[str, Body]
 
     @property
     def total(self) -> Mass:
@@ -121,41 +120,31 @@ class _Writer(BodyWriter):
                 total = self.joined(total, self.moved(part, turn, from_anchor))
             self._place([total.mass, *total.first, *(entry for row in total.second for entry in row)])
         values = iter(self._evaluated())
-        found = {}
+        found: dict[str, Node] = {}
+        anchors: dict[str, list[Any]] = {"": [0.0] * 3}
         for name, (parent, joint, body, _, _) in self._joints.items():
-            anchor, axis = (np.array([next(values) for _ in range(3)]) for _ in range(2))
-            found[name] = Node(parent, joint, body, anchor, axis, {}, {})
+            anchors[name] = [next(values) for _ in range(3)]
+            arm = [float(one - other) for one, other in zip(anchors[name], anchors[parent], strict=True)]
+            found[name] = Node(parent, joint, body, np.array(arm), np.array([float(next(values)) for _ in range(3)]), {}, {})
         for body in moving:
             mass, first, second = next(values), [next(values) for _ in range(3)], [next(values) for _ in range(9)]
             node = found[self._frames[body.name][0]]
             node.bodies[body.name] = _mass(mass, first, second)
             node.elements[body.name] = body
-        return _relative(found)
+        return found
 
-    def _evaluated(self) -> list[float]:
+    def _evaluated(self) -> list[Any]:
         import flint
 
         program = without_unused(self.program({"all": self._outputs}))
         with flint.ctx.workprec(_BITS):
             evaluate = BallKernel(program, len(self.parameters)).bind([float(value) for value in self.parameters])
-            return [value for value in evaluate()]
+            return list(evaluate())
 
 
 def _mass(mass: Any, first: list[Any], second: list[Any]) -> Mass:
     """Float64 of moments about the centre, which are formed in balls."""
-    centre = [part / mass for part in first] if mass else [mass * 0] * 3
+    centre = [part / mass for part in first] if float(mass) else [mass * 0] * 3
     squared = sum((part * part for part in centre), mass * 0)
     moments = [second[3 * i + j] - mass * ((squared if i == j else 0) - centre[i] * centre[j]) for i in range(3) for j in range(3)]
     return Mass(float(mass), np.array([float(part) for part in centre]), np.array([float(part) for part in moments]).reshape(3, 3))
-
-
-def _relative(nodes: dict[str, Node]) -> dict[str, Node]:
-    """The nodes with each anchor from that of the parent, in float64."""
-    return {
-        name: replace(
-            node,
-            anchor=np.array([float(value) for value in node.anchor - (nodes[node.parent].anchor if node.parent else 0)]),
-            axis=np.array([float(value) for value in node.axis]),
-        )
-        for name, node in nodes.items()
-    }

@@ -27,7 +27,9 @@ def find_files(places: Sequence[str]) -> list[Path]:
     for place in places:
         own = sorted(path for path in _candidates(place) if is_model(path))
         if not own:
-            raise InvalidInput(place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element")
+            raise InvalidInput(
+                place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element"
+            )
         found |= dict.fromkeys(own)
     return list(found)
 

@@ -32,7 +32,9 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.DISAGREES, explained=False, rest=[f"the engine has no joint {', '.join(missing)}"])
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = [] if aided else [one for one in find_readings(caller.engine, meant.robot.format) if one.read(meant.robot) is not meant.robot]
+    readings = (
+        [] if aided else [one for one in find_readings(caller.engine, meant.robot.format) if one.read(meant.robot) is not meant.robot]
+    )
     effects = [_effect(meant, reading) for reading in readings]
     compared = _compare(meant, answers)
     record = SubjectRecord(**about, **_verdict(compared), explained=_is_explained(compared), readings=effects)
@@ -92,6 +94,4 @@ def _effect(meant: Meant, reading: Reading) -> Effect:
     few = Meant(meant.robot, meant.states[first], meant.truth[first])
     lines = tuple(place.line for place in reading.places(meant.robot))
     alone = change(few, read_as(few, reading.read(meant.robot)))
-    return Effect(
-        name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source
-    )
+    return Effect(name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source)

@@ -58,7 +58,7 @@ def _by_place(first: Tree, second: Tree, names: Mapping[str, str]) -> dict[str, 
     for one, above in before.items():
         if one in names:
             continue
-        known = names | found
+        known = {**names, **found}
         taken = set(known.values())
         free = (
             other

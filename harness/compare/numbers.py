@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.compare.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
+from harness.compare.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, read_as, reference_of
 from harness.results.comparison import Difference
 from harness.results.table import number_text
 from harness.robots.robot import Robot
@@ -87,7 +87,7 @@ def _owner(part: Any, owner: str) -> str:
 
 def ranked(first: Meant, second: Robot, pairs: Sequence[NumberPair]) -> list[Difference]:
     """The differences, the one that alone moves the accelerations of the first file most first."""
-    effects = {}
+    effects: dict[int, float | None] = {}
     other = read_as(first, second)
     for meant, numbers in ((first, [(pair.first, pair.second) for pair in pairs]), (other, [(pair.second, pair.first) for pair in pairs])):
         effects |= {place: effect for place, effect in _effects(meant, numbers).items() if place not in effects}
@@ -99,17 +99,14 @@ def _effects(meant: Meant, numbers: Sequence[tuple[Fraction, Fraction]]) -> dict
     """What it does to set one number of a robot to another value: by the place of those that are parameters of its equations."""
     reference = reference_of(meant.robot)
     columns = {name: column for column, (name, _, _) in enumerate(reference.mechanism.parameters)}
-    found: dict[int, float | None] = {}
-    few = np.arange(min(STATES_OF_EFFECTS, len(meant.states)))
-    states, truth = meant.states[few], meant.truth[few]
+    states = meant.states[np.arange(min(STATES_OF_EFFECTS, len(meant.states)))]
     own = np.array(reference.mechanism.parameter_values)
+    found: dict[int, float | None] = {}
     for place, (number, value) in enumerate(numbers):
         if isinstance(number, Given) and parameter_name(number) in columns:
-            changed = np.tile(own, (len(few), 1))
-            changed[:, columns[parameter_name(number)]] = float(value)
-            moved = reference.evaluate(states, changed)
-            both = truth.certified & moved.certified
-            found[place] = largest_change(truth, moved.high, both) if both.any() else None
+            changed = own.copy()
+            changed[columns[parameter_name(number)]] = float(value)
+            found[place] = change_by_numbers(reference, states, own, changed)
     return found
 
 

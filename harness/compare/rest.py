@@ -45,7 +45,9 @@ def unexplained(meant: Meant, answers: Answers) -> list[str]:
     sentences = []
     for one in found[:MOST_NAMED]:
         name, value, _ = mechanism.parameters[one.number]
-        sentences.append(f"{name} = {value:g}: the engine behaves as with {value + one.by:.10g}, which leaves {one.left:.1e} of the difference")
+        sentences.append(
+            f"{name} = {value:g}: the engine behaves as with {value + one.by:.10g}, which leaves {one.left:.1e} of the difference"
+        )
     return sentences or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
 
 

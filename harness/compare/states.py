@@ -13,6 +13,7 @@ from harness.equations.states import States
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Pose, Tree, Turn
 
+
 def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked, ...]:
     """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
     kinds = {joint.name: joint.kind for joint in tree.joints}
@@ -44,8 +45,8 @@ def spread(robot: Robot, states: States, joints: Sequence[Asked]) -> States:
             v.append(multiplier * states.v[:, velocities])
             tau.append(np.zeros((len(states), len(velocities))))
     count = len(states)
-    parts = (np.hstack([np.empty((count, 0)), *columns]) for columns in (q, v, tau))
-    return States(*(np.ascontiguousarray(part) for part in parts), np.zeros(count))
+    own_q, own_v, own_tau = (np.hstack([np.empty((count, 0)), *columns]) for columns in (q, v, tau))
+    return States(own_q, own_v, own_tau, np.zeros(count))
 
 
 def aid(robot: Robot, joints: Sequence[Asked], states: States) -> Aid:
@@ -62,8 +63,17 @@ def aid(robot: Robot, joints: Sequence[Asked], states: States) -> Aid:
             relaxed = math.radians(reference) if joint.in_degrees else reference
             stiffness[:, columns] = -float(joint.stiffness) * (states.q[:, list(asked.positions)] - relaxed)
     gravity = np.array([float(component) for component in robot.tree.gravity])
-    inertias = {body.name: inertia for body in robot.tree.bodies if (inertia := _inertia(body)) is not None} if robot.format == "urdf" else {}
-    return Aid(gravity, {"damping": damping, "stiffness": stiffness}, armature, inertias, _couplings(robot, joints), asked_joints(robot.tree, robot.joints))
+    inertias = (
+        {body.name: inertia for body in robot.tree.bodies if (inertia := _inertia(body)) is not None} if robot.format == "urdf" else {}
+    )
+    return Aid(
+        gravity,
+        {"damping": damping, "stiffness": stiffness},
+        armature,
+        inertias,
+        _couplings(robot, joints),
+        asked_joints(robot.tree, robot.joints),
+    )
 
 
 def _couplings(robot: Robot, joints: Sequence[Asked]) -> Array | None:

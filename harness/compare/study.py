@@ -76,7 +76,9 @@ class RobotComparison(Rounds):
         if settings.pairwise and len(settings.paths) > 1:
             first, *others = settings.paths
             yield [
-                Task((self._take_pair, first, other), _hold, (self._meant[first], self._meant[other].robot, settings.renamed), affinity=first)
+                Task(
+                    (self._take_pair, first, other), _hold, (self._meant[first], self._meant[other].robot, settings.renamed), affinity=first
+                )
                 for other in others
                 if first in self._meant and other in self._meant
             ]
@@ -92,7 +94,9 @@ class RobotComparison(Rounds):
         for engine, caller in self._callers.items():
             if found.robot.format in caller.formats and found.joints:
                 for aided in (False, True) if found.certified is not None else (False,):
-                    self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided))))
+                    self._next.append(
+                        Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided)))
+                    )
         return [self._keep(record)]
 
     def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:

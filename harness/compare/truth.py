@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import Reference, energy_norm
+from harness.certify.reference import Flags, Reference, energy_norm
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
 from harness.compare.questions import Asked
@@ -102,10 +102,17 @@ def change(original: Meant, other: Meant) -> float | None:
     return largest_change(original.truth, moved, both)
 
 
-def largest_change(truth: Reference, accelerations: Array, among: Array) -> float | None:
+def largest_change(truth: Reference, accelerations: Array, among: Flags) -> float | None:
     """The largest |a - a*|_M / |a*|_M among the states of a mask; None where no acceleration there is finite or other than zero."""
     with np.errstate(all="ignore"):
         error = energy_norm(truth.norm_factor, (accelerations - truth.high) - truth.low)
-        relative = (error / truth.size)[np.asarray(among, dtype=np.bool_)]
+        relative = (error / truth.size)[among]
     known = relative[np.isfinite(relative)]
     return float(known.max()) if len(known) else None
+
+
+def change_by_numbers(reference: RobotReference, states: States, own: Array, changed: Array) -> float | None:
+    """The largest relative change of qdd when a robot's numbers, (number of parameters,), become others; as of ``change``."""
+    before, after = (reference.evaluate(states, np.tile(numbers, (len(states), 1))) for numbers in (own, changed))
+    both = before.certified & after.certified
+    return largest_change(before, after.high, both) if both.any() else None

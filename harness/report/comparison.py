@@ -88,7 +88,7 @@ def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
         followers = f" ({file.followers} of them mimic another)" if file.followers else ""
         gravity = " ".join(f"{component:g}" for component in file.gravity)
         yield (
-            f"{file.path}: {file.format.upper()}, {counted(file.bodies, 'body').replace('bodys', 'bodies')}, {counted(file.joints, 'joint')}"
+            f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
             f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2"
         )
         if file.remark:
@@ -133,7 +133,8 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield f"  {reading.sentence}: {count}, {lines_text(reading.lines)}; {reading.moves}"
             yield f"    {reading.source}"
         if subject.readings and subject.left is not None:
-            yield f"  with {'these readings' if len(subject.readings) > 1 else 'this reading'} {error_text(subject.left)} data roundoffs are left"
+            these = "these readings" if len(subject.readings) > 1 else "this reading"
+            yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
 
 
 def _rest(found: Comparison) -> Iterator[str]:

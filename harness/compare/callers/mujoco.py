@@ -18,7 +18,6 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.compare.questions import Aid, Answers, Asked, BodyInertia, Question, by_joint, projected
-from harness.results.table import counted
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -28,7 +27,8 @@ class MujocoCaller:
     engine = "mujoco"
     formats = ("urdf", "mjcf")
     call: Mapping[str, str] = dict.fromkeys(
-        formats, "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)"
+        formats,
+        "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
     )
 
     def ask(self, question: Question) -> Answers:
@@ -184,7 +184,9 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
     found = {joint.name: by_name[joint.name] for joint in joints if joint.name in by_name}
     if model.njnt == len(joints):
         found |= {
-            joint.name: model.joint(number) for number, joint in enumerate(joints) if joint.name not in found and not model.joint(number).name
+            joint.name: model.joint(number)
+            for number, joint in enumerate(joints)
+            if joint.name not in found and not model.joint(number).name
         }
     return found
 

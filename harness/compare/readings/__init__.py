@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from typing import Any
 
 from harness.robots.robot import Robot
@@ -64,6 +65,11 @@ def with_tree(robot: Robot, tree: Tree) -> Robot:
 def with_joints(tree: Tree, change: Callable[[Joint], Joint]) -> Tree:
     """The tree with each joint as ``change`` gives it."""
     return replace(tree, bodies=tuple(replace(body, joints=tuple(map(change, body.joints))) for body in tree.bodies))
+
+
+def freed(joint: Joint) -> Joint:
+    """A joint that moves by itself, whichever it mimics in the file."""
+    return replace(joint, follows="", multiplier=Fraction(1), offset=Fraction(0)) if joint.follows else joint
 
 
 def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:

@@ -1,19 +1,12 @@
 """A mimic joint of a URDF is free in Pinocchio."""
 
-from dataclasses import replace
-from fractions import Fraction
-
-from harness.compare.readings import Reading, with_joints
+from harness.compare.readings import Reading, freed, with_joints
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
-
-
-def _freed(joint: Joint) -> Joint:
-    return replace(joint, follows="", multiplier=Fraction(1), offset=Fraction(0)) if joint.follows else joint
+from harness.robots.tree import Tree
 
 
 def _tree(robot: Robot) -> Tree:
-    return with_joints(robot.tree, _freed)
+    return with_joints(robot.tree, freed)
 
 
 READING = Reading(
