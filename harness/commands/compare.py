@@ -22,7 +22,7 @@ from harness.commands._robots import compare_robots
 def command(
     bracket: Bracket, files: tuple[Path, ...], floating_base: bool, renamed: tuple[str, ...], states: int, html_path: str | None
 ) -> None:
-    """Compare plain engines on a robot's FILE, and several FILEs of one robot.
+    """Compare engines on a robot's FILE, or several FILEs.
 
     FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
     can have, what each engine makes of it and why, and whether several files are one robot.

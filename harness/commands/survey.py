@@ -15,7 +15,7 @@ from harness.commands._robots import compare_robots
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
 @computing(time_limit=300.0, library=False)
 def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, states: int, html_path: str | None) -> None:
-    """Compare plain engines on every robot of FOLDERs or installed PACKAGEs.
+    """Compare engines on every robot of a FOLDER or PACKAGE.
 
     Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
     every engine, the reading that explains most, and the links that no body can be.

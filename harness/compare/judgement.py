@@ -26,7 +26,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     """The record of a subject that returned something."""
     about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
     if answers.refusal:
-        rest = why_refused(meant.robot)
+        rest = why_refused(meant.robot, answers.element)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if missing := [name for name in meant.robot.joints if name not in answers.accelerations]:
         return SubjectRecord(**about, verdict=Verdict.DISAGREES, explained=False, rest=[f"the engine has no joint {', '.join(missing)}"])

@@ -91,13 +91,14 @@ class Answers:
     Attributes:
         accelerations: {joint: (n, velocities of the joint)} of the joints of the question that it has; with couplings, of those that
             move by themselves.
-        refusal: the engine's own words where it does not read the file; "" where it does.
+        refusal: the engine's own words where it does not read the file; "" where it does. element: the body or joint that they name.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
     refusal: str = ""
+    element: str = ""
     notes: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
 

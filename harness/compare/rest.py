@@ -6,8 +6,9 @@ roundoff is made of. A number whose best change leaves the least of the error is
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -93,6 +94,16 @@ def _where(meant: Meant, accelerations: Array) -> str:
     return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
 
 
-def why_refused(robot: Robot) -> list[str]:
-    """The impossible inertias of a file that an engine refuses, a sentence each."""
-    return [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
+def why_refused(robot: Robot, element: str) -> list[str]:
+    """What the file says of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
+    sentences = []
+    for body in robot.tree.bodies:
+        if body.name == element and body.place is not None:
+            line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
+            numbers = "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
+            sentences.append(f"line {line}: {element}: {numbers}")
+    return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
+
+
+def _numbers(values: Sequence[Fraction]) -> str:
+    return " ".join(f"{float(value):g}" for value in values)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 from dataclasses import replace
 
+import numpy as np
+
 from harness.certify.compare import compare
 from harness.compare.frames import differences_of_nodes
 from harness.compare.matching import match, renamed_to
@@ -36,7 +38,7 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
     led, (first, second) = _mimics(first, second), _freed(first, second)
     other = read_as(first, second)
     columns = columns_of(other.joints, first.robot.joints)
-    compared = compare(first.truth, (other.truth.high + other.truth.low)[:, columns])
+    compared = compare(first.truth, (other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
     same = verdicts == {Verdict.AGREES.value} and not led
     backward, relative = compared.known("backward_error"), compared.known("relative_error")

@@ -95,7 +95,7 @@ class RobotComparison(Rounds):
             if found.robot.format in caller.formats and found.joints:
                 for aided in (False, True) if found.certified is not None else (False,):
                     self._next.append(
-                        Task((self._take_answer, path, engine, aided), _ask, (engine, _question(found, self.settings, aided)))
+                        Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, self.settings, aided)))
                     )
         return [self._keep(record)]
 
@@ -132,7 +132,8 @@ def _words(problem: InvalidInput) -> str:
     return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
 
 
-def _question(found: Meant, settings: Settings, aided: bool) -> Question:
+def question_of(found: Meant, settings: Settings, aided: bool) -> Question:
+    """What a plain or aided engine is asked about a file whose truth is known."""
     robot = found.robot
     joints = asked_joints(robot.tree)
     states = spread(robot, found.states, joints)

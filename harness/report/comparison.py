@@ -126,7 +126,9 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             continue
         yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
         if subject.message:
-            yield f"  it says: {subject.message}"
+            yield f"  {'it says: ' if subject.outcome == 'refused' else ''}{subject.message}"
+        if subject.outcome == "refused":
+            yield from (f"  {sentence}" for sentence in subject.rest[:MOST_LINES])
         yield from (f"  {note}" for note in subject.notes)
         for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0)):
             count = counted(len(reading.lines), reading.concerns.removesuffix("s"))

@@ -22,6 +22,8 @@ from harness.compare.questions import Aid, Answers, Asked, BodyInertia, Question
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 
+_ELEMENT = re.compile(r"Element name '([^']*)'")
+
 
 class MujocoCaller:
     engine = "mujoco"
@@ -39,7 +41,9 @@ class MujocoCaller:
         try:
             model, notes = _plain(question) if question.aid is None else _aided(question, question.aid)
         except ValueError as error:
-            return Answers(refusal=" ".join(str(error).split()))
+            words = " ".join(str(error).split())
+            named = _ELEMENT.search(words)
+            return Answers(refusal=words, element=named[1] if named else "")
         return _asked(model, question, notes)
 
 
@@ -56,7 +60,8 @@ def _floating(question: Question) -> str:
     root = etree.fromstring(question.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
     carried = {child.get("link") for child in root.iterfind("joint/child")}
     bases = [link.get("name") for link in root.iterfind("link") if link.get("name") not in carried]
-    ground = f"{question.floating_base} ground"
+    # A link of this name is MuJoCo's world itself, so that the joint is at the top.
+    ground = "world" if root.find("link[@name='world']") is None else f"{question.floating_base} ground"
     etree.SubElement(root, "link", name=ground)
     joint = etree.SubElement(root, "joint", name=question.floating_base, type="floating")
     etree.SubElement(joint, "parent", link=ground)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import Any
@@ -78,21 +78,20 @@ def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
 
 
 def changed_places(before: Tree, after: Tree) -> list[Place]:
-    """Where the numbers stand that differ; the place of the element where the file does not give the number. Once each."""
+    """Where the parts stand that differ: the number, or the element where the file does not give it. Once each."""
     pairs: list[tuple[Any, Any]] = [(before, after), *zip(before.bodies, after.bodies, strict=True)]
     for one, other in zip(before.bodies, after.bodies, strict=True):
         pairs += zip(one.joints, other.joints, strict=True)
         pairs.append((one.inertia or one, other.inertia if one.inertia else other))
-    found = [place for one, other in pairs for place in _changed(one, other)]
+    found = [_changed(one, other) for one, other in pairs]
     found += [spring.place for spring in before.springs if spring not in after.springs]
     return list(dict.fromkeys(place for place in found if place is not None))
 
 
-def _changed(one: Any, other: Any) -> Iterator[Place | None]:
-    """The places of the own quantities of a part of a tree that differ in ``other``, of which the parts have places of their own."""
-    if other is None:
-        yield one.place
-    elif one != other:
-        for part in fields(one):
-            if part.name not in _PARTS and getattr(one, part.name) != getattr(other, part.name):
-                yield one.places.get(part.name, one.place)
+def _changed(one: Any, other: Any) -> Place | None:
+    """Where a part of a tree differs from ``other``, of which the parts have places of their own: a number if one does, or its element."""
+    if other is None or one == other:
+        return one.place if other is None else None
+    own = [part.name for part in fields(one) if part.name not in _PARTS and getattr(one, part.name) != getattr(other, part.name)]
+    places = [one.places.get(name, one.place) for name in own]
+    return next((place for place in places if place != one.place), one.place) if places else None
