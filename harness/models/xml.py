@@ -71,14 +71,16 @@ def parse_document(path: Path, text: str, root_tag: str) -> Document:
 def read_any(path: Path, expected: str) -> Document:
     """Read and parse ``path``, whatever its root element is; ``expected`` says what an empty file should have been.
 
+    Prefixes need not be declared: engines read tags as they are written.
+
     Raises:
         InvalidModel: as ``read_document``.
     """
-    return parse_any(path, _read_text(path), expected)
+    return parse_any(path, _read_text(path), expected, declare_prefixes=True)
 
 
-def parse_any(path: Path, text: str, expected: str) -> Document:
-    """``read_any`` of a file at ``path`` that would hold ``text``; raises the same."""
+def parse_any(path: Path, text: str, expected: str, declare_prefixes: bool = False) -> Document:
+    """The document of a file at ``path`` that would hold ``text``; raises as ``read_any``."""
     if not text.strip("\ufeff \t\r\n"):
         raise InvalidModel(path, None, f"is empty; expected {expected}")
     lines, comments, complaint = _scan(path, text)
@@ -86,13 +88,35 @@ def parse_any(path: Path, text: str, expected: str) -> Document:
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
     try:
-        root = etree.fromstring(text.encode(), parser)
+        root = etree.fromstring(_with_prefixes(text) if declare_prefixes and complaint is None else text.encode(), parser)
     except etree.XMLSyntaxError as error:
         problem = " ".join(error.msg.split())
         raise InvalidModel(path, error.lineno or None, f"is not well-formed XML: {problem}; correct it, or restore the file") from None
     if complaint is not None:
         raise complaint
     return Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
+
+
+def _with_prefixes(text: str) -> bytes:
+    """A well-formed text in UTF-8, with a declaration in its root element for each prefix that has none there."""
+    content = text.encode()
+    prefixes: set[str] = set()
+    starts: list[tuple[int, str]] = []
+    declared: list[str] = []
+    parser = expat.ParserCreate("utf-8")
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        if not starts:
+            starts.append((parser.CurrentByteIndex, name))
+            declared.extend(attribute.partition(":")[2] for attribute in attributes if attribute.startswith("xmlns:"))
+        prefixes.update(word.partition(":")[0] for word in (name, *attributes) if ":" in word)
+
+    parser.StartElementHandler = start
+    parser.Parse(content, True)
+    ((place, name),) = starts
+    end = place + 1 + len(name.encode())
+    missing = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(prefixes - {"xmlns", "xml", *declared}))
+    return content[:end] + missing.encode() + content[end:]
 
 
 def _written_by_family(path: Path, writer: Path, size: int) -> str:

@@ -1,7 +1,8 @@
 """An MJCF with its included files and replicas in place, as one tree of elements.
 
-A file is included once, and looked for from the folder of the main file, as MuJoCo does. A replica becomes a ``<frame>`` of its own;
-its names end with its number.
+A file is included once, and looked for from the folder of the main file, as MuJoCo does. A replica becomes a ``<frame>`` of its own,
+in the frame of the one before; its names end with its number. MuJoCo 4.0.0 departs from that documentation where replicas turn about
+several axes: it multiplies the angles by the number of the replica.
 
 Source: MuJoCo documentation, XML reference, ``include`` and ``replicate``.
 """
@@ -21,7 +22,7 @@ from harness.robots.source import Source
 MOST_FILES = 100
 # Elements that make bodies by rules that only a simulator's program spells out.
 _MAKERS = ("attach", "composite", "flexcomp")
-# How often the placement of a frame is repeated; no author's attribute has a space in its name's place in MJCF's schema.
+# The number of a replica: how often the placement of its frame is repeated.
 REPEATED = "repeated"
 
 
@@ -89,11 +90,6 @@ def _replicate(source: Source, root: etree._Element, element: etree._Element) ->
         frame = copy.deepcopy(element)
         source.add_copy(element, frame)
         frame.tag = "frame"
-        for attribute in ("count", "sep", "offset", "euler"):
-            frame.attrib.pop(attribute, None)
-        for attribute, own in (("pos", "offset"), ("euler", "euler")):
-            if own in element.attrib:
-                frame.set(attribute, element.get(own))
         frame.set(REPEATED, str(number))
         for part in frame.iterdescendants("*"):
             if part.get("name"):

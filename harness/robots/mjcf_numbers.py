@@ -96,7 +96,7 @@ class Attributes:
         return Placement(self._position(element), self.rotation(element))
 
     def _position(self, element: etree._Element) -> Vector:
-        return vector(self.numbers(element, "pos", (0, 0, 0)))
+        return vector(self.numbers(element, "offset" if REPEATED in element.attrib else "pos", (0, 0, 0)))
 
     def rotation(self, element: etree._Element) -> Rotation:
         """The orientation of an element; raises InvalidModel where it is given twice."""
@@ -110,6 +110,8 @@ class Attributes:
             direction = {"quat": numbers, "zaxis": numbers, "axisangle": numbers[:3] if any(numbers[3:]) else ()}.get(name, ())
             if direction and not any(direction):
                 self._source.refuse(element, f"{describe(element)}: {name} is zero; expected a direction or rotation")
+            if name == "xyaxes" and _are_parallel(numbers[:3], numbers[3:]):
+                self._source.refuse(element, f"{describe(element)}: the two directions of xyaxes are parallel, or one is zero")
             rotation = self._rotations[name](numbers)
         return rotation
 
@@ -120,6 +122,10 @@ class Attributes:
             turn = Turn(_UNITS[letter.lower()], angle, self.in_degrees)
             found = [*found, turn] if letter.islower() else [turn, *found]
         return tuple(found)
+
+
+def _are_parallel(first: Sequence[Fraction], second: Sequence[Fraction]) -> bool:
+    return all(first[i] * second[j] == first[j] * second[i] for i, j in ((0, 1), (1, 2), (2, 0)))
 
 
 def inside(body: etree._Element, *tags: str) -> Iterator[etree._Element]:

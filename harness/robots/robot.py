@@ -101,7 +101,7 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         path=document.path,
         format=_FORMATS[root.tag],
         tree=tree,
-        joints=tuple(joint.name for joint in tree.joints if not joint.follows),
+        joints=_moving(tree, _FORMATS[root.tag]),
         left_out=left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
@@ -110,3 +110,12 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"
         raise InvalidModel(document.path, source.place(root).line, found)
     return robot
+
+
+def _moving(tree: Tree, model_format: str) -> tuple[str, ...]:
+    """The joints that move by themselves in the order of the file, behind a floating base that is none of its own."""
+    moving = [joint for joint in tree.joints if not joint.follows]
+    if model_format == "urdf":
+        # A tree has them by depth.
+        moving.sort(key=lambda joint: (joint.name != urdf.FLOATING_BASE, joint.place.element if joint.place else 0))
+    return tuple(joint.name for joint in moving)

@@ -32,7 +32,7 @@ class Source:
             name = etree.QName(element)
             if name.namespace and not element.prefix:
                 element.tag = name.localname
-            self._places[element] = Place(document.path, line, number)
+            self._places[element] = Place(document.path, line, number, literal_tag(element))
         return document.root
 
     def add_copy(self, original: etree._Element, copy: etree._Element) -> None:

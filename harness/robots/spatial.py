@@ -180,9 +180,9 @@ class SpatialWriter(ProgramWriter):
 
 
 def parameter_name(value: Given) -> str:
-    """Line, attribute and place of a number of a file, as people find it."""
-    where = f"{value.place.line}:{value.attribute}" if value.attribute else str(value.place.line)
-    return f"{where}[{value.index}]"
+    """File, line, element and attribute of a number, and its place in that, as people find it."""
+    place = value.place
+    return f"{place.path.name}:{place.line}: {place.tag} {value.attribute}[{value.index}]"
 
 
 def transposed(matrix: Matrix) -> Matrix:

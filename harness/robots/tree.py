@@ -19,11 +19,12 @@ WORLD = "world"
 
 @dataclass(frozen=True)
 class Place:
-    """Where something stands: the line (1-based) of its element, and the number of that element in its file."""
+    """Where something stands: the line (1-based) of its element, the number of that element in its file, and its tag."""
 
     path: Path
     line: int
     element: int = 0
+    tag: str = ""
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}"

@@ -57,12 +57,12 @@ _LIMITED = ("revolute", "prismatic")
 def left_out(source: Source, root: etree._Element) -> tuple[LeftOut, ...]:
     """What is left out, what bears on the motion first."""
     found: dict[str, list[etree._Element]] = {}
-    for what, element in _findings(root):
+    for what, element in _findings(source, root):
         found.setdefault(what, []).append(element)
     return tuple(LeftOut(what, source.lines(found[what]), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
 
 
-def _findings(root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
+def _findings(source: Source, root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
     for element in root.iterchildren("*"):
         tag = literal_tag(element)
         yield from _of_part(f"robot/{tag}", element)
@@ -70,7 +70,7 @@ def _findings(root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
             for part in element.iterchildren("*"):
                 yield from _of_part(f"{tag}/{literal_tag(part)}", part)
         if tag == "joint":
-            yield from _of_joint(element)
+            yield from _of_joint(source, element)
 
 
 def _of_part(path: str, element: etree._Element) -> Iterator[tuple[str, etree._Element]]:
@@ -89,16 +89,15 @@ def _is_read(element: etree._Element) -> bool:
     return element.find("springStiffness") is not None or any(literal_tag(part) == "drake:rotor_inertia" for part in element.iter("*"))
 
 
-def _of_joint(joint: etree._Element) -> Iterator[tuple[str, etree._Element]]:
+def _of_joint(source: Source, joint: etree._Element) -> Iterator[tuple[str, etree._Element]]:
     kind, limit, dynamics = joint.get("type"), joint.find("limit"), joint.find("dynamics")
     if limit is not None:
-        lower, upper = (float(limit.get(name, "0")) for name in ("lower", "upper")) if kind in _LIMITED else (0.0, 0.0)
-        if lower < upper:
+        if kind in _LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
             yield _LIMITS, limit
         if {"effort", "velocity"} & set(limit.attrib):
             yield _EFFORT, limit
     if dynamics is not None and kind != "fixed":
-        if float(dynamics.get("friction", "0")):
+        if source.number(dynamics, "friction", 0.0):
             yield _FRICTION, dynamics
-        if float(dynamics.get("damping", "0")) and kind in _OF_SEVERAL:
+        if source.number(dynamics, "damping", 0.0) and kind in _OF_SEVERAL:
             yield _DAMPING, dynamics
