@@ -68,7 +68,7 @@ def meant(robot: Robot, count: int, seed: int) -> Meant:
 def joints_without_inertia(tree: Tree) -> list[Joint]:
     """The joints that carry neither mass nor inertia nor an armature, so that M is singular in every state."""
     loaded: set[str] = set()
-    heavy = [body.name for body in tree.bodies if body.inertia is not None and (body.inertia.mass or any(body.inertia.moments))]
+    heavy = [body.name for body in tree.bodies if not body.is_massless or (body.inertia is not None and any(body.inertia.moments))]
     above = {body.name: body.parent for body in tree.bodies}
     for name in heavy:
         while name in above and name not in loaded:
