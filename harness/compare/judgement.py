@@ -28,21 +28,24 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     if answers.refusal:
         rest = why_refused(meant.robot, answers.element)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
-    if missing := [name for name in meant.robot.joints if name not in answers.accelerations]:
-        return SubjectRecord(**about, verdict=Verdict.DISAGREES, explained=False, rest=[f"the engine has no joint {', '.join(missing)}"])
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
     readings = (
         [] if aided else [one for one in find_readings(caller.engine, meant.robot.format) if one.read(meant.robot) is not meant.robot]
     )
     effects = [_effect(meant, reading) for reading in readings]
-    compared = _compare(meant, answers)
-    record = SubjectRecord(**about, **_verdict(compared), explained=_is_explained(compared), readings=effects)
     robot = meant.robot
     for reading in readings:
         robot = reading.read(robot)
+    lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
+    compared = None if lacking else _compare(meant, answers)
+    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects)
+    if unread := [name for name in lacking if name in robot.joints]:
+        return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     read = read_as(meant, robot)
-    after = compared if read is meant else _compare(read, answers)
+    if read.undetermined:
+        return replace(record, explained=True)
+    after = compared if read is meant and compared is not None else _compare(read, answers)
     rest = [] if _is_explained(after) else unexplained(read, answers)
     return replace(record, explained=_is_explained(after), left=_worst(after) if readings else None, rest=rest)
 
@@ -69,7 +72,10 @@ def _compare(meant: Meant, answers: Answers) -> Comparison:
     return compare(meant.truth, answers.of(meant.robot.joints), factorises=True)
 
 
-def _verdict(compared: Comparison) -> dict[str, Any]:
+def _verdict(compared: Comparison | None) -> dict[str, Any]:
+    """Of an engine that lacks a joint there is nothing to compare, and it disagrees."""
+    if compared is None:
+        return {"verdict": Verdict.DISAGREES.value}
     relative = compared.known("relative_error")
     return {
         "verdict": str(compared.verdicts[compared.worst]),

@@ -100,7 +100,9 @@ def why_refused(robot: Robot, element: str) -> list[str]:
     for body in robot.tree.bodies:
         if body.name == element and body.place is not None:
             line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
-            numbers = "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
+            numbers = (
+                "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
+            )
             sentences.append(f"line {line}: {element}: {numbers}")
     return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -83,6 +84,9 @@ def read_as(original: Meant, robot: Robot) -> Meant:
     """The truth of another reading of a robot, ``robot``, at the states of the original."""
     if robot is original.robot:
         return original
+    if not robot.joints:
+        none = np.empty((len(original.states), 0))
+        return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
     states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
@@ -94,7 +98,12 @@ def columns_of(joints: Sequence[Asked], names: Sequence[str]) -> list[int]:
 
 
 def change(original: Meant, other: Meant) -> float | None:
-    """The largest |qdd' - qdd|_M / |qdd|_M over the states, in the original's joints; None where one has no certified truth."""
+    """The largest |qdd' - qdd|_M / |qdd|_M over the states, in the original's joints; None where one has no certified truth.
+
+    Infinite where the other lacks a joint.
+    """
+    if not set(original.robot.joints) <= set(other.robot.joints):
+        return math.inf
     both = original.truth.certified & other.truth.certified
     if not both.any():
         return None

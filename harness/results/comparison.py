@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -74,7 +75,7 @@ class Effect:
 
     Attributes:
         lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
-            relative in the energy norm; None where the tree that it gives has no certified truth.
+            relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
     """
 
     name: str
@@ -89,6 +90,8 @@ class Effect:
         """The effect in words."""
         if self.alone is None:
             return "with it alone the accelerations are not certain"
+        if self.alone == math.inf:
+            return "alone it takes joints out of the robot"
         if self.alone == 0:
             return "alone it moves no acceleration"
         size = f"{error_text(self.alone)} times" if self.alone >= 1 else f"{self.alone:.2g} of its size"

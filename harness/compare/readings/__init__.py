@@ -17,7 +17,7 @@ from typing import Any
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Inertia, Joint, Place, Tree
 
-_PARTS = ("bodies", "joints", "inertia", "springs", "place")
+_PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
 
 @dataclass(frozen=True)
@@ -77,15 +77,41 @@ def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
     return replace(tree, bodies=tuple(replace(body, inertia=change(body)) for body in tree.bodies))
 
 
+def without_bodies(tree: Tree, names: Iterable[str]) -> Tree:
+    """The tree without these bodies and all that they carry, and without the springs and couplings of these."""
+    gone, joints = set(names), set()
+    if not gone:
+        return tree
+    for body in tree.bodies:
+        if body.parent in gone or body.name in gone:
+            gone.add(body.name)
+            joints |= {joint.name for joint in body.joints}
+    return replace(
+        tree,
+        bodies=tuple(body for body in tree.bodies if body.name not in gone),
+        springs=tuple(spring for spring in tree.springs if not gone & {end for end, _ in spring.ends}),
+        couplings=tuple(one for one in tree.couplings if not joints & {name for name, _ in one.joints}),
+    )
+
+
 def changed_places(before: Tree, after: Tree) -> list[Place]:
     """Where the parts stand that differ: the number, or the element where the file does not give it. Once each."""
-    pairs: list[tuple[Any, Any]] = [(before, after), *zip(before.bodies, after.bodies, strict=True)]
-    for one, other in zip(before.bodies, after.bodies, strict=True):
-        pairs += zip(one.joints, other.joints, strict=True)
-        pairs.append((one.inertia or one, other.inertia if one.inertia else other))
-    found = [_changed(one, other) for one, other in pairs]
+    others = {body.name: body for body in after.bodies}
+    found = [_changed(before, after)]
+    for one in before.bodies:
+        found += _changed_in_body(one, others[one.name]) if one.name in others else [one.place]
     found += [spring.place for spring in before.springs if spring not in after.springs]
+    found += [coupling.place for coupling in before.couplings if coupling not in after.couplings]
     return list(dict.fromkeys(place for place in found if place is not None))
+
+
+def _changed_in_body(one: Body, other: Body) -> list[Place | None]:
+    kept = {joint.name: joint for joint in other.joints}
+    found = [_changed(one, other), _changed(one.inertia or one, other.inertia if one.inertia else other)]
+    found += [_changed(joint, kept.get(joint.name)) for joint in one.joints]
+    pairs = zip(one.solids, other.solids, strict=True) if len(one.solids) == len(other.solids) else ()
+    found += [_changed(solid, its_like) for solid, its_like in pairs]
+    return found + [solid.place for solid in one.solids if not pairs and solid not in other.solids]
 
 
 def _changed(one: Any, other: Any) -> Place | None:

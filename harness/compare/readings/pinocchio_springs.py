@@ -10,7 +10,7 @@ from harness.robots.tree import Tree
 
 def _tree(robot: Robot) -> Tree:
     tree = with_joints(robot.tree, lambda joint: replace(joint, stiffness=Fraction(0)) if joint.stiffness else joint)
-    return replace(tree, springs=()) if tree.springs else tree
+    return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
 
 
 READING = Reading(
