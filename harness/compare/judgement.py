@@ -1,7 +1,7 @@
 """An engine's answer on a file: the verdict against the file's truth, and the readings that explain it.
 
-Every reading that applies is folded into the tree; the truth of that tree is what a plain engine has to answer, to 64 data
-roundoffs. What is left is handed to ``harness.compare.rest``.
+Every reading that applies is folded into the tree; the truth of that tree is what an engine has to answer, to 64 data roundoffs. An
+aided engine is explained by those alone that the harness cannot supply. What is left is handed to ``harness.compare.rest``.
 """
 
 from __future__ import annotations
@@ -30,9 +30,11 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = (
-        [] if aided else [one for one in find_readings(caller.engine, meant.robot.format) if one.read(meant.robot) is not meant.robot]
-    )
+    readings = [
+        one
+        for one in find_readings(caller.engine, meant.robot.format)
+        if not (aided and one.supplied) and one.read(meant.robot) is not meant.robot
+    ]
     effects = [_effect(meant, reading) for reading in readings]
     robot = meant.robot
     for reading in readings:

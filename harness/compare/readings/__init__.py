@@ -7,13 +7,18 @@ No list is kept: every ``READING`` of a module here is found. Nothing an engine 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
+from lxml import etree
+
+from harness.models.xml import read_any
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Inertia, Joint, Place, Tree
 
@@ -30,6 +35,7 @@ class Reading:
         concerns: what is counted, in the plural: "joints", "links".
         source: the documentation or source that says so.
         tree: the tree that the engine computes with; the very tree where the reading does not apply.
+        supplied: whether an aided engine gets from the harness what it leaves out.
     """
 
     name: str
@@ -39,6 +45,7 @@ class Reading:
     concerns: str
     source: str
     tree: Callable[[Robot], Tree]
+    supplied: bool = False
 
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
@@ -92,6 +99,18 @@ def without_bodies(tree: Tree, names: Iterable[str]) -> Tree:
         springs=tuple(spring for spring in tree.springs if not gone & {end for end, _ in spring.ends}),
         couplings=tuple(one for one in tree.couplings if not joints & {name for name, _ in one.joints}),
     )
+
+
+def element_at(place: Place | None) -> etree._Element | None:
+    """The element of a file that stands at a place, for what a reading needs of it and no tree holds; None where the place is none."""
+    if place is None:
+        return None
+    return _elements(place.path)[place.element]
+
+
+@functools.lru_cache(maxsize=4)
+def _elements(path: Path) -> list[etree._Element]:
+    return list(read_any(path, "a model").lines)
 
 
 def changed_places(before: Tree, after: Tree) -> list[Place]:

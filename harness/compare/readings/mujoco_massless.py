@@ -24,4 +24,5 @@ READING = Reading(
     concerns="links",
     source="MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
     tree=_tree,
+    supplied=True,
 )

@@ -17,4 +17,5 @@ READING = Reading(
     concerns="joints",
     source="MuJoCo documentation, Modeling, URDF extensions, and XML reference, equality/joint",
     tree=_tree,
+    supplied=True,
 )

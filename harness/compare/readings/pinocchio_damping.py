@@ -20,4 +20,5 @@ READING = Reading(
     concerns="joints",
     source="stack-of-tasks/pinocchio issues 1291 and 1147: damping and friction are the user's, in tau; Model.damping is data only",
     tree=_tree,
+    supplied=True,
 )

@@ -23,4 +23,5 @@ READING = Reading(
     concerns="files",
     source="Pinocchio 4.1, multibody/model.hpp, gravity981; its MJCF reader reads no <option gravity>",
     tree=_tree,
+    supplied=True,
 )

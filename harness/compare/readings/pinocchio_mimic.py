@@ -17,4 +17,5 @@ READING = Reading(
     concerns="joints",
     source="Pinocchio 4.1, parsers/urdf.hpp, buildModel: mimic is false unless the caller asks; aba refuses models with mimic joints",
     tree=_tree,
+    supplied=True,
 )

@@ -1,4 +1,4 @@
-"""Pinocchio's dynamics have no springs, in joints or between points."""
+"""Pinocchio's dynamics have no springs in joints."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -9,8 +9,7 @@ from harness.robots.tree import Tree
 
 
 def _tree(robot: Robot) -> Tree:
-    tree = with_joints(robot.tree, lambda joint: replace(joint, stiffness=Fraction(0)) if joint.stiffness else joint)
-    return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
+    return with_joints(robot.tree, lambda joint: replace(joint, stiffness=Fraction(0)) if joint.stiffness else joint)
 
 
 READING = Reading(
@@ -18,7 +17,8 @@ READING = Reading(
     engine="pinocchio",
     formats=("urdf", "mjcf"),
     sentence="Pinocchio applies no springs",
-    concerns="joints and tendons",
-    source="Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads neither stiffness nor tendons, and aba.hxx, which has no such force",
+    concerns="joints",
+    source="Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which does not read stiffness, and aba.hxx, which has no such force",
     tree=_tree,
+    supplied=True,
 )
