@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
 os.environ.setdefault("MUJOCO_GL", "disable")
+# Without bytecode, as in many containers, each process that a test starts compiles the harness anew, for a second.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
@@ -48,8 +50,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         folder = folder.parent
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
     # Before there are processes that would all compile it.
-    for name in ("evaluate", "derive"):
-        loop(name)
+    loop("evaluate")
 
 
 @pytest.fixture(scope="session")

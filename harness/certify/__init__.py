@@ -1,9 +1,10 @@
 """States to certified truth: accelerations with proven bounds, their data roundoff, the terms, and the comparison with an answer.
 
-May use ``engines`` and what is below it.
+May use ``robots`` and what is below it.
 
 Start with ``reference`` and ``compare``; ``sampling`` makes the states. ``interpreter`` certifies in double-double: ``encoding``
 gives it a program; ``loops``, ``solution`` and ``double_double`` are what is compiled, and ``machine_code`` keeps it. ``in_balls``
 and ``reverse_mode`` give accelerations and derivatives in balls. ``componentwise`` says what error the norm hides, ``one_number``
-whether one number explains the errors of all states; ``terms`` certifies each term by itself.
+whether one number explains the errors of all states; ``terms`` certifies each term by itself. ``robot_reference`` is the reference of
+a robot's file.
 """

@@ -30,12 +30,14 @@ class Comparison(Rows):
         relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing. NaN beside a zero or
             subnormal answer too.
         verdicts: (n,) ``Verdict`` values as strings.
+        in_balls: (n,) bool; whether the truth took ball arithmetic, which costs a hundred times as much.
     """
 
     backward_error: Array
     relative_error: Array
     granted: np.ndarray[Any, np.dtype[np.bool_]]
     verdicts: np.ndarray[Any, np.dtype[np.str_]]
+    in_balls: np.ndarray[Any, np.dtype[np.bool_]]
 
     def known(self, name: str) -> Array:
         """The values of "backward_error" or "relative_error" that are numbers."""
@@ -93,4 +95,5 @@ def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.flo
         Verdict.DISAGREES.value,
     )
     judged = finite & reference.certified
-    return Comparison(np.where(judged, backward, np.nan), np.where(judged, relative, np.nan), granted & finite, verdicts)
+    backward, relative = (np.where(judged, error, np.nan) for error in (backward, relative))
+    return Comparison(backward, relative, granted & finite, verdicts, reference.in_balls)

@@ -16,39 +16,18 @@ Muller et al., Handbook of Floating-Point Arithmetic, 2nd ed., chapter 11 (reduc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, TypeVar
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.extending import intrinsic
 
 from harness.arrays import Array
-from harness.certify.numbers import Number, exactly, of_ball
+from harness.certify.language import Array as Place
+from harness.certify.language import Operand, Value, Writer, floor, fma, root_of, select
+from harness.certify.numbers import exactly, of_ball
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def inner(function: F) -> F:
-    """For what only compiled functions call."""
-    # A way for Python to it would take as long again to compile.
-    return numba.njit(no_cpython_wrapper=True, error_model="numpy")(function)  # type: ignore[no-any-return]
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once: an instruction of the processor, or the C library's function where it has none."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        double = ir.DoubleType()
-        function = builder.module.declare_intrinsic("llvm.fma", [double], ir.FunctionType(double, [double] * 3))
-        return builder.call(function, arguments)
-
-    return numba.float64(numba.float64, numba.float64, numba.float64), generate
-
-
+# high, low and bound, as they are written.
+Number = tuple[Operand, Operand, Operand]
+Known = tuple[Value, Value, Value]
 _U2 = 2.0**-106
 _ADD, _MULTIPLY, _DIVIDE, _ROOT = 4 * _U2, 6 * _U2, 17 * _U2, 4 * _U2
 # Of no bound are more than a dozen roundings taken.
@@ -58,11 +37,12 @@ _UNDERFLOW = 2.0**-1040
 _SMALLEST, _LARGEST = 2.0**-400, 2.0**400
 
 # Sines are known at the multiples of pi / _PARTS, and a series leads on from the nearest one.
-_PARTS = 64
+_PARTS = 256
 # The most that an argument is off the nearest multiple, over its exact half distance for roundings of the quotient.
 _REACH = math.pi / (2 * _PARTS) * 1.001
 _LARGEST_ARGUMENT = 2.0**20
-_TERMS = 7
+# Of each series, and how many of them, the first, need more digits than a float64 has.
+_TERMS, _LONG_TERMS = 6, 4
 # The first terms that are left out, over the argument and over 1.
 _REST_OF_SINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS + 1) * 1.001
 _REST_OF_COSINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS) * 1.001
@@ -84,113 +64,124 @@ def _tables() -> tuple[Array, Array, Array, Array]:
     return step, np.array(sines), np.array(series[0]), np.array(series[1])
 
 
-_STEP, _SINES, _SERIES_OF_SINE, _SERIES_OF_COSINE = _tables()
+def number_at(values: Place, place: Value | int) -> Known:
+    return values[place, 0], values[place, 1], values[place, 2]
 
 
-@inner
-def _two_sum(a: float, b: float) -> tuple[float, float]:
+def store(values: Place, place: Value | int, number: Number) -> None:
+    values[place, 0], values[place, 1], values[place, 2] = number
+
+
+def _like(a: Known, number: Number) -> Known:
+    """A number of as many lanes as ``a`` has."""
+    high, low, bound = (Value(a[0].code, a[0].code.constant(part, a[0].raw.type)) for part in number)
+    return high, low, bound
+
+
+def negative(a: Known) -> Known:
+    return -a[0], -a[1], a[2]
+
+
+def _is_zero(a: Known) -> Value:
+    return a[0].equals(0.0) & a[1].equals(0.0) & a[2].equals(0.0)
+
+
+def _two_sum(a: Value, b: Value) -> tuple[Value, Value]:
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
-@inner
-def add(a: Number, b: Number) -> Number:
+def add(a: Known, b: Number) -> Known:
     """a + b by algorithm 6 (AccurateDWPlusDW)."""
-    if a[0] == 0 and a[1] == 0 and a[2] == 0:
-        return b
-    if b[0] == 0 and b[1] == 0 and b[2] == 0:
-        return a
+    b = _like(a, b)
     high, rest = _two_sum(a[0], b[0])
     low, last = _two_sum(a[1], b[1])
     rest += low
     middle = high + rest
     rest = last + (rest - (middle - high))
     total = middle + rest
-    return total, rest - (total - middle), (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + (_UNDERFLOW if total != 0 else 0.0)
+    # Without roundings where one of them is the exact zero: the other one is what all the steps give.
+    is_exact = _is_zero(a) | _is_zero(b)
+    bound = (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + select(total.equals(0.0), 0.0, _UNDERFLOW)
+    return total, rest - (total - middle), select(is_exact, a[2] + b[2], bound)
 
 
-@inner
-def multiply(a: Number, b: Number) -> Number:
+def multiply(a: Known, b: Number) -> Known:
     """a b by algorithm 12 (DWTimesDW3)."""
-    if (a[0] == 0 and a[1] == 0 and a[2] == 0) or (b[0] == 0 and b[1] == 0 and b[2] == 0):
-        return 0.0, 0.0, 0.0
+    b = _like(a, b)
     high = a[0] * b[0]
     rest = fma(a[0], b[0], -high) + fma(a[1], b[0], fma(a[0], b[1], a[1] * b[1]))
     product = high + rest
-    bound = abs(a[0]) * b[2] + abs(b[0]) * a[2] + a[2] * b[2] + _MULTIPLY * abs(product)
-    return product, rest - (product - high), bound * _UPWARDS + _UNDERFLOW
+    bound = (abs(a[0]) * b[2] + abs(b[0]) * a[2] + a[2] * b[2] + _MULTIPLY * abs(product)) * _UPWARDS + _UNDERFLOW
+    return product, rest - (product - high), select(_is_zero(a) | _is_zero(b), abs(product), bound)
 
 
-@inner
-def divide(a: Number, b: Number) -> Number:
+def divide(a: Known, b: Known) -> Known:
     """a / b by algorithm 17 (DWDivDW2)."""
     size, of_dividend = abs(b[0]), abs(a[0])
-    if not (_SMALLEST < size < _LARGEST and b[2] < size / 2 and of_dividend < _LARGEST):
-        return a[0] / size if size > 0 else math.nan, 0.0, math.inf
-    if of_dividend == 0 and a[1] == 0 and a[2] == 0:
-        return 0.0, 0.0, 0.0
-    if of_dividend < _SMALLEST:
-        return a[0] / b[0], 0.0, math.inf
     first = a[0] / b[0]
     product = first * b[0]
-    lower = fma(first, b[0], -product)
-    lower = fma(first, b[1], lower)
+    lower = fma(first, b[1], fma(first, b[0], -product))
     high = product + lower
     lower -= high - product
     second = ((a[0] - high) + (a[1] - lower)) / b[0]
     quotient = first + second
     bound = (a[2] + abs(quotient) * b[2]) / (size - b[2]) * (1 + 2.0**-40) + _DIVIDE * abs(quotient)
-    return quotient, second - (quotient - first), bound * _UPWARDS + _UNDERFLOW
+    divides = (size > _SMALLEST) & (size < _LARGEST) & (b[2] < size / 2)
+    is_proven = divides & (of_dividend >= _SMALLEST) & (of_dividend < _LARGEST)
+    is_zero = divides & _is_zero(a)
+    bound = select(is_zero, 0.0, select(is_proven, bound * _UPWARDS + _UNDERFLOW, math.inf))
+    return quotient, select(is_proven, second - (quotient - first), 0.0), bound
 
 
-@inner
-def root(a: Number) -> Number:
+def root(a: Known) -> Known:
     """The square root of a by SQRTDWtoDW; of what may be negative the bound is infinite."""
-    if a[0] == 0 and a[1] == 0 and a[2] == 0:
-        return 0.0, 0.0, 0.0
-    if not (_SMALLEST < a[0] < _LARGEST and a[2] < a[0] / 2):
-        return math.sqrt(abs(a[0])), 0.0, math.inf
-    first = math.sqrt(a[0])
+    first = root_of(abs(a[0]))
     second = (a[1] + fma(-first, first, a[0])) / (2 * first)
     total = first + second
     # |sqrt a - sqrt b| = |a - b| / (sqrt a + sqrt b).
-    return total, second - (total - first), (a[2] / first * (1 + 2.0**-40) + _ROOT * total) * _UPWARDS + _UNDERFLOW
+    bound = (a[2] / first * (1 + 2.0**-40) + _ROOT * total) * _UPWARDS + _UNDERFLOW
+    is_proven = (a[0] > _SMALLEST) & (a[0] < _LARGEST) & (a[2] < a[0] / 2)
+    high, low = select(is_proven, total, first), select(is_proven, second - (total - first), 0.0)
+    return high, low, select(_is_zero(a), 0.0, select(is_proven, bound, math.inf))
 
 
-@inner
-def _series(square: Number, coefficients: Array) -> Number:
-    """sum of coefficients[k] square^k, by Horner's scheme."""
-    total = (coefficients[_TERMS - 1, 0], coefficients[_TERMS - 1, 1], coefficients[_TERMS - 1, 2])
-    for k in range(_TERMS - 2, -1, -1):
-        total = add(multiply(total, square), (coefficients[k, 0], coefficients[k, 1], coefficients[k, 2]))
+def _series(square: Known, coefficients: Place) -> Known:
+    """sum of coefficients[k] square^k, by Horner's scheme; its last terms in float64."""
+    short = coefficients[_TERMS - 1, 0]
+    for k in reversed(range(_LONG_TERMS, _TERMS - 1)):
+        short = short * square[0] + coefficients[k, 0]
+    # Terms fall by 1,000 and more, and each of them takes part in six roundings at most, those of its number and of the square among them.
+    total = _like(square, (short, 0.0, abs(coefficients[_LONG_TERMS, 0]) * (1.01 * 6 * 2.0**-53) + square[2]))
+    for k in reversed(range(_LONG_TERMS)):
+        total = add(multiply(total, square), number_at(coefficients, k))
     return total
 
 
-@inner
-def sine_and_cosine(a: Number) -> tuple[Number, Number]:
+def sine_and_cosine(code: Writer, a: Known) -> tuple[Known, Known]:
     """The sine and the cosine of a, by the nearest multiple of pi / 64 and the series of both at what is left."""
-    if not (abs(a[0]) < _LARGEST_ARGUMENT and a[2] < 1e-9):
-        return (math.sin(a[0]), 0.0, math.inf), (math.cos(a[0]), 0.0, math.inf)
-    multiple = math.floor(a[0] / _STEP[0] + 0.5)
+    names = ("step", "sines", "series_of_sine", "series_of_cosine")
+    step, sines, of_sine, of_cosine = (code.table(name, table) for name, table in zip(names, _tables(), strict=True))
+    is_proven = (abs(a[0]) < _LARGEST_ARGUMENT) & (a[2] < 1e-9)
+    multiple = select(is_proven, floor(a[0] / step[0] + 0.5), 0.0)
     left = a
     for k in range(2):
         # The product of two numbers is the sum of two numbers, exactly.
-        product = multiple * _STEP[k]
-        left = add(left, (-product, -fma(multiple, _STEP[k], -product), 0.0))
-    if multiple != 0:
-        left = add(left, (-multiple * _STEP[2], 0.0, abs(multiple) * (_STEP[3] + _U2 * abs(_STEP[2]) * 2.0**53) * _UPWARDS))
+        product = multiple * step[k]
+        left = add(left, (-product, -fma(multiple, step[k], -product), 0.0))
+    last = abs(multiple) * (step[3] + abs(step[2]) * (_U2 * 2.0**53)) * _UPWARDS
+    left = add(left, (-(multiple * step[2]), 0.0, last))
     square = multiply(left, left)
-    sine = multiply(left, _series(square, _SERIES_OF_SINE))
-    cosine = _series(square, _SERIES_OF_COSINE)
+    sine = multiply(left, _series(square, of_sine))
+    cosine = _series(square, of_cosine)
     sine = (sine[0], sine[1], (sine[2] + (abs(left[0]) + left[2]) * _REST_OF_SINE) * _UPWARDS)
     cosine = (cosine[0], cosine[1], (cosine[2] + (square[0] + square[2]) * (_REST_OF_COSINE / _REACH**2)) * _UPWARDS)
-    place = int(multiple) % (2 * _PARTS)
-    quarter = place + _PARTS // 2
-    of_sine = (_SINES[place, 0], _SINES[place, 1], _SINES[place, 2])
-    of_cosine = (_SINES[quarter, 0], _SINES[quarter, 1], _SINES[quarter, 2])
-    opposite = multiply(of_sine, sine)
-    return (
-        add(multiply(of_sine, cosine), multiply(of_cosine, sine)),
-        add(multiply(of_cosine, cosine), (-opposite[0], -opposite[1], opposite[2])),
+    place = multiple.integer() % (2 * _PARTS)
+    sine_there, cosine_there = number_at(sines, place), number_at(sines, place + _PARTS // 2)
+    results = (
+        add(multiply(sine_there, cosine), multiply(cosine_there, sine)),
+        add(multiply(cosine_there, cosine), negative(multiply(sine_there, sine))),
     )
+    first, second = ((high, low, select(is_proven, bound, math.inf)) for high, low, bound in results)
+    return first, second

@@ -1,14 +1,17 @@
 """A straight-line program as arrays, which one compiled loop interprets for every mechanism.
 
-A sine and the cosine of the same angle are one operation of two results. Tangents become quotients, and whole powers products.
+A sine and the cosine of the same angle are one operation of two results. Tangents become quotients, whole powers products, and a
+change of sign the difference from the exact zero.
 What is left of the functions that a program may hold has no code: such a program is evaluated in balls.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -17,32 +20,41 @@ from harness.certify.numbers import UNIT_ROUNDOFF, Number, exactly, pi
 from harness.equations.mechanism_kernel import Indices
 from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle
 
-SUM, DIFFERENCE, PRODUCT, NEGATIVE, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE, INPUT, CONSTANT = range(10)
-_CODES = {"neg": NEGATIVE, "add": SUM, "sub": DIFFERENCE, "mul": PRODUCT, "div": QUOTIENT, "sqrt": ROOT}
+SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE = range(7)
+_CODES = {"add": SUM, "sub": DIFFERENCE, "mul": PRODUCT, "div": QUOTIENT, "sqrt": ROOT}
+_BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
 # Roundings of a partial derivative and of its product with an adjoint, which are fewer.
 _ROUNDINGS_OF_AN_EDGE = 8
+_ZERO, _ONE = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Encoded:
-    """A program as the compiled loops read it.
+    """A program as the compiled loops read it. Places count the inputs, then the constants, then the instructions' results.
 
     Attributes:
-        codes, first, second: (m,) each operation and its operands: places of earlier results, of an input or of a constant.
+        inputs: how many there are.
         constants: (k, 3) of ``harness.certify.numbers``.
+        instructions: (m, 6) each operation, the places of its operands, and the rows of the adjoints of its result and operands, in 32
+            bits; behind a sine, the row of the cosine's stands in place of the second operand's.
         mass, terms, force: places of M's entries, (nv, nv); of velocity, gravity and passive forces, (3, nv); and of what M qdd
             equals, (nv,).
+        rows: (places,) where the adjoint of each result stands, from its last use back to where it is computed; some share one.
         roundings: the most that lie on any way from an output back to an input, for a sweep of adjoints.
     """
 
-    codes: Indices
-    first: Indices
-    second: Indices
+    inputs: int
     constants: Array
+    instructions: np.ndarray[Any, np.dtype[np.int32]]
     mass: Indices
     terms: Indices
     force: Indices
+    rows: Indices
     roundings: int
+
+    @property
+    def places(self) -> int:
+        return self.inputs + len(self.constants) + len(self.instructions)
 
     @property
     def gamma(self) -> float:
@@ -52,71 +64,88 @@ class Encoded:
 
 def encode(program: StraightLineProgram) -> Encoded | None:
     """The program for the loops of ``harness.certify.interpreter``; None where it holds a function that they have no code for."""
-    encoder = _Encoder()
-    places: list[int] = []
+    encoder = _Encoder(len(program.inputs))
+    found: list[int] = []
     for instruction in program.instructions:
-        place = encoder.place_of(instruction, places)
-        if place is None:
+        result = encoder.result_of(instruction, found)
+        if result is None:
             return None
-        places.append(place)
-    outputs = {name: [places[index] for index in program.outputs[name]] for name in OUTPUTS}
-    nv, first = len(outputs["velocity"]), position_count(program)
-    applied = [encoder.add(INPUT, first + nv + row) for row in range(nv)]
-    forces = [encoder.add(SUM, *pair) for pair in zip(applied, outputs["passive"], strict=True)]
+        found.append(result)
+    outputs = {name: [found[index] for index in program.outputs[name]] for name in OUTPUTS}
+    nv, applied = len(outputs["velocity"]), position_count(program) + len(outputs["velocity"])
+    forces = [encoder.add(SUM, *pair) for pair in zip(range(applied, applied + nv), outputs["passive"], strict=True)]
     others = [encoder.add(SUM, *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
     force = [encoder.add(DIFFERENCE, *pair) for pair in zip(forces, others, strict=True)]
     mass = np.empty((nv, nv), dtype=np.int64)
-    for (i, j), place in zip(upper_triangle(nv), outputs["mass"], strict=True):
-        mass[i, j] = mass[j, i] = place
-    codes, first_operands, second_operands = np.array(encoder.instructions, dtype=np.int64).T
+    for (i, j), result in zip(upper_triangle(nv), outputs["mass"], strict=True):
+        mass[i, j] = mass[j, i] = result
+    instructions = np.array(encoder.instructions, dtype=np.int64)
+    instructions[:, 1:] = encoder.places(instructions[:, 1:])
+    mass, force_places = encoder.places(mass), encoder.places(np.array(force))
+    start = encoder.inputs + len(encoder.constants)
+    rows = _rows(instructions, start, {*mass.flat, *force_places})
+    operands = instructions[:, 1:].copy()
+    [sines] = np.nonzero(instructions[:, 0] == SINE_AND_COSINE)
+    operands[sines, 1] = start + sines + 1
     return Encoded(
-        codes=np.ascontiguousarray(codes),
-        first=np.ascontiguousarray(first_operands),
-        second=np.ascontiguousarray(second_operands),
-        constants=np.array(encoder.constants or [(0.0, 0.0, 0.0)]),
+        inputs=encoder.inputs,
+        constants=np.array(list(encoder.constants), dtype=np.float64).reshape(-1, 3),
+        instructions=np.column_stack([instructions, rows[start:], rows[operands]]).astype(np.int32),
         mass=mass,
-        terms=np.array([outputs[name] for name in OUTPUTS[1:]], dtype=np.int64),
-        force=np.array(force, dtype=np.int64),
-        roundings=_most_roundings(encoder.instructions),
+        terms=encoder.places(np.array([outputs[name] for name in OUTPUTS[1:]])),
+        force=force_places,
+        rows=rows,
+        roundings=_most_roundings(encoder),
     )
 
 
 class _Encoder:
-    """Instructions in the order in which they were added, each once."""
+    """Instructions in the order in which they were added, each once.
 
-    def __init__(self) -> None:
+    A result is a number: that of an input, behind those that of an instruction, and below zero that of a constant, since how many
+    constants there are is known at the end.
+    """
+
+    def __init__(self, inputs: int) -> None:
+        self.inputs = inputs
         self.instructions: list[tuple[int, int, int]] = []
-        self.constants: list[Number] = []
+        self.constants: dict[Number, int] = {}
         self._known: dict[tuple[int, int, int], int] = {}
 
     def add(self, code: int, first: int, second: int = 0) -> int:
         instruction = (code, first, second)
         if instruction not in self._known:
-            self._known[instruction] = len(self.instructions)
+            self._known[instruction] = self.inputs + len(self.instructions)
             self.instructions.append(instruction)
         return self._known[instruction]
 
     def constant(self, value: Number) -> int:
-        self.constants.append(value)
-        return self.add(CONSTANT, len(self.constants) - 1)
+        return -1 - self.constants.setdefault(value, len(self.constants))
 
-    def place_of(self, instruction: tuple[object, ...], places: Sequence[int]) -> int | None:
-        """Where the result of a program's instruction is, given those of the earlier ones; None for a function without code."""
+    def places(self, results: Indices) -> Indices:
+        """Where results stand, when all constants are known."""
+        behind = np.where(results < self.inputs, results, results + len(self.constants))
+        return np.asarray(np.where(results < 0, self.inputs - 1 - results, behind))
+
+    def result_of(self, instruction: tuple[object, ...], found: Sequence[int]) -> int | None:
+        """The result of a program's instruction, given those of the earlier ones; None for a function without code."""
         match instruction:
             case ("input", int(index)):
-                return self.add(INPUT, index)
+                return index
             case ("rational", str(numerator), str(denominator)):
                 return self.constant(exactly(Fraction(int(numerator), int(denominator))))
             case ("pi",):
                 return self.constant(pi())
+            case ("neg", int(operand)):
+                return self.add(DIFFERENCE, self.constant(_ZERO), found[operand])
             case ("integer_power", int(base), int(exponent)):
-                return self._power(places[base], exponent)
+                return self._power(found[base], exponent)
             case ("sin" | "cos" | "tan" as name, int(angle)):
-                sine = self.add(SINE_AND_COSINE, places[angle])
+                sine = self.add(SINE_AND_COSINE, found[angle])
                 cosine = self.add(COSINE, sine)
                 return self.add(QUOTIENT, sine, cosine) if name == "tan" else sine if name == "sin" else cosine
             case (str(name), *operands) if name in _CODES:
-                return self.add(_CODES[name], *(places[operand] for operand in operands if isinstance(operand, int)))
+                return self.add(_CODES[name], *(found[operand] for operand in operands if isinstance(operand, int)))
             case _:
                 return None
 
@@ -127,21 +156,44 @@ class _Encoder:
             if digit == "1":
                 result = base if result is None else self.add(PRODUCT, result, base)
         if result is None or exponent < 0:
-            one = self.constant((1.0, 0.0, 0.0))
+            one = self.constant(_ONE)
             return one if result is None else self.add(QUOTIENT, one, result)
         return result
 
 
-def _most_roundings(instructions: Sequence[tuple[int, int, int]]) -> int:
-    """Roundings on any way from a result back to an input: of each step, and of each sum of the steps that meet."""
-    uses = [0] * len(instructions)
-    before = [0] * len(instructions)
-    for place in reversed(range(len(instructions))):
-        code, *operands = instructions[place]
-        if code in (INPUT, CONSTANT):
+def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indices:
+    """``Encoded.rows``: so few that they stay near the processor, where one for each of 30,000 results would not."""
+    rows = np.arange(start + len(instructions))
+    taken = {place for place in outputs if place >= start}
+    for row, place in enumerate(sorted(taken), start):
+        rows[place] = row
+    free, end = list[int](), start + len(taken)
+
+    def take(place: int) -> None:
+        nonlocal end
+        if place >= start and place not in taken:
+            taken.add(place)
+            rows[place] = free.pop() if free else end
+            end += rows[place] == end
+
+    for index in reversed(range(len(instructions))):
+        (code, *operands), place = instructions[index].tolist(), start + index
+        take(place)
+        if code == COSINE:
             continue
-        binary = code in (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
-        for operand in operands if binary else operands[:1]:
+        for operand in operands if code in _BINARY else operands[:1]:
+            take(operand)
+        free += [rows[place], rows[place + 1]] if code == SINE_AND_COSINE else [rows[place]]
+    return rows
+
+
+def _most_roundings(encoder: _Encoder) -> int:
+    """Roundings on any way from a result back to an input: of each step, and of each sum of the steps that meet."""
+    uses: Counter[int] = Counter()
+    before: Counter[int] = Counter()
+    for index in reversed(range(len(encoder.instructions))):
+        (code, *operands), result = encoder.instructions[index], encoder.inputs + index
+        for operand in operands if code in _BINARY else operands[:1]:
             uses[operand] += 1
-            before[operand] = max(before[operand], before[place] + uses[place] + _ROUNDINGS_OF_AN_EDGE)
-    return max((before[place] + uses[place] for place, (code, *_) in enumerate(instructions) if code == INPUT), default=0)
+            before[operand] = max(before[operand], before[result] + uses[result] + _ROUNDINGS_OF_AN_EDGE)
+    return max((before[place] + uses[place] for place in range(encoder.inputs)), default=0)

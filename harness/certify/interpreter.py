@@ -26,6 +26,7 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.certify.encoding import Encoded
 from harness.certify.machine_code import loop
+from harness.certify.numbers import LANES
 
 
 @dataclass(frozen=True)
@@ -52,19 +53,40 @@ class Filtered(Rows):
         return len(self.high)
 
 
+@dataclass(frozen=True)
+class Norms(Rows):
+    """Norms of n states in the metric of M.
+
+    Attributes:
+        norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|. condition: (n,) of M scaled to unit diagonal.
+        radius: (n,) of the errors' bounds. motion, instability: (n,) see ``harness.certify.reference.Reference``.
+    """
+
+    norm_factor: Array
+    condition: Array
+    radius: Array
+    motion: Array
+    instability: Array
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
 def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     """Everything at ``inputs``, (n, number of inputs), whose changes for the sensitivity are ``scales`` of the same shape."""
-    (n, count), m, nv = inputs.shape, len(program.codes), program.force.size
-    high, low, radius, scale = (np.full((n, nv), np.nan) for _ in range(4))
-    factor, terms, sensitivity, doubt = np.zeros((n, nv, nv)), np.empty((n, 3, nv)), np.full(n, np.nan), np.full(n, np.nan)
-    columns, work = np.zeros((count, nv + 1)), np.zeros((6, nv + 3, nv + 3))
+    n, nv = len(inputs), program.force.size
+    blocks = -(-n // LANES)
+    solution, radius, scale, factor, terms, sensitivity, doubt = (
+        np.empty((blocks, *shape, LANES)) for shape in ((nv, 2), (nv,), (nv,), (nv, nv), (3, nv), (), ())
+    )
+    weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((7, nv + 3, nv + 3, LANES))
     loop("evaluate")(
-        n, m, nv, count, len(program.constants), program.gamma,
-        program.codes, program.first, program.second, program.constants, program.mass, program.terms, program.force,
-        np.ascontiguousarray(inputs), np.ascontiguousarray(scales), high, low, radius, scale, factor, terms, sensitivity, doubt,
-        *_room(program), columns, work,
+        *_program(n, program), program.terms, program.gamma, _in_lanes(inputs), solution, radius, scale, factor, terms, work,
+        _in_lanes(scales), sensitivity, doubt, weights,
     )  # fmt: skip
-    return Filtered(high, low, radius, scale, factor, terms, sensitivity, doubt)
+    accelerations = _by_state(solution, n)
+    rest = (_by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
+    return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
 
 
 def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
@@ -73,17 +95,50 @@ def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Ar
     With ``scale``, (n, nv), the vector of what the derivatives by one input, each over its scale, are wrong by is at most
     ``Encoded.gamma`` times as long as that is large.
     """
-    (n, count), m, nv = inputs.shape, len(program.codes), program.force.size
-    found, scale = np.zeros((n, count, nv + 1)), np.ones((n, nv)) if scale is None else np.ascontiguousarray(scale)
-    loop("derive")(
-        n, m, nv, count, len(program.constants),
-        program.codes, program.first, program.second, program.constants, program.mass, program.force,
-        np.ascontiguousarray(inputs), np.ascontiguousarray(accelerations), scale, found, *_room(program),
-    )  # fmt: skip
+    n, nv = len(inputs), program.force.size
+    found, scale = np.zeros((n, program.inputs, nv + 1)), np.ones((n, nv)) if scale is None else scale
+    loop("derive")(*_program(n, program), _in_lanes(inputs), _in_lanes(accelerations), _in_lanes(scale), found)
     return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
 
 
-def _room(program: Encoded) -> tuple[Array, Array, Array]:
-    """For the results of one state, their adjoints in whole vectors of the processor, and the sizes of these."""
-    m, nv = len(program.codes), program.force.size
-    return np.zeros((m, 3)), np.zeros((m, (nv + 3) // 4 * 4)), np.zeros(m)
+def measure(
+    scale: Array, factor: Array, accelerations: Array, radii: Array, velocities: Array, terms: Array, rotating: Array, roundings: float
+) -> Norms:
+    """Norms for M = diag(scale) L L' diag(scale), (n, nv) and (n, nv, nv), and vectors (n, nv); ``terms`` (n, 4, nv) are separate forces.
+
+    ``rotating``, (nv,), is 1 for the coordinates that take part in ``Norms.motion``; ``roundings`` is a factor of the instability.
+    """
+    n, nv = scale.shape
+    norm_factor = np.empty((n, nv, nv))
+    condition, radius, motion, instability = (np.empty(n) for _ in range(4))
+    columns = np.zeros((nv + 1, _whole(nv)))
+    given = (np.ascontiguousarray(values) for values in (scale, factor, accelerations, radii, velocities, terms, rotating))
+    loop("measure")(
+        n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
+    )  # fmt: skip
+    return Norms(norm_factor, condition, radius, motion, instability)
+
+
+def _program(n: int, program: Encoded) -> tuple[object, ...]:
+    """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at four states."""
+    nv, rows = program.force.size, int(program.rows.max()) + 1
+    room = np.zeros((program.places, 3, LANES)), np.zeros((rows, _whole(nv))), np.zeros(rows)
+    sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
+    return *sizes, program.instructions, program.constants, program.mass, program.force, program.rows, *room
+
+
+def _in_lanes(rows: Array) -> Array:
+    """Rows of states, (n, k), as four states side by side, (blocks, k, lanes); the last state fills up the last block."""
+    if len(rows) % LANES:
+        rows = np.concatenate([rows, np.repeat(rows[-1:], LANES - len(rows) % LANES, axis=0)])
+    return np.ascontiguousarray(rows.reshape(-1, LANES, rows.shape[1]).transpose(0, 2, 1))
+
+
+def _by_state(found: Array, n: int) -> Array:
+    """What the loop gives with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
+    return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
+
+
+def _whole(count: int) -> int:
+    """Numbers of as many whole vectors of the processor as hold ``count``."""
+    return -(-count // LANES) * LANES

@@ -9,6 +9,8 @@ from typing import Any
 # high + low is what is known, bound what it may be wrong by.
 Number = tuple[float, float, float]
 UNIT_ROUNDOFF = 2.0**-53
+# Numbers on which one instruction of the processor works at once.
+LANES = 4
 
 
 def exactly(value: Fraction) -> Number:

@@ -36,7 +36,7 @@ from harness.certify.factorisation import (
 )
 from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
-from harness.certify.interpreter import derivatives, evaluate
+from harness.certify.interpreter import Norms, derivatives, evaluate, measure
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.mechanism import Mechanism
@@ -55,6 +55,8 @@ MOST_DOUBT = 2.0**-10
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80
+# Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
+_ENOUGH = 2.0**-68
 CERTIFIED_RADIUS = 2.0**-60
 _STATES_AT_ONCE = 2048
 # Of every entry of M that an unstable factorisation may lose.
@@ -89,6 +91,11 @@ class Reference(Rows):
 
     def __len__(self) -> int:
         return len(self.high)
+
+    @property
+    def in_balls(self) -> Flags:
+        """(n,) whether the state took ball arithmetic."""
+        return np.asarray(self.bits > DOUBLE_DOUBLE)
 
     @functools.cached_property
     def size(self) -> Array:
@@ -200,13 +207,20 @@ class ChartKernel:
         if self.encoded is None:
             return None
         found = evaluate(self.encoded, inputs, scales)
-        factor = np.ascontiguousarray(found.factor.transpose(1, 2, 0))
-        scale, condition = np.ascontiguousarray(found.scale.T), condition_number(factor)
-        norms = self._norms(states, found.high, found.terms, scale, factor, condition)
-        radius = energy_norm(np.abs(norms[0]), found.radius)
-        is_known = self._is_believed(found.sensitivity, found.doubt, condition) & (condition < MOST_IN_FLOAT64)
-        bits = np.where(is_known & (radius <= SOUGHT_RADIUS * found.sensitivity), DOUBLE_DOUBLE, 0)
-        return Reference(found.high, found.low, radius, norms[0], found.sensitivity, *norms[1:], bits > 0, bits)
+        norms = self._norms(states, found.high, found.radius, found.terms, found.scale, found.factor)
+        is_known = self._is_believed(found.sensitivity, found.doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
+        bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
+        return Reference(
+            high=found.high,
+            low=found.low,
+            radius=norms.radius,
+            norm_factor=norms.norm_factor,
+            sensitivity=found.sensitivity,
+            motion=norms.motion,
+            instability=norms.instability,
+            certified=bits > 0,
+            bits=bits,
+        )
 
     def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array) -> Reference:
         """The reference by ball arithmetic, at rising precision."""
@@ -220,14 +234,14 @@ class ChartKernel:
             now = states[pending]
             high[pending], low[pending], radii[pending], scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
             bits[pending] = precision
-            norms = self._norms(now, high[pending], terms, scale, factor, condition_number(factor))
-            norm_factor[pending], motion[pending], instability[pending] = norms
+            norms = self._norms(now, high[pending], radii[pending], terms, scale.T, factor.transpose(2, 0, 1))
+            norm_factor[pending], motion[pending], instability[pending] = norms.norm_factor, norms.motion, norms.instability
             found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
             sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
             for index in pending[~is_known & ~in_balls[pending] & np.isfinite(inputs[pending]).all(axis=1)].tolist():
                 _, sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
                 in_balls[index] = True
-            radius[pending] = energy_norm(np.abs(norms[0]), radii[pending])
+            radius[pending] = norms.radius
             pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
             if not len(pending):
                 break
@@ -250,19 +264,11 @@ class ChartKernel:
         lost = np.sqrt(condition) * UNIT_ROUNDOFF * self.mechanism.nv
         return np.asarray((doubt <= MOST_DOUBT * sensitivity) & (lost <= MOST_DOUBT) & np.isfinite(sensitivity))
 
-    def _norms(
-        self, states: States, accelerations: Array, terms: Array, scale: Array, factor: Array, condition: Array
-    ) -> tuple[Array, Array, Array]:
-        """``norm_factor``, ``motion`` and ``instability`` at the given accelerations, terms, and factors of M with their condition."""
-        nv = self.mechanism.nv
-        norm_factor = factor.transpose(2, 1, 0) * scale.T[:, None, :]
-        torques = np.broadcast_to(np.diag(np.array(self.mechanism.rotating, dtype=np.float64))[:, :, None], (nv, nv, len(states)))
-        of_torques = norm_over_first_axis(forward_substitute(factor, torques / scale[:, None])).sum(axis=0)
-        motion = energy_norm(norm_factor, states.v) ** 2 * of_torques
-        separate = np.concatenate([states.tau[:, None], terms], axis=1).T
-        of_terms = norm_over_first_axis(forward_substitute(factor, separate / scale[:, None])).sum(axis=0)
-        instability = ROUNDINGS * nv * condition * (energy_norm(norm_factor, accelerations) + of_terms)
-        return norm_factor, motion, instability
+    def _norms(self, states: States, accelerations: Array, radii: Array, terms: Array, scale: Array, factor: Array) -> Norms:
+        """Norms at the given accelerations, their radii, terms, and factors of M."""
+        separate = np.concatenate([states.tau[:, None], terms], axis=1)
+        rotating = np.array(self.mechanism.rotating, dtype=np.float64)
+        return measure(scale, factor, accelerations, radii, states.v, separate, rotating, float(ROUNDINGS))
 
 
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:

@@ -105,6 +105,12 @@ def _joined(mechanism: Mechanism, blocks: Iterator[States]) -> States:
     return States.concatenate([_states(mechanism, np.empty((0, _dimensions(mechanism))), Kind.GENERIC), *blocks])
 
 
+def random_sample(mechanism: Mechanism, count: int, seed: int) -> States:
+    """Independent generic states, less evenly spread than those of ``generic_sample``, without what takes a second to import."""
+    points = np.random.default_rng(seed).random((count, _dimensions(mechanism)))
+    return _states(mechanism, points, Kind.GENERIC)
+
+
 def _points(mechanism: Mechanism, count: int, size: int, seed: int, kind: Kind) -> Iterator[Array]:
     """Points of the unit cube, at least ``count`` in all, ``size`` at a time or all that there are."""
     dimensions, exponent = _dimensions(mechanism), max(0, math.ceil(math.log2(max(count, 1))))

@@ -28,8 +28,8 @@ class Evidence:
 
     Attributes:
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
-        granted: to how many answers the share of the motion was. sampled: the backward errors among them, and verdicts, that are of
-            sampled states.
+        granted: to how many answers the share of the motion was. in_balls: how many truths took ball arithmetic.
+        sampled: the backward errors among them, and verdicts, that are of sampled states.
         shown: the answer that decides, and the one with the largest backward error, with their states.
         stored: how many of the first batch are stored with the system. found: what hypothesis found.
         seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
@@ -41,6 +41,7 @@ class Evidence:
 
     counts: Counter[str] = field(default_factory=Counter)
     granted: int = 0
+    in_balls: int = 0
     distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
     shown: tuple[States, Comparison] | None = None
@@ -71,6 +72,7 @@ class Evidence:
         backward = comparison.known("backward_error")
         self.counts.update(comparison.verdicts.tolist())
         self.granted += int(comparison.granted.sum())
+        self.in_balls += int(comparison.in_balls.sum())
         self.distribution.update(map(half_decade, backward.tolist()))
         self.backward.append(backward)
         self.sampled.append(comparison[sampled].known("backward_error"))
@@ -116,6 +118,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         distribution=dict(evidence.distribution),
         verdict_counts=dict(counts),
         granted=evidence.granted,
+        in_balls=evidence.in_balls,
         expected_backward_error=expectation.limit,
         expected_median_backward_error=expectation.median_limit if len(sample) >= FEWEST_SAMPLED else math.inf,
         expected_share=expectation.share_limit if len(sample) >= FEWEST_SAMPLED else 1.0,

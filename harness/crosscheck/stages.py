@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
+from harness.certify.machine_code import loop
 from harness.certify.reference import Reference
 from harness.crosscheck.repeatability import precision_of, require_repeatable
 from harness.crosscheck.tasks import Assignment, Note, factorises, frame_of, is_reference_known, load_audited, reference_kernel
 from harness.engines import Model, Unsupported, accelerations
-from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
@@ -76,10 +76,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 
     Seconds of compilation are 0 where this process had compiled already.
     """
-    import flint  # noqa: F401  (so that loading the libraries is not charged to compilation)
-
-    load_heyoka()
-
+    # So that making or loading the loops, which all systems share, is not charged to this one.
+    loop("evaluate")
     references, seconds, compilation_seconds = {}, 0.0, 0.0
     for in_body in sorted(frames):
         known = is_reference_known(mechanism, in_body)

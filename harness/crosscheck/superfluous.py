@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from harness.arrays import Array
-from harness.certify.sampling import generic_sample
+from harness.certify.sampling import random_sample
 from harness.engines import Engine, Subject, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
@@ -104,7 +104,7 @@ class _Examination:
     def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism) -> None:
         self._engine, self._mechanism = engine, mechanism
         self._format, self._text = model.format, model.text
-        self._states = generic_sample(mechanism, STATES, SEED)
+        self._states = random_sample(mechanism, STATES, SEED)
         self._left = MOST_EVALUATIONS
         self._healthy: Array | None = None
         # A changed number may contradict the system, for that is how it shows; a part that goes must not.

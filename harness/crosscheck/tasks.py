@@ -14,7 +14,7 @@ from pathlib import Path
 from harness.certify.compare import Comparison, compare
 from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
+from harness.certify.sampling import random_sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
 from harness.engines import (
     EQUATIONS,
@@ -121,7 +121,7 @@ def find_superfluous(assignment: Assignment, note: Note) -> list[SuperfluousPart
     """Parts of the subject's model that its scene does not need; none where its answers are wrong as it is."""
 
     def is_sound() -> bool:
-        verdicts = judge_of(assignment)(generic_sample(assignment.mechanism, STATES, SEED)).verdicts
+        verdicts = judge_of(assignment)(random_sample(assignment.mechanism, STATES, SEED)).verdicts
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
     return superfluous(assignment, is_sound)

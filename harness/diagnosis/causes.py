@@ -20,7 +20,7 @@ from harness.diagnosis.meaning import errors_of_files
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.pattern import infer_from_records, subject_named
 from harness.diagnosis.result import Conclusion, Diagnosis, digits_of
-from harness.diagnosis.terms import TermComparison, compare_terms
+from harness.diagnosis.terms import TermComparison, TermTruth, compare_terms
 from harness.diagnosis.textbook_side import diagnose_textbook, textbook_evaluations
 from harness.engines import EQUATIONS, HeldModel, Subject, accelerations, engine_files, is_native, load_engine, load_model, subjects
 from harness.equations.states import States
@@ -264,7 +264,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
     positions = generic_sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
-    terms = compare_terms(mechanism, loaded, kernel, positions, str(assignment.subject), factorises(assignment))
+    terms = compare_terms(TermTruth(kernel, positions), loaded, str(assignment.subject), factorises(assignment))
     note("diagnosing the model")
     of_model = None
     if watched is not None:

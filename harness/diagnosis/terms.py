@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import compare
-from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
+from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, quotient
 from harness.engines import Model, Terms, accelerations
 from harness.equations.mechanism import Mechanism
@@ -135,32 +136,53 @@ class TermComparison:
         return {**asdict(self), "sentences": list(self.sentences)}
 
 
-def compare_terms(
-    mechanism: Mechanism, model: Model, kernel: ReferenceKernel, states: States, subject: str, factorises: bool = False
-) -> TermComparison:
-    """Judge every term that ``model`` states, at the positions of ``states`` at rest, at their velocities, and under their forces.
+class TermTruth:
+    """The truth of ``compare_terms`` at ``states``, certified once for all subjects of a system whose frames are those of ``kernel``.
 
-    ``kernel`` has the model's frames; see ``harness.engines.linear_velocity_in_body``. ``factorises`` as of
+    The positions are asked for at rest, at the velocities of ``states``, and under their forces.
+    """
+
+    def __init__(self, kernel: ReferenceKernel, states: States) -> None:
+        still = np.zeros_like(states.v)
+        self.mechanism, self._kernel = kernel.mechanism, kernel
+        self.batches = {
+            AT_REST: States(states.q, still, still, states.time),
+            MOVING: States(states.q, states.v, still, states.time),
+            LOADED: states,
+        }
+        self.states = States.concatenate(list(self.batches.values()))
+        self.kinds = np.repeat(list(self.batches), len(states))
+
+    @cached_property
+    def accelerations(self) -> dict[str, Reference]:
+        """Of each batch."""
+        return {name: self._kernel.evaluate(batch) for name, batch in self.batches.items()}
+
+    @cached_property
+    def terms(self) -> TermReference:
+        """At all states, the batches in order."""
+        return certify_terms(self._kernel, self.states)
+
+
+def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool = False) -> TermComparison:
+    """Judge every term that ``model`` states.
+
+    The kernel of ``truth`` has the model's frames; see ``harness.engines.linear_velocity_in_body``. ``factorises`` as of
     ``harness.certify.compare.compare``.
     """
-    still = np.zeros_like(states.v)
-    batches = {AT_REST: States(states.q, still, still, states.time), MOVING: States(states.q, states.v, still, states.time), LOADED: states}
     verdicts = {
-        name: gravest(compare(kernel.evaluate(batch), accelerations(model, batch), factorises).verdicts.tolist())
-        for name, batch in batches.items()
+        name: gravest(compare(truth.accelerations[name], accelerations(model, batch), factorises).verdicts.tolist())
+        for name, batch in truth.batches.items()
     }
     wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
     unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]
     since = next(iter(wrong or unstable), "")
-    everything = States.concatenate(list(batches.values()))
     stated = getattr(model, "terms", None)
     findings: tuple[TermFinding, ...] = ()
     if stated is not None:
-        terms = stated(everything.q, everything.v, everything.tau)
-        reference = certify_terms(kernel, everything)
-        kinds = np.repeat(list(batches), len(states))
-        findings = tuple(_finding(name, reference, terms, mechanism, everything, kinds) for name in TERMS)
-    return TermComparison(mechanism.name, subject, findings, since, bool(unstable and not wrong))
+        terms = stated(truth.states.q, truth.states.v, truth.states.tau)
+        findings = tuple(_finding(name, truth.terms, terms, truth.mechanism, truth.states, truth.kinds) for name in TERMS)
+    return TermComparison(truth.mechanism.name, subject, findings, since, bool(unstable and not wrong))
 
 
 def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array, np.ndarray[Any, np.dtype[np.bool_]]]:

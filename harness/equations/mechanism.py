@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, without_unused
+from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, used_instructions
 from harness.equations.states import States
 
 if TYPE_CHECKING:
@@ -102,12 +103,16 @@ class Mechanism:
         """
         return self.charts_in_body if linear_velocity_in_body and self.charts_in_body else (self.program, *self.other_charts)
 
-    @property
+    @functools.cached_property
     def feels_time(self) -> bool:
         """True if the equations depend on time explicitly."""
         time = ("input", self.nq + 2 * self.nv)
-        # Every input is an instruction; one on which no output rests is left out.
-        return any(time in without_unused(program).instructions for program in self.charts(linear_velocity_in_body=False))
+        # Every input is an instruction, whether an output rests on it or not.
+        return any(
+            program.instructions[place] == time
+            for program in self.charts(linear_velocity_in_body=False)
+            for place in used_instructions(program)
+        )
 
     @property
     def parameter_values(self) -> tuple[float, ...]:

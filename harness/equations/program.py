@@ -139,12 +139,18 @@ def with_operands(instruction: Instruction, places: Sequence[int] | Mapping[int,
     return (operation, *(places[operand] for operand in operands[:count]), *operands[count:])
 
 
-def without_unused(program: StraightLineProgram) -> StraightLineProgram:
-    """The program without the instructions on which no output rests."""
+def used_instructions(program: StraightLineProgram) -> set[int]:
+    """The places of the instructions on which an output rests."""
     used = {index for indices in program.outputs.values() for index in indices}
     for place in reversed(range(len(program.instructions))):
         if place in used:
             used.update(earlier_results(program.instructions[place]))
+    return used
+
+
+def without_unused(program: StraightLineProgram) -> StraightLineProgram:
+    """The program without the instructions on which no output rests."""
+    used = used_instructions(program)
     places = {old: new for new, old in enumerate(sorted(used))}
     instructions = tuple(with_operands(program.instructions[old], places) for old in places)
     outputs = {name: tuple(places[index] for index in indices) for name, indices in program.outputs.items()}

@@ -179,6 +179,7 @@ def _about(value: float, system: str, reference: Reference) -> HardPoint:
         certified=int(reference.certified.sum()),
         states=len(reference),
         bits=int(reference.bits.max(initial=0)),
+        in_balls=int(reference.in_balls.sum()),
         reason="; ".join(dict.fromkeys(why_undecided(reference))),
     )
 

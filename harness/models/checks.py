@@ -9,7 +9,7 @@ Slotine, IEEE RA-L 3(1), 2018.
 from __future__ import annotations
 
 import difflib
-import itertools
+import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -40,29 +40,35 @@ def check_elements(document: Document, model_format: str) -> None:
     refused = refusals.ELEMENTS[model_format]
     for element in root.iter("*"):
         tag = literal_tag(element)
-        if etree.QName(element).namespace and not element.prefix:
+        if element.tag[0] == "{" and not element.prefix:
             document.refuse(element, f"<{shorten(tag)}> is in a default namespace, which readers take differently; remove xmlns")
         if tag in refused:
             document.refuse(element, f"<{tag}> {refused[tag]}")
     declared = _declared_decoration(document, model_format)
     for element, path in _understood(document, model_format, declared):
         _check_attributes(document, element, model_format, path, declared)
-    for element, tag in _of_places(document, formats.AT_MOST_ONE[model_format]):
-        for repeated in element.findall(tag)[1:]:
-            document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
-    for element, tag in _of_places(document, formats.REQUIRED[model_format]):
-        if element.find(tag) is None:
-            document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
-    for element, (name, rule) in _of_places(document, {place: rules.items() for place, rules in formats.ALSO[model_format].items()}):
-        check_attribute(document, element, name, rule)
+    for element, tags in _of_places(document, formats.AT_MOST_ONE[model_format]):
+        found = [child.tag for child in element]
+        for tag in tags if len(set(found)) < len(found) else ():
+            for repeated in element.findall(tag)[1:]:
+                document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
+    for element, tags in _of_places(document, formats.REQUIRED[model_format]):
+        found = [child.tag for child in element]
+        for tag in tags:
+            if tag not in found:
+                document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
+    for element, rules in _of_places(document, formats.ALSO[model_format]):
+        for name, rule in rules.items():
+            check_attribute(document, element, name, rule)
     if "geom" in declared:
         _check_that_nothing_touches(document)
 
 
-def _of_places(document: Document, table: Mapping[str, Iterable[Item]]) -> Iterator[tuple[etree._Element, Item]]:
-    """Every element at a place of ``table`` with each of the items that it has for that place."""
-    for place, items in table.items():
-        yield from itertools.product(document.root.iterfind(place), items)
+def _of_places(document: Document, table: Mapping[str, Item]) -> Iterator[tuple[etree._Element, Item]]:
+    """Every element at a place of ``table`` with what the table has for that place."""
+    for place, item in table.items():
+        for element in document.root.iterfind(place):
+            yield element, item
 
 
 def _declared_decoration(document: Document, model_format: str) -> set[str]:
@@ -174,8 +180,13 @@ def check_attribute(document: Document, element: etree._Element, name: str, rule
 
 def numbers(document: Document, element: etree._Element, name: str, rule: Numbers) -> tuple[float, ...]:
     """The numbers of an attribute that must be there, or of the text for ""; raises InvalidModel where they are not."""
-    check_attribute(document, element, name, replace(rule, required=True))
+    check_attribute(document, element, name, _required(rule))
     return rule.read(element.get(name) if name else element.text or "")
+
+
+@functools.cache
+def _required(rule: Numbers) -> Numbers:
+    return replace(rule, required=True)
 
 
 def check_inertia(document: Document, element: etree._Element, ixx: float, iyy: float, izz: float, *products: float) -> None:

@@ -199,6 +199,8 @@ def _scan(path: Path, text: str) -> tuple[list[int], list[tuple[int, str]], Inva
 
 def literal_tag(element: etree._Element) -> str:
     """The tag as written, prefix included: readers without namespaces, such as Drake's, go by that."""
+    if element.tag[0] != "{":
+        return str(element.tag)
     local = etree.QName(element).localname
     return f"{element.prefix}:{local}" if element.prefix else str(local)
 

@@ -30,6 +30,7 @@ def rows_of(hard: HardSummary) -> Table:
             Column("slope of digits", "rounded"): "digits_growth",
             "theory": _theory,
             "points": _counts,
+            "truth in balls": lambda row: f"{100 * row.share_in_balls:.0f} %",
             Column("time", "seconds"): "seconds",
         },
         "Each subject along each family",

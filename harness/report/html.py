@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Sequence
 from datetime import datetime
@@ -78,8 +79,12 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
     )
 
 
+@functools.cache
 def environment() -> Environment:
-    """The templates of this folder, with what every page needs; ``base.html`` wants what comes from ``figures.embed``."""
+    """The templates of this folder, with what every page needs; ``base.html`` wants what comes from ``figures.embed``.
+
+    It is one for the process, in which each template is compiled once.
+    """
     package = files(__package__)
     made = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,

@@ -23,7 +23,7 @@ class HardPoint:
         condition: largest kappa_s, the condition number of M scaled to unit diagonal.
         unstable_bound: backward error up to which the verdict of the worst state is "unstable" [data roundoffs].
         certified: how many of the states are; states: of how many.
-        bits: largest precision that was needed.
+        bits: largest precision that was needed; in_balls: at how many states double-double was not enough.
         reason: the engine's words where it refuses or fails, and why a state is undecided.
         state: the worst one, {"q", "v", "tau"}.
     """
@@ -38,6 +38,7 @@ class HardPoint:
     certified: int = 0
     states: int = 0
     bits: int = 0
+    in_balls: int = 0
     reason: str = ""
     state: dict[str, list[float]] = field(default_factory=dict)
 
@@ -104,6 +105,11 @@ class HardRow:
     def verdicts(self) -> dict[str, int]:
         """Number of points by verdict."""
         return dict(Counter(point.verdict for point in self.points))
+
+    @property
+    def share_in_balls(self) -> float:
+        """Of the states of all points, how many needed ball arithmetic."""
+        return sum(point.in_balls for point in self.points) / max(1, sum(point.states for point in self.points))
 
     @property
     def worst(self) -> float | None:

@@ -66,6 +66,7 @@ class Record:
         componentwise_error: componentwise backward error at the worst state, see ``harness.certify.componentwise``; None where
             it is certainly not beyond ``AGREEMENT`` and was not asked for, and where it is not known.
         granted: number of states that agree only with the share of the motion, see ``harness.certify.reference``.
+        in_balls: number of states whose truth double-double could not decide, and ball arithmetic did.
         origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
             of this run and of earlier ones, which come on top; empty for a given state.
 
@@ -93,6 +94,7 @@ class Record:
     representative: Representative | None = None
     origins: dict[str, int] = field(default_factory=dict)
     granted: int = 0
+    in_balls: int = 0
     fastest_seconds_per_state: float | None = None
     componentwise_error: float | None = None
     percentile_99_backward_error: float | None = None

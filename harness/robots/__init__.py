@@ -7,6 +7,8 @@ Asks no engine. May use ``models``, ``equations`` and what is below them.
 
 Start with ``robot``: ``read_robot`` gives a ``Robot``, whose ``tree`` is the plain data, with what is left out and what no body can
 have. ``urdf`` and ``mjcf`` read the tree from the elements of a ``source``; ``recursion`` writes its program in the vectors of
-``spatial``; ``mechanism`` makes a mechanism of it, for all that works on mechanisms, and ``accelerations`` evaluates it in balls.
-``harness.certify.robot_reference`` has its certified accelerations at states: ``RobotReference(robot).evaluate(states)``.
+``spatial`` and the joints of ``nodes``; ``mechanism`` makes a mechanism of it, for all that works on mechanisms, and
+``accelerations`` evaluates it in balls.
+
+Certified accelerations at states are those of ``harness.certify.robot_reference``.
 """

@@ -11,7 +11,8 @@ import math
 from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
-from harness.robots.recursion import SIZES, recursion_program
+from harness.robots.nodes import SIZES
+from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
 from harness.robots.tree import Joint

@@ -19,7 +19,7 @@ from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out
 from harness.robots.findings import Impossible, LeftOut
 from harness.robots.inertias import impossible_inertias, total_mass
 from harness.robots.mjcf_expansion import expand
-from harness.robots.recursion import SIZES
+from harness.robots.nodes import SIZES
 from harness.robots.source import Source
 from harness.robots.tree import Joint, Tree
 

@@ -30,8 +30,8 @@ def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str
         gravity = exhibit.mechanism.gravity
         view = choose_view(exhibit.placements)
         pictures = [Markup(draw(resting, [moved], view, gravity)), Markup(draw(moved, [resting], view, gravity, ghost=resting))]
-    made = environment()
-    made.filters["whereabouts"] = whereabouts
+    made = environment().overlay()
+    made.filters = {**made.filters, "whereabouts": whereabouts}
     return made.from_string(files(__package__).joinpath("show.html").read_text("utf-8")).render(
         mechanism=exhibit.mechanism,
         library=library,

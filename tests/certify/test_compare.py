@@ -128,7 +128,7 @@ def test_relative_error_is_for_the_reader() -> None:
 def test_a_relative_error_says_nothing_beside_an_answer_of_about_zero() -> None:
     """Neither where the data leave open whether the answer is zero, nor where the answer is lost in one rounding of the error."""
     backward, relative = np.array([3.0, 0.5, 1e219, math.nan, 0.0]), np.array([1e-15, 0.75, 5e203, math.nan, 0.0])
-    comparison = Comparison(backward, relative, np.zeros(5, dtype=bool), np.full(5, "agrees"))
+    comparison = Comparison(backward, relative, np.zeros(5, dtype=bool), np.full(5, "agrees"), np.zeros(5, dtype=bool))
     assert [comparison.relative_error_at(index) for index in range(5)] == [1e-15, None, None, None, 0.0]
 
 
@@ -139,7 +139,9 @@ def test_answers_of_another_shape_are_refused() -> None:
 
 def comparison_of(rows: list[tuple[str, float]]) -> Comparison:
     errors = np.array([error for _, error in rows])
-    return Comparison(errors, errors, np.zeros(len(rows), dtype=bool), np.array([verdict for verdict, _ in rows]))
+    return Comparison(
+        errors, errors, np.zeros(len(rows), dtype=bool), np.array([verdict for verdict, _ in rows]), np.zeros(len(rows), dtype=bool)
+    )
 
 
 def test_worst_is_the_gravest_then_the_largest() -> None:

@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
 
 import flint
-import numba
 import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.certify import double_double
+from harness.certify import double_double, machine_code
+from harness.certify.language import Writer
 
 BITS = 500
 COUNT = 3_000
 # How far of its bound an operand is off. At the ends the bound of a result is all but attained.
 SHARES = (-1.0, 0.0, 1.0)
-_add, _multiply, _divide, _root, _sines = (
-    double_double.add, double_double.multiply, double_double.divide, double_double.root, double_double.sine_and_cosine,
-)  # fmt: skip
 
 
-@numba.njit(error_model="numpy")
-def everything(a: Array, b: Array, found: Array) -> None:
-    """The six results of each pair of operands, into ``found`` (6, n, 3)."""
-    for i in range(len(a)):
-        x, y = (a[i, 0], a[i, 1], a[i, 2]), (b[i, 0], b[i, 1], b[i, 2])
-        found[0, i, 0], found[0, i, 1], found[0, i, 2] = _add(x, y)
-        found[1, i, 0], found[1, i, 1], found[1, i, 2] = _multiply(x, y)
-        found[2, i, 0], found[2, i, 1], found[2, i, 2] = _divide(x, y)
-        found[3, i, 0], found[3, i, 1], found[3, i, 2] = _root(x)
-        sine, cosine = _sines(x)
-        found[4, i, 0], found[4, i, 1], found[4, i, 2] = sine
-        found[5, i, 0], found[5, i, 1], found[5, i, 2] = cosine
+def write_everything(code: Writer) -> None:
+    """The six results of each pair of operands, (6, n, 3)."""
+    n = code.argument("n")
+    a, b, found = (code.array(name, 3) for name in ("a", "b", "found"))
+    for i in code.range(n):
+        x, y = double_double.number_at(a, i), double_double.number_at(b, i)
+        results = [double_double.add(x, y), double_double.multiply(x, y), double_double.divide(x, y), double_double.root(x)]
+        for number, result in enumerate([*results, *double_double.sine_and_cosine(code, x)]):
+            double_double.store(found, n * number + i, result)
+
+
+@functools.cache
+def compiled() -> Callable[..., None]:
+    return machine_code.compiled(write_everything, {"n": "integer", "a": "numbers", "b": "numbers", "found": "numbers"})
 
 
 EXACT: dict[str, Callable[[Any, Any], Any]] = {
@@ -90,8 +90,7 @@ def violations(a: Array, b: Array, found: Array, share: float = 1.0) -> dict[str
 
 def results_of(a: Array, b: Array) -> Array:
     found = np.empty((len(EXACT), len(a), 3))
-    with np.errstate(all="ignore"):
-        everything(a, b, found)
+    compiled()(len(a), a, b, found)
     return found
 
 

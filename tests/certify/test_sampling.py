@@ -206,8 +206,15 @@ def test_both_ends_of_a_range_are_drawn(cart: Mechanism, end: int) -> None:
 
 
 def test_no_huge_value_is_drawn_for_a_bounded_coordinate(cart: Mechanism) -> None:
+    def is_huge(state: States) -> bool:
+        return bool(abs(state.q[0, 0]) > 0.1 or np.abs(state.v).max() > 10)
+
+    few = settings(SEARCH, max_examples=500)
     with pytest.raises(NoSuchExample):
-        find(strategy(cart), lambda s: abs(s.q[0, 0]) > 0.1 or np.abs(s.v).max() > 10, settings=SEARCH)
+        find(strategy(cart), is_huge, settings=few)
+    # As many draws find what no bound forbids.
+    for unbounded in ({"position_ranges": (None, None)}, {"rate_ranges": ((-11.0, 11.0),) * 2}):
+        find(strategy(dataclasses.replace(cart, **unbounded)), is_huge, settings=few)
 
 
 def test_draws_shrink_to_zero(arm: Mechanism, cart: Mechanism) -> None:

@@ -22,7 +22,7 @@ from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
 from harness.crosscheck.tasks import reference_kernel
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names, term_errors
+from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names, term_errors
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.mechanism import Mechanism
@@ -68,7 +68,7 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
 
 def judged(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text, seed: int = 0) -> TermComparison:
     states = generic_sample(mechanism, POSITIONS, seed)
-    return compare_terms(mechanism, load(subject, mechanism, change), kernel_of(mechanism, subject), states, str(subject))
+    return compare_terms(TermTruth(kernel_of(mechanism, subject), states), load(subject, mechanism, change), str(subject))
 
 
 # The derivatives.
@@ -264,7 +264,7 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
             continue
         kernel = kernel_of(mechanism, subject)
         for seed in range(10):
-            found = compare_terms(mechanism, model, kernel, generic_sample(mechanism, 64, seed), str(subject))
+            found = compare_terms(TermTruth(kernel, generic_sample(mechanism, 64, seed)), model, str(subject))
             assert not found.wrong, (seed, found.sentences)
 
 
@@ -279,8 +279,9 @@ def test_special_positions_do_not_make_a_sound_term_wrong(name: str) -> None:
     for place, bounds in enumerate(mechanism.position_ranges):
         q[:, place] = q[:, place] if bounds is None else np.clip(q[:, place], *bounds)
     states = States.at(q, draw.choice(rates, size=q.shape), draw.choice(rates, size=q.shape))
+    truths = {kernel: TermTruth(kernel, states) for kernel in {kernel_of(mechanism, subject) for subject in SUBJECTS}}
     for subject in SUBJECTS:
-        found = compare_terms(mechanism, load(subject, mechanism), kernel_of(mechanism, subject), states, str(subject))
+        found = compare_terms(truths[kernel_of(mechanism, subject)], load(subject, mechanism), str(subject))
         assert not found.wrong, found.sentences
 
 
@@ -389,7 +390,7 @@ class Changed:
 def compared(terms: Callable[[Terms], Terms], accelerations: Callable[[Array], Array] = lambda a: a) -> TermComparison:
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
     model = Changed(load(Subject("pinocchio", "urdf"), mechanism), terms, accelerations)
-    return compare_terms(mechanism, model, ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), "changed")
+    return compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0)), model, "changed")
 
 
 def test_forces_on_the_wrong_joint_show_once_there_are_any() -> None:
@@ -430,14 +431,8 @@ def test_a_term_that_is_no_number_is_an_error() -> None:
 
 def test_digits_that_solving_loses_show_no_wrong_term() -> None:
     mechanism = load_mechanism(BUILT_IN, "chain_12")
-    found = compare_terms(
-        mechanism,
-        load(Subject("mujoco", "mjcf"), mechanism),
-        ReferenceKernel(mechanism),
-        straight(mechanism),
-        "mujoco/mjcf",
-        factorises=True,
-    )
+    truth = TermTruth(ReferenceKernel(mechanism), straight(mechanism))
+    found = compare_terms(truth, load(Subject("mujoco", "mjcf"), mechanism), "mujoco/mjcf", factorises=True)
     assert (found.wrong, found.loses_digits, found.accelerations_since) == ((), True, AT_REST)
     assert found.sentences == ("no term is wrong; solving for the accelerations loses digits, at rest already",)
 
@@ -457,13 +452,13 @@ def test_an_engine_without_terms_is_judged_by_its_accelerations_alone() -> None:
     class Silent:
         loaded, forward_dynamics = model.loaded, model.forward_dynamics
 
-    found = compare_terms(mechanism, Silent(), ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), "silent")
+    found = compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0)), Silent(), "silent")
     assert (found.findings, found.accelerations_since, found.sentences) == ((), "", ("the engine states no terms",))
 
 
 def compared_by_mujoco(mechanism: Mechanism, file: ModelFile) -> TermComparison:
     model = load_engine(BUILT_IN, "mujoco").load(file, mechanism.joints, mechanism.gravity)
-    return compare_terms(mechanism, model, ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 1), "mujoco/mjcf")
+    return compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 1)), model, "mujoco/mjcf")
 
 
 def test_it_is_said_in_plain_data_and_a_sentence() -> None:

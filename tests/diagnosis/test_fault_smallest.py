@@ -1,7 +1,7 @@
 """A relative change of 1e-11 of any number in any model that enters the equations turns the check red, where data roundoff is less.
 
 Every model of the library is walked, and the smallest change that is caught stands beside what the data
-roundoff promises. At the desk a seeded few numbers of each model are walked, in CI and by night all of them.
+roundoff promises. By day a seeded few numbers of each model are walked, by night all of them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 # Systems with a link so light that data roundoff hides a change of 1e-11 of its moments.
 LIGHT = {"stanford_arm"}
 # How many numbers of each model are walked by day.
-FEW = 8 if IN_CI else 4
+FEW = 4
 EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=pytest.mark.nightly)]
 
 

@@ -384,15 +384,16 @@ def test_deriving_anew_gives_what_the_cache_gives() -> None:
 
 def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
     """Hash randomisation must not reach the program, or cached and fresh results would round differently."""
+    name = "cylindrical_arm"
     program = (
         "from harness.equations.derivation import derive_mechanism; from harness.library import Library; import json, msgspec;"
-        "print(json.dumps(msgspec.to_builtins(derive_mechanism(Library.built_in().system_path('arm_2r'), 'arm_2r').program)))"
+        f"print(json.dumps(msgspec.to_builtins(derive_mechanism(Library.built_in().system_path({name!r}), {name!r}).program)))"
     )
 
     seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
     environment = os.environ | {"PYTHONHASHSEED": seed}
     process = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=120, env=environment)
-    here = derive_mechanism(Library.built_in().system_path("arm_2r"), "arm_2r").program
+    here = derive_mechanism(Library.built_in().system_path(name), name).program
     assert json.loads(process.stdout) == json.loads(json.dumps(msgspec.to_builtins(here)))
 
 

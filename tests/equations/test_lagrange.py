@@ -179,7 +179,8 @@ def check_equations(system: System, exact: Any) -> None:
     sympys = brute_force_lagrange(system, exact) if exact.nv <= 3 else None
     n = exact.nv
 
-    examples = (15 if exact.nv <= 3 else 5) if IN_CI else (4 if exact.nv <= 3 else 2)
+    # At eighty digits, equations that are right at one state outside of a few are right at all.
+    examples = (6 if exact.nv <= 3 else 3) if IN_CI else (4 if exact.nv <= 3 else 2)
 
     @settings(max_examples=examples)
     @given(state_strategy(exact))

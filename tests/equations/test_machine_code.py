@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import shutil
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -11,15 +12,23 @@ from pathlib import Path
 import pytest
 from support import harness_in_a_process, without_progress
 
-from harness.equations.machine_code import replace_damaged
+from harness.equations.machine_code import machine_code_directory, replace_damaged
 
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file in which a user without any settings has machine code, after a first run."""
+    """The file in which a user without any settings has machine code, after a first run.
+
+    The loops are there already, in files of their own, which take ten seconds to compile.
+    """
+    loops = list(machine_code_directory().glob("*.txt"))
+    assert loops
     for name in ("HEYOKA_CACHE_DIR", "HARNESS_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("HOME", str(tmp_path))
+    machine_code_directory().mkdir(parents=True)
+    for loop in loops:
+        shutil.copy(loop, machine_code_directory())
     assert run(tmp_path) == ""
     return tmp_path / ".cache" / "harness" / "machine_code" / "cache.db"
 
