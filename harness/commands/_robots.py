@@ -9,7 +9,7 @@ from harness.commands._bracket import Bracket
 from harness.commands._terminal import print_section, say
 
 if TYPE_CHECKING:
-    from harness.compare.study import RobotComparison
+    from harness.comparison.study import RobotComparison
     from harness.report.comparison import Section
     from harness.results.comparison import Comparison
 

@@ -35,7 +35,7 @@ def command(
       harness compare robot.urdf robot.xml --map shoulder=joint1
       harness compare robot.urdf --floating-base --html robot.html
     """
-    from harness.compare.study import RobotComparison, Settings
+    from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import render, sections
 
     settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, floating_base, dict(map(_names, renamed)))

@@ -26,8 +26,8 @@ def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, stat
       harness survey robots/
       harness survey example_robot_data --html robots.html
     """
-    from harness.compare.collection import find_files
-    from harness.compare.study import RobotComparison, Settings
+    from harness.comparison.collection import find_files
+    from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import render, survey_overview
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, floating_base, pairwise=False), "survey")

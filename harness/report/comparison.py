@@ -139,6 +139,11 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
 
 
+def subject_lines(subject: SubjectRecord) -> list[str]:
+    """All that is known of one subject."""
+    return [*_readings([subject]), *_rest(Comparison(subjects=[subject]))]
+
+
 def _rest(found: Comparison) -> Iterator[str]:
     for subject in found.subjects:
         if subject.rest and not subject.explained:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from support import harness
 
-FILES = Path(__file__).parent.parent / "compare" / "files"
+FILES = Path(__file__).parent.parent / "comparison" / "files"
 ARM = FILES / "arm.urdf"
 
 
