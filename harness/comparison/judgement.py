@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from harness.certify.compare import Comparison, compare
+from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
 from harness.comparison.questions import Answers, Caller
 from harness.comparison.readings import Reading, find_readings
-from harness.comparison.rest import unexplained, why_refused
+from harness.comparison.rest import single_numbers, unexplained, why_refused
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
 from harness.results.comparison import Effect, SubjectRecord
 from harness.verdict import Verdict
@@ -48,8 +49,18 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     if read.undetermined:
         return replace(record, explained=True)
     after = compared if read is meant and compared is not None else _compare(read, answers)
-    rest = [] if _is_explained(after) else unexplained(read, answers)
-    return replace(record, explained=_is_explained(after), left=_worst(after) if readings else None, rest=rest)
+    record = replace(record, explained=_is_explained(after), left=_worst(after) if readings else None)
+    if record.explained:
+        return record
+    if caller.takes_inertias_about_tree and _lost_far_away(read, answers):
+        return replace(record, explained=True, notes=(*record.notes, FAR_LINKS))
+    return replace(record, rest=unexplained(read, answers))
+
+
+def _lost_far_away(read: Meant, answers: Answers) -> bool:
+    """True where a light link's distance explains what is left, and no number of the file does."""
+    accelerations = answers.of(read.robot.joints)
+    return not any(single_numbers(read, accelerations)) and is_explained_by_distance(read, accelerations)
 
 
 def _of_undetermined(meant: Meant, answers: Answers) -> str:

@@ -113,11 +113,13 @@ class Caller(Protocol):
     Attributes:
         engine: its name. formats: which it reads.
         call: the user's code for each format, on one line.
+        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
     """
 
     engine: str
     formats: tuple[str, ...]
     call: Mapping[str, str]
+    takes_inertias_about_tree: bool
 
     def ask(self, question: Question) -> Answers:
         """Load the file and return accelerations at all states; a refusal of the file is an answer, no exception."""

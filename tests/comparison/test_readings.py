@@ -10,6 +10,7 @@ from comparison.robots import FILES, edited, line_of, meant_by, record_of
 
 from harness.comparison import judgement
 from harness.comparison.callers import find_callers
+from harness.comparison.far_links import is_explained_by_distance
 from harness.comparison.readings import find_readings
 from harness.verdict import AGREEMENT, Verdict
 
@@ -91,3 +92,18 @@ def test_a_reading_that_does_not_apply_leaves_the_very_robot() -> None:
     robot = meant_by(FILES / "impossible.urdf").robot
     assert all(reading.read(robot) is robot for engine in find_callers() for reading in find_readings(engine, "urdf"))
     assert np.isfinite(meant_by(FILES / "impossible.urdf").truth.high).all()
+
+
+def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Path) -> None:
+    """A wheel of 1e-6 kg m^2 a hundred metres from the base."""
+    text = (FILES / "arm.urdf").read_text()
+    text = text.replace('<origin xyz="0 0.0625 -0.5"/>', '<origin xyz="0 100 -0.5"/>').replace('xyz="0 0 -0.1875"', 'xyz="0 0 0"')
+    text = text.replace('ixx="0.015625" ixy="0" ixz="0" iyy="0.015625"', 'ixx="0.000001" ixy="0" ixz="0" iyy="0.0078125"')
+    path = tmp_path / "far.urdf"
+    start, end = text.index('  <joint name="flange"'), text.index("</robot>")
+    path.write_text(text[:start] + text[end:])
+    record = record_of(path, "mujoco", aided=True)
+    assert record.explained
+    found = meant_by(path)
+    assert is_explained_by_distance(found, found.truth.high)
+    assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))

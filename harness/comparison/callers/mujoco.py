@@ -28,6 +28,7 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 class MujocoCaller:
     engine = "mujoco"
     formats = ("urdf", "mjcf")
+    takes_inertias_about_tree = True
     call: Mapping[str, str] = dict.fromkeys(
         formats,
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",

@@ -19,6 +19,7 @@ from harness.engines._standard_error import captured_standard_error
 class PinocchioCaller:
     engine = "pinocchio"
     formats = ("urdf", "mjcf")
+    takes_inertias_about_tree = False
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
