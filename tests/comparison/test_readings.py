@@ -107,3 +107,16 @@ def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Pa
     found = meant_by(path)
     assert is_explained_by_distance(found, found.truth.high)
     assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))
+
+
+@pytest.mark.parametrize("shape", ['<box size="0.25 0.5 0.125"/>', '<cylinder radius="0.125" length="0.5"/>', '<sphere radius="0.125"/>'])
+def test_mass_of_collision_geometry_is_a_reading_of_mujoco(shape: str, tmp_path: Path) -> None:
+    collision = f'<collision><origin xyz="0 0.25 0" rpy="0.5 0.25 1"/><geometry>{shape}</geometry></collision>'
+    text = (FILES / "arm.urdf").read_text()
+    start, end = text.index("<inertial>", text.index('<link name="tool">')), text.rindex("</inertial>") + len("</inertial>")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text[:start] + collision + text[end:])
+    record = record_of(path, "mujoco")
+    assert record.explained and [reading.name for reading in record.readings] == ["mass of collision geometry"]
+    assert record.readings[0].lines == (line_of(path, '<link name="tool">'),)
+    assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES

@@ -128,9 +128,10 @@ def _changed_in_body(one: Body, other: Body) -> list[Place | None]:
     kept = {joint.name: joint for joint in other.joints}
     found = [_changed(one, other), _changed(one.inertia or one, other.inertia if one.inertia else other)]
     found += [_changed(joint, kept.get(joint.name)) for joint in one.joints]
-    pairs = zip(one.solids, other.solids, strict=True) if len(one.solids) == len(other.solids) else ()
-    found += [_changed(solid, its_like) for solid, its_like in pairs]
-    return found + [solid.place for solid in one.solids if not pairs and solid not in other.solids]
+    if len(one.solids) == len(other.solids):
+        return found + [_changed(solid, its_like) for solid, its_like in zip(one.solids, other.solids, strict=True)]
+    gone = [solid.place for solid in one.solids if solid not in other.solids]
+    return found + (gone or [one.place])
 
 
 def _changed(one: Any, other: Any) -> Place | None:
