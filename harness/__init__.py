@@ -13,6 +13,7 @@ Hold engines, model files, or your own program against that truth:
     harness.check("double_pendulum", mjcf="mine.xml")
     harness.diagnose("double_pendulum", mjcf="mine.xml")     # which line is wrong, and the value that explains it
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
+    harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``. The command line is
 ``harness --help``. Everything is loaded on first use.

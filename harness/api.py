@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
+    from harness.results.comparison import Comparison as RobotsCompared
     from harness.results.cross_check import Cause
     from harness.workers import Workers
 
@@ -226,15 +227,57 @@ def diagnose(
         return find_causes(settings, study.result().records, pool, crashes=study.crashes)
 
 
+@overload
 def compare(
     name: str, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False, library: str | Path | None = None
-) -> Comparison:
-    """Hold anybody's accelerations of mechanism ``name`` against the truth; arguments as of ``LoadedSystem.compare``.
+) -> Comparison: ...
+
+
+@overload
+def compare(
+    name: str | Path,
+    *others: str | Path,
+    floating_base: bool = False,
+    renamed: Mapping[str, str] | None = None,
+    states: int = 64,
+    seed: int = 0,
+    workers: int | None = None,
+    time_limit: float = 300.0,
+) -> RobotsCompared: ...
+
+
+def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | RobotsCompared:
+    """Compare a robot's files and engines on them, or hold anybody's accelerations of a mechanism against the truth.
+
+    With paths alone, as ``compare("robot.urdf", "robot.xml")``, it is what ``harness compare`` does: files, subjects with the readings
+    that explain them, and pairs of files. ``renamed`` is {joint of the first file: its name in another}.
+
+    With ``compare(name, q, v, accelerations)`` these are answers for the mechanism ``name``, as of ``LoadedSystem.compare``.
 
     Raises:
+        harness.errors.InvalidInput: a file cannot be used; the first of them.
         ValueError: the sizes are not those of the mechanism; and as ``load``.
     """
-    return load(name, library).compare(q, v, accelerations, tau, factorises=factorises)
+    if all(isinstance(other, str | Path) for other in others) and "accelerations" not in options:
+        return _compare_robots([Path(path) for path in (name, *others)], **options)
+    library = options.pop("library", None)
+    return load(str(name), library).compare(*others, **options)
+
+
+def _compare_robots(
+    paths: Sequence[Path], *, renamed: Mapping[str, str] | None = None, workers: int | None = None, time_limit: float = 300.0, **chosen: Any
+) -> RobotsCompared:
+    from harness.comparison.study import RobotComparison, Settings
+    from harness.study import run_study
+    from harness.workers import Workers
+
+    study = RobotComparison(Settings(paths, renamed=renamed or {}, **chosen))
+    with Workers(workers, time_limit=time_limit) as pool:
+        for _ in run_study(study, pool):
+            pass
+    for problem in study.problems:
+        raise problem
+    return study.result()
 
 
 @contextmanager

@@ -56,6 +56,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help=f"cross-check this library, a folder or an installed one's name ('{BUILT_IN_NAME}' for the textbook mechanisms)",
     )
     group.addoption(
+        "--harness-robots",
+        metavar="FOLDER",
+        help="compare the engines on every robot of this folder, a test for each file and engine; expected_robots.toml there says "
+        "which outcomes are expected",
+    )
+    group.addoption(
         "--harness-states",
         type=_above_zero,
         metavar="N",
@@ -92,6 +98,10 @@ def _states_of_settings(config: pytest.Config) -> int:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--harness-robots"):
+        from harness.pytest_robots import register
+
+        register(config)
     chosen = config.getoption("--harness-library") or config.getini("harness_library")
     if not chosen:
         return

@@ -19,7 +19,7 @@ from support import InThisProcess
 import harness
 from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_system
-from harness.errors import InvalidModel, InvalidRequest
+from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 
 
 @pytest.fixture(autouse=True)
@@ -118,3 +118,12 @@ def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
     assert [cause.subject for cause in causes] == ["mujoco/mjcf", "pinocchio/mjcf"]
     assert all("explains it with 2.0 " in cause.first_line for cause in causes)
     assert harness.diagnose("bar_pendulum", states=40) == []
+
+
+def test_robots_files_are_compared() -> None:
+    folder = Path(__file__).parent / "comparison" / "files"
+    found = harness.compare(folder / "arm.urdf", str(folder / "arm.xml"), states=8, workers=1)
+    assert [pair.same for pair in found.pairs] == [True] and found.as_expected
+    assert {reading.name for subject in found.subjects for reading in subject.readings} >= {"joint damping"}
+    with pytest.raises(InvalidInput, match="there is no such file"):
+        harness.compare("nothing.urdf", workers=1)

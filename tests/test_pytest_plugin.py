@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -150,3 +151,20 @@ def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
     assert names[5:] == ["bar_pendulum.twin:mujoco/mjcf", "bar_pendulum.twin:pinocchio/mjcf"]
     done = pytest_in_this_process("--harness-library", str(library), "-k", "twin or (bar_pendulum and lagrange)", cwd=library)
     assert "2 failed, 1 passed" in done.stdout and "bar_pendulum.twin mujoco/mjcf: disagrees" in done.stdout
+
+
+def test_each_robot_and_engine_is_a_test(tmp_path: Path) -> None:
+    files = Path(__file__).parent / "comparison" / "files"
+    robots = tmp_path / "robots"
+    robots.mkdir()
+    for name in ("arm.urdf", "impossible.urdf"):
+        shutil.copy(files / name, robots)
+    options = ("--harness-robots", "robots", "--harness-states", "8", "-v", "-n", "0")
+    done = pytest_in_this_process(*options, cwd=tmp_path)
+    assert done.returncode == 0 and "4 passed" in done.stdout, done.stdout
+    entry = '[[expected]]\nfile = "impossible.urdf"\nsubject = "mujoco/urdf"\noutcome = "agrees"\nreason = "a test"\n'
+    (robots / "expected_robots.toml").write_text(entry)
+    done = pytest_in_this_process(*options, cwd=tmp_path)
+    assert done.returncode == 1 and "refused, expected agrees because a test" in done.stdout
+    (robots / "expected_robots.toml").write_text(entry.replace("impossible", "missing"))
+    assert "not in the folder" in pytest_in_this_process(*options, cwd=tmp_path).stderr

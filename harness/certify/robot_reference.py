@@ -6,6 +6,9 @@ each number as it stands there, once however many elements share it through a cl
 
 from __future__ import annotations
 
+import numpy as np
+
+from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -25,6 +28,17 @@ class RobotReference:
         self.mechanism: Mechanism = mechanism_of(robot)
         self._kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
 
-    def evaluate(self, states: States) -> Reference:
-        """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates."""
-        return self._kernel.evaluate(states)
+    def evaluate(self, states: States, numbers: Array | None = None) -> Reference:
+        """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates.
+
+        ``numbers``, (n, parameters of ``mechanism``), gives each state numbers of its own in place of the file's.
+        """
+        return self._kernel.evaluate(states, numbers)
+
+    def derivatives(self, states: States, accelerations: Array) -> Array:
+        """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; inputs are q, v, tau, t and the file's numbers."""
+        found = np.zeros((len(states), self.mechanism.nv, len(self.mechanism.program.inputs)))
+        for chart, chosen in self._kernel.by_chart(states):
+            inputs = np.ascontiguousarray(self.mechanism.inputs(states[chosen]).T)
+            found[chosen] = chart.derivatives(inputs, np.ascontiguousarray(accelerations[chosen]))
+        return found

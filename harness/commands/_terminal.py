@@ -122,6 +122,16 @@ def print_titled(title: str, table: Table) -> None:
         _print(table)
 
 
+def print_section(parts: Sequence[str | Table]) -> None:
+    """Lines of text, which a terminal wraps, and tables."""
+    for part in parts:
+        if isinstance(part, Table):
+            _print(part)
+        else:
+            indent = len(part) - len(part.lstrip())
+            say(f"  {' ' * indent}{part.strip()}")
+
+
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
     """A line for all that could not be measured, and for all that is not as expected."""
     for problem in measured.problems:

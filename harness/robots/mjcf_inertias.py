@@ -56,7 +56,7 @@ class Inertias:
             # No file needs to state the inertia of what stands still.
             geoms = [geom for geom in geoms if not self._is_mesh(geom)]
         solids = tuple(solid for geom in geoms for solid in self._solid(geom))
-        if solids and (self._least_mass or self._least_moment or self._balances):
+        if not all(solid.is_massless for solid in solids) and (self._least_mass or self._least_moment or self._balances):
             word = next(
                 name
                 for name in ("boundmass", "boundinertia", "balanceinertia")
@@ -105,7 +105,9 @@ class Inertias:
         mass = attributes.number(geom, "mass", 0.0, not_negative) if resolved(geom, "mass") is not None else None
         density = attributes.number(geom, "density", _OF_WATER, not_negative)
         kind = "mesh" if self._is_mesh(geom) else resolved_text(geom, "type", "sphere")
-        if kind in _WEIGHTLESS or not (density if mass is None else mass):
+        is_massless = not (density if mass is None else mass)
+        # A massless solid adds nothing, and stays for those that read its mass otherwise.
+        if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
             return
         if kind not in _SIZES:
             source.refuse(
@@ -114,7 +116,7 @@ class Inertias:
                 'write the body an <inertial>, or the geom mass="0"',
             )
         shell = resolved_text(geom, "shellinertia", "false") == "true"
-        if shell and kind == "ellipsoid":
+        if shell and kind == "ellipsoid" and not is_massless:
             source.refuse(
                 geom, f"{describe(geom)} is the shell of an ellipsoid, whose area has no closed form; write the body an <inertial>"
             )

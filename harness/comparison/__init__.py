@@ -1,0 +1,8 @@
+"""Robots: what plain and aided engines make of a file beside its certified truth, why, and whether several files say the same.
+
+May use ``certify``, ``robots``, ``engines`` and what is below them. Results are plain data of ``harness.results.comparison``.
+
+Start with ``study``, which asks everything of a file in worker processes. ``questions`` is what an engine is asked, ``callers`` are
+the engines as their users call them, ``readings`` what their readers make of an element, ``judgement`` explains an answer by readings,
+``sameness`` compares files.
+"""

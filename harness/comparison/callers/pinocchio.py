@@ -1,0 +1,164 @@
+"""Pinocchio as its user calls it: ``pin.buildModelFromUrdf`` or ``pin.buildModelFromMJCF``, then ``pin.aba``.
+
+A continuous joint has two positions there, cosine and sine; a quaternion ends with w; the linear velocity of a free joint is in the
+body's frame. Source: Pinocchio 4 documentation, joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.questions import Answers, Asked, Question, by_joint, projected
+from harness.engines._standard_error import captured_standard_error
+
+
+class PinocchioCaller:
+    engine = "pinocchio"
+    formats = ("urdf", "mjcf")
+    takes_inertias_about_tree = False
+    call: Mapping[str, str] = {
+        "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
+        "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
+    }
+
+    def ask(self, question: Question) -> Answers:
+        # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
+        with captured_standard_error() as captured:
+            try:
+                model = _read(question)
+            except Exception as error:
+                return Answers(refusal=" ".join((captured() or str(error)).split()))
+        if question.aid is not None:
+            model.gravity.linear = question.aid.gravity
+        return _Asked(model, question).answers()
+
+
+def _read(question: Question) -> Any:
+    import pinocchio
+
+    path = str(question.path)
+    if question.format == "mjcf":
+        return pinocchio.buildModelFromMJCF(path)
+    if question.floating_base:
+        return pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer(), question.floating_base)
+    return pinocchio.buildModelFromUrdf(path)
+
+
+class _Asked:
+    """A loaded model with the joints of a question."""
+
+    def __init__(self, model: Any, question: Question) -> None:
+        self.model, self.question = model, question
+        self.places = _places(model, question.joints)
+        self.found = [joint for joint in question.joints if joint.name in self.places]
+
+    def answers(self) -> Answers:
+        import pinocchio
+
+        model, question, aid = self.model, self.question, self.question.aid
+        configuration, velocity, force = self._columns()
+        own = [number for joint in self.found for number in self.places[joint.name][1]]
+        known = [column for joint in self.found for column in joint.velocities]
+        if aid is not None:
+            force[:, own] += sum(aid.forces.values(), np.zeros_like(question.tau))[:, known]
+            model.armature[own] = aid.armature[known]
+        data, found = model.createData(), np.empty((len(question.q), model.nv))
+        if aid is None or aid.couplings is None:
+            for state, inputs in enumerate(zip(configuration, velocity, force, strict=True)):
+                found[state] = pinocchio.aba(model, data, *inputs)
+            accelerations = found[:, own]
+            self._to_frame_of_parent(accelerations)
+        else:
+            accelerations = np.empty((len(question.q), aid.couplings.shape[1]))
+            for state, (position, rate, applied) in enumerate(zip(configuration, velocity, force, strict=True)):
+                upper = np.triu(pinocchio.crba(model, data, position))
+                mass = (upper + np.triu(upper, 1).T)[np.ix_(own, own)]
+                terms = applied[own] - pinocchio.nonLinearEffects(model, data, position, rate)[own]
+                accelerations[state] = projected(mass, terms, aid.couplings[known])
+        further = [name for number, name in enumerate(model.names) if number and name not in _names(self.places)]
+        answered = self.found if aid is None or aid.couplings is None else aid.leaders
+        return Answers(by_joint(answered, accelerations), further=tuple(further))
+
+    def _columns(self) -> tuple[Array, Array, Array]:
+        """Pinocchio's own q, v and tau, one row a state."""
+        import pinocchio
+
+        question, n = self.question, len(self.question.q)
+        configuration = np.tile(pinocchio.neutral(self.model), (n, 1))
+        velocity, force = np.zeros((n, self.model.nv)), np.zeros((n, self.model.nv))
+        for joint in self.found:
+            positions, velocities, _ = self.places[joint.name]
+            q, v, tau = question.q[:, joint.positions], question.v[:, joint.velocities], question.tau[:, joint.velocities]
+            if len(positions) == 2:
+                q = np.hstack([np.cos(q), np.sin(q)])
+            elif joint.kind in ("ball", "free"):
+                q = np.hstack([q[:, :-4], q[:, -3:], q[:, -4:-3]])
+            if joint.kind == "free":
+                turn = _rotations(question.q[:, joint.positions[3:]])
+                v = np.hstack([_turned_back(turn, v[:, :3]), v[:, 3:]])
+                tau = np.hstack([_turned_back(turn, tau[:, :3]), tau[:, 3:]])
+            configuration[:, positions], velocity[:, velocities], force[:, velocities] = q, v, tau
+        return configuration, velocity, force
+
+    def _to_frame_of_parent(self, accelerations: Array) -> None:
+        """Linear accelerations of free joints, given as rates of components in the body's frame, in that of the parent instead."""
+        start = 0
+        for joint in self.found:
+            if joint.kind == "free":
+                turn = _rotations(self.question.q[:, joint.positions[3:]])
+                v = self.question.v[:, joint.velocities]
+                own = accelerations[:, start : start + 3] + np.cross(v[:, 3:], _turned_back(turn, v[:, :3]))
+                accelerations[:, start : start + 3] = np.einsum("nij,nj->ni", turn, own)
+            start += len(joint.velocities)
+
+
+def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
+    """Positions, velocities and Pinocchio's name of each joint that the model has; one of several in a body is part of a composite."""
+    places = {}
+    for number in range(1, model.njoints):
+        joint, name = model.joints[number], model.names[number]
+        parts = _parts(joint, name, joints)
+        q, v = joint.idx_q, joint.idx_v
+        for part, nq, nv in parts:
+            places[part] = list(range(q, q + nq)), list(range(v, v + nv)), name
+            q, v = q + nq, v + nv
+    return {joint.name: places[joint.name] for joint in joints if joint.name in places}
+
+
+def _parts(joint: Any, name: str, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
+    """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
+    if not name.startswith("Composite_"):
+        return [(name, joint.nq, joint.nv)]
+    names = [one.name for one in joints]
+    first = names.index(name.removeprefix("Composite_"))
+    found: list[tuple[str, int, int]] = []
+    for one in joints[first:]:
+        if sum(nv for _, _, nv in found) < joint.nv:
+            found.append((one.name, len(one.positions), len(one.velocities)))
+    return found
+
+
+def _names(places: Mapping[str, tuple[list[int], list[int], str]]) -> set[str]:
+    return {name for _, _, name in places.values()}
+
+
+def _rotations(quaternions: Array) -> Array:
+    """(n, 3, 3) of unit quaternions (w, x, y, z), (n, 4)."""
+    w, x, y, z = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _turned_back(turn: Array, vectors: Array) -> Array:
+    return np.asarray(np.einsum("nji,nj->ni", turn, vectors))
+
+
+CALLER = PinocchioCaller()

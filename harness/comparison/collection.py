@@ -1,0 +1,69 @@
+"""The robots' files of a folder or of an installed distribution, told by their root elements."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from harness.errors import InvalidInput
+
+SUFFIXES = (".urdf", ".xml", ".mjcf")
+# The first tag that is no declaration, comment or instruction.
+_ROOT = re.compile(rb"<\s*([A-Za-z_][\w.:-]*)")
+_COMMENT = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
+# A part of a model that others include has no world.
+_WORLD = {b"robot": b"<robot", b"mujoco": b"<worldbody"}
+
+
+def find_files(places: Sequence[str]) -> list[Path]:
+    """The model files of folders, files and installed distributions, sorted, each once.
+
+    Raises:
+        InvalidInput: a place is none of these, or holds no model file.
+    """
+    found: dict[Path, None] = {}
+    for place in places:
+        own = sorted(path for path in _candidates(place) if is_model(path))
+        if not own:
+            raise InvalidInput(
+                place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element"
+            )
+        found |= dict.fromkeys(own)
+    return list(found)
+
+
+def format_of(path: Path) -> str:
+    """The format of a model that was found: "urdf" or "mjcf"."""
+    root = _ROOT.search(_COMMENT.sub(b"", path.read_bytes()))
+    return "urdf" if root is not None and root[1] == b"robot" else "mjcf"
+
+
+def is_model(path: Path) -> bool:
+    """True for a URDF, or an MJCF with a world."""
+    try:
+        content = _COMMENT.sub(b"", path.read_bytes())
+    except OSError:
+        return False
+    root = _ROOT.search(content)
+    return root is not None and root[1] in _WORLD and _WORLD[root[1]] in content
+
+
+def _candidates(place: str) -> Iterator[Path]:
+    path = Path(place)
+    if path.is_file():
+        yield path
+    elif path.is_dir():
+        yield from _models(path.rglob("*"))
+    else:
+        try:
+            files = importlib.metadata.files(place) or []
+        except importlib.metadata.PackageNotFoundError:
+            problem = "there is no such file or folder, and no distribution of this name is installed"
+            raise InvalidInput(place, None, f"{problem}; name a folder of robots") from None
+        yield from _models(Path(str(file.locate())) for file in files)
+
+
+def _models(paths: Iterable[Path]) -> Iterator[Path]:
+    yield from (path for path in paths if path.suffix.lower() in SUFFIXES and path.is_file())

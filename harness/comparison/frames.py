@@ -1,0 +1,119 @@
+"""The differences of two robots whose files are built otherwise, ranked by what each alone does to the accelerations.
+
+The first robot is written down in canonical axes with its quantities as the parameters of its equations, so that one program gives
+the effect of every difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.canonical import Node, canonical
+from harness.comparison.numbers import place_text
+from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantities
+from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
+from harness.results.comparison import Difference
+from harness.robots.robot import Robot
+from harness.robots.spatial import parameter_name
+from harness.robots.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
+
+# Stands for a number that is zero in the first file, so that it is a parameter of the equations.
+_ALMOST_ZERO = 1e-300
+
+
+def differences_of_nodes(first: Meant, second: Robot) -> list[Difference]:
+    """The differences of two robots with equal names of joints, the one that moves the first's accelerations most first."""
+    all_of_them = quantities(first.robot, second)
+    differing = {key: one for key, one in all_of_them.items() if one.differs}
+    effects = _effects(first, all_of_them, differing) if differing else {}
+    found = []
+    for key, one in differing.items():
+        value, other = shown(*one.values)
+        place, other_place = map(place_text, one.places)
+        found.append(
+            Difference(what=one.what, first=value, second=other, first_place=place, second_place=other_place, alone=effects.get(key))
+        )
+    return sorted(found, key=lambda one: -(one.alone or 0.0))
+
+
+def shown(first: Array, second: Array) -> tuple[str, str]:
+    """Both with as few digits as tell them apart."""
+    texts = ("", "")
+    for digits in (6, 9, 12, 17):
+        one, other = (" ".join(f"{value:.{digits}g}" for value in array.ravel().tolist()) for array in (first, second))
+        texts = (one, other)
+        if one != other:
+            break
+    return texts
+
+
+def _effects(first: Meant, all_of_them: Mapping[Key, Quantity], differing: Mapping[Key, Quantity]) -> dict[Key, float | None]:
+    writer = _CanonicalRobot(first.robot, all_of_them, differing)
+    reference = reference_of(writer.robot)
+    columns = {name: column for column, (name, _, _) in enumerate(reference.mechanism.parameters)}
+    own = np.array([0.0 if abs(value) <= _ALMOST_ZERO else value for value in reference.mechanism.parameter_values])
+    states = first.states[np.arange(min(STATES_OF_EFFECTS, len(first.states)))]
+    found: dict[Key, float | None] = {}
+    for key, quantity in differing.items():
+        changed = own.copy()
+        for number, value in zip(writer.numbers[key], quantity.values[1].ravel().tolist(), strict=True):
+            if parameter_name(number) in columns:
+                changed[columns[parameter_name(number)]] = value
+        found[key] = change_by_numbers(reference, states, own, changed)
+    return found
+
+
+class _CanonicalRobot:
+    """The first robot in canonical axes.
+
+    Attributes:
+        numbers: of each quantity, as they are parameters of its equations.
+    """
+
+    def __init__(self, robot: Robot, all_of_them: Mapping[Key, Quantity], differing: Mapping[Key, Quantity]) -> None:
+        self._path, self._all, self._differing = robot.path, all_of_them, differing
+        self.numbers: dict[Key, tuple[Given, ...]] = {
+            key: _given(robot.path, line, quantity) for line, (key, quantity) in enumerate(all_of_them.items())
+        }
+        bodies = [body for name, node in canonical(robot).items() for body in self._bodies(name, node)]
+        tree = replace(robot.tree, bodies=tuple(bodies), gravity=self._three(("", "gravity")), total_mass=None)
+        self.robot = replace(robot, tree=tree)
+
+    def _three(self, key: Key) -> Vector:
+        x, y, z = self.numbers[key]
+        return x, y, z
+
+    def _bodies(self, name: str, node: Node) -> list[Body]:
+        """The joint on a body without mass, and its masses on bodies fixed to that."""
+        turn = (Quaternion(self.numbers[name, "turn"]),) if (name, "turn") in self._differing else ()
+        numbers = {key: self.numbers[name, key][0] for key in JOINT_NUMBERS if self._all[name, key].scale}
+        joint = Joint(
+            name,
+            node.joint.kind,
+            axis=self._three((name, "axis")) if node.axis.any() else node.joint.axis,
+            armature=numbers.get("armature", Fraction(0)),
+            damping=numbers.get("damping", Fraction(0)),
+            stiffness=numbers.get("stiffness", Fraction(0)),
+            spring_reference=numbers.get("spring_reference", Fraction(0)),
+            in_degrees=node.joint.in_degrees,
+            follows=node.joint.follows,
+            multiplier=numbers["multiplier"] if node.joint.follows else Fraction(1),
+        )
+        found = [Body(name, node.parent or WORLD, (Placement(self._three((name, "anchor")), turn),), (joint,), None)]
+        for key in [what.removeprefix("mass ") for owner, what in self._all if owner == name and what.startswith("mass ")]:
+            (mass,), moments = self.numbers[name, f"mass {key}"], self.numbers[name, f"moments {key}"]
+            inertia = Inertia((Placement(self._three((name, f"centre {key}"))),), mass, moments)
+            found.append(Body(f"{name} {key}", name, (), (), inertia))
+        return found
+
+
+def _given(path: Path, line: int, quantity: Quantity) -> tuple[Given, ...]:
+    """The numbers of the first file as parameters, each with a name of its own."""
+    place = Place(path, line)
+    return tuple(Given(value or _ALMOST_ZERO, place, "value", index) for index, value in enumerate(quantity.values[0].ravel().tolist()))

@@ -1,0 +1,116 @@
+"""An engine's answer on a file: the verdict against the file's truth, and the readings that explain it.
+
+Every reading that applies is folded into the tree; the truth of that tree is what an engine has to answer, to 64 data roundoffs. An
+aided engine is explained by those alone that the harness cannot supply. What is left is handed to ``harness.comparison.rest``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from harness.certify.compare import Comparison, compare
+from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
+from harness.comparison.questions import Answers, Caller
+from harness.comparison.readings import Reading, find_readings
+from harness.comparison.rest import single_numbers, unexplained, why_refused
+from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
+from harness.results.comparison import Effect, SubjectRecord
+from harness.verdict import Verdict
+
+EXPLAINED = (Verdict.AGREES, Verdict.UNSTABLE)
+
+
+def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> SubjectRecord:
+    """The record of a subject that returned something."""
+    about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
+    if answers.refusal:
+        rest = why_refused(meant.robot, answers.element)
+        return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
+    if meant.undetermined:
+        return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
+    readings = [
+        one
+        for one in find_readings(caller.engine, meant.robot.format)
+        if not (aided and one.supplied) and one.read(meant.robot) is not meant.robot
+    ]
+    effects = [_effect(meant, reading) for reading in readings]
+    robot = meant.robot
+    for reading in readings:
+        robot = reading.read(robot)
+    lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
+    compared = None if lacking else _compare(meant, answers)
+    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects)
+    if unread := [name for name in lacking if name in robot.joints]:
+        return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
+    read = read_as(meant, robot)
+    if read.undetermined:
+        return replace(record, explained=True)
+    after = compared if read is meant and compared is not None else _compare(read, answers)
+    record = replace(record, explained=_is_explained(after), left=_worst(after) if readings else None)
+    if record.explained:
+        return record
+    if caller.takes_inertias_about_tree and _lost_far_away(read, answers):
+        return replace(record, explained=True, notes=(*record.notes, FAR_LINKS))
+    return replace(record, rest=unexplained(read, answers))
+
+
+def _lost_far_away(read: Meant, answers: Answers) -> bool:
+    """True where a light link's distance explains what is left, and no number of the file does."""
+    accelerations = answers.of(read.robot.joints)
+    return not any(single_numbers(read, accelerations)) and is_explained_by_distance(read, accelerations)
+
+
+def _of_undetermined(meant: Meant, answers: Answers) -> str:
+    finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
+    return f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
+
+
+def subject_of(meant: Meant, caller: Caller, aided: bool) -> dict[str, Any]:
+    """What a record says of its subject."""
+    model_format = meant.robot.format
+    return {
+        "path": str(meant.robot.path),
+        "engine": caller.engine,
+        "format": model_format,
+        "aided": aided,
+        "call": caller.call[model_format],
+    }
+
+
+def _compare(meant: Meant, answers: Answers) -> Comparison:
+    """Whether an engine factorises M is its own matter: digits that M's condition costs are excused in either."""
+    return compare(meant.truth, answers.of(meant.robot.joints), factorises=True)
+
+
+def _verdict(compared: Comparison | None) -> dict[str, Any]:
+    """Of an engine that lacks a joint there is nothing to compare, and it disagrees."""
+    if compared is None:
+        return {"verdict": Verdict.DISAGREES.value}
+    relative = compared.known("relative_error")
+    return {
+        "verdict": str(compared.verdicts[compared.worst]),
+        "backward_error": _worst(compared),
+        "relative_error": float(relative.max()) if len(relative) else None,
+    }
+
+
+def _worst(compared: Comparison) -> float | None:
+    known = compared.known("backward_error")
+    return float(known.max()) if len(known) else None
+
+
+def _is_explained(compared: Comparison) -> bool:
+    """True where no state with a certified truth disagrees, and one has such a truth."""
+    verdicts = set(compared.verdicts.tolist())
+    return bool(verdicts & set(EXPLAINED)) and verdicts <= {*EXPLAINED, Verdict.UNDECIDED.value}
+
+
+def _effect(meant: Meant, reading: Reading) -> Effect:
+    first = np.arange(min(STATES_OF_EFFECTS, len(meant.states)))
+    few = Meant(meant.robot, meant.states[first], meant.truth[first])
+    lines = tuple(place.line for place in reading.places(meant.robot))
+    alone = change(few, read_as(few, reading.read(meant.robot)))
+    return Effect(name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source)

@@ -1,0 +1,150 @@
+"""Two robots whose files are built otherwise: the quantities of the parts that move together, in either file.
+
+Both are taken in axes parallel to the world's with every joint at zero, where files of one robot hold the same numbers. A frame that
+is turned in one file turns all that it carries: a turn that makes what a joint carries fit is one difference, at that joint.
+
+Source: Kabsch, A solution for the best rotation to relate two sets of vectors, Acta Cryst. A32 (1976).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.canonical import Mass, Node, canonical
+from harness.robots.robot import Robot
+from harness.robots.tree import Body, Place
+
+# Vectors in canonical axes carry the rounding of the rotations that brought them there.
+ROUNDING = 64 * 2.0**-53
+# A turn explains what a joint carries where it leaves this share of the difference.
+LEFT_BY_TURN = 1e-2
+# Lengths [m] and moments [kg m^2] below which a difference is counted as if they were so large.
+LEAST_LENGTH, LEAST_MOMENT = 1e-3, 1e-12
+JOINT_NUMBERS = {
+    "armature": "armature",
+    "damping": "damping",
+    "stiffness": "stiffness",
+    "spring_reference": "spring reference",
+    "multiplier": "multiplier of the mimic",
+}
+# The joint, "" for none, and the quantity.
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of two files.
+
+    Attributes:
+        what: in words. values: in the axes of the first file. scale: by which their difference is measured. places: in either file.
+    """
+
+    what: str
+    values: tuple[Array, Array]
+    scale: float
+    places: tuple[Place | None, Place | None]
+
+    @property
+    def differs(self) -> bool:
+        """True where the difference is more than rounding."""
+        first, second = self.values
+        return bool(np.abs(first - second).max() > ROUNDING * self.scale)
+
+
+def quantities(first: Robot, second: Robot) -> dict[Key, Quantity]:
+    """All quantities of two robots with equal names of joints, those of a joint before those of the joints that it carries."""
+    nodes = canonical(first), canonical(second)
+    vectors = tuple(np.array([float(value) for value in robot.tree.gravity]) for robot in (first, second))
+    gravity = (vectors[0], vectors[1])
+    places = (first.tree.places.get("gravity"), second.tree.places.get("gravity"))
+    found: dict[Key, Quantity] = {("", "gravity"): Quantity("gravity", gravity, float(np.abs(gravity).max()), places)}
+    turns: dict[str, Array] = {"": np.eye(3)}
+    for name, one in nodes[0].items():
+        other, turn = nodes[1][name], turns[one.parent]
+        below = [(child, nodes[1][key]) for key, child in nodes[0].items() if child.parent == name]
+        carried = [(one.axis, other.axis), (one.total.centre, other.total.centre)]
+        carried += [pair for child, its_like in below for pair in ((child.anchor, its_like.anchor), (child.axis, its_like.axis))]
+        turns[name] = _turn(carried, turn)
+        of_node = (*_of_joint(one, other, turn, turns[name]), *_of_masses(one, other, turns[name]))
+        found |= {(name, key): quantity for key, quantity in of_node}
+    return found
+
+
+def _of_joint(one: Node, other: Node, before: Array, own: Array) -> Iterator[tuple[str, Quantity]]:
+    """Of the joint: where it stands, how what it carries is turned, its axis and its numbers."""
+    name = one.joint.name
+    size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
+    frames = (one.body.places.get("pose"), other.body.places.get("pose"))
+    yield "anchor", Quantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames)
+    yield "turn", Quantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames)
+    axes = (one.joint.places.get("axis"), other.joint.places.get("axis"))
+    yield "axis", Quantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes)
+    for number, words in JOINT_NUMBERS.items():
+        first, second = (np.array([float(getattr(node.joint, number))]) for node in (one, other))
+        places = (one.joint.places.get(number), other.joint.places.get(number))
+        yield number, Quantity(f"{words} of joint {name}", (first, second), float(max(abs(first[0]), abs(second[0]))), places)
+
+
+def _of_masses(one: Node, other: Node, turn: Array) -> Iterator[tuple[str, Quantity]]:
+    """Mass, centre and moments of each body where the bodies have the same names, else of all that moves with the joint."""
+    if one.bodies.keys() == other.bodies.keys():
+        for body in one.bodies:
+            elements = (one.elements[body], other.elements[body])
+            yield from _of_mass(body, f"link {body}", (one.bodies[body], other.bodies[body].turned(turn)), elements)
+    else:
+        totals = (one.total, other.total.turned(turn))
+        yield from _of_mass("", f"all that moves with joint {one.joint.name}", totals, (_heaviest(one), _heaviest(other)))
+
+
+def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body, Body]) -> Iterator[tuple[str, Quantity]]:
+    first, second = masses
+
+    def places(part: str) -> tuple[Place | None, Place | None]:
+        one, other = (body.inertia.places.get(part) if body.inertia is not None else body.place for body in bodies)
+        return one, other
+
+    amounts = (np.array([first.mass]), np.array([second.mass]))
+    yield f"mass {key}", Quantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"))
+    size = max(float(np.linalg.norm(first.centre)), LEAST_LENGTH)
+    yield f"centre {key}", Quantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"))
+    moments = (_six(first.moments), _six(second.moments))
+    scale = max(float(np.abs(moments).max()), LEAST_MOMENT)
+    yield f"moments {key}", Quantity(f"moments of inertia of {owner}", moments, scale, places("moments"))
+
+
+def _heaviest(node: Node) -> Body:
+    heaviest = max(node.bodies, key=lambda name: node.bodies[name].mass, default="")
+    return node.elements[heaviest] if heaviest else node.body
+
+
+def _six(moments: Array) -> Array:
+    return np.array([moments[0, 0], moments[1, 1], moments[2, 2], moments[0, 1], moments[0, 2], moments[1, 2]])
+
+
+def _turn(pairs: list[tuple[Array, Array]], before: Array) -> Array:
+    """The rotation of the second's vectors into the first's: that of the joint before, or another one that makes them fit."""
+    kept = [(one, before @ other) for one, other in pairs if min(np.linalg.norm(one), np.linalg.norm(other)) > LEAST_LENGTH * 1e-6]
+    if not kept:
+        return before
+    first, second = (np.array([pair[side] / np.linalg.norm(pair[side]) for pair in kept]) for side in (0, 1))
+    apart = float(np.abs(first - second).max())
+    if apart <= ROUNDING or np.linalg.matrix_rank(second, tol=1e-6) < 2:
+        return before
+    left, _, right = np.linalg.svd(first.T @ second)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    fits = float(np.abs(first - second @ turn.T).max()) <= max(LEFT_BY_TURN * apart, ROUNDING)
+    return np.asarray(turn @ before) if fits else before
+
+
+def _quaternion(turn: Array) -> Array:
+    """(w, x, y, z) of a rotation."""
+    w = float(np.sqrt(max(0.0, 1 + np.trace(turn)))) / 2
+    if w < LEAST_LENGTH:
+        values, vectors = np.linalg.eigh((turn + turn.T) / 2)
+        return np.array([0.0, *vectors[:, values.argmax()]])
+    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (4 * w)
+    return np.array([w, *vector])

@@ -1,0 +1,111 @@
+"""States of a robot over all joints of its tree, and what the harness supplies of its file at them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.questions import SIZES, Aid, Asked, BodyInertia
+from harness.equations.states import States
+from harness.robots.robot import Robot
+from harness.robots.tree import Body, Pose, Tree, Turn
+
+
+def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked, ...]:
+    """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
+    kinds = {joint.name: joint.kind for joint in tree.joints}
+    found, q, v = [], 0, 0
+    for name in names if names is not None else kinds:
+        nq, nv = SIZES[kinds[name]]
+        found.append(Asked(name, kinds[name], tuple(range(q, q + nq)), tuple(range(v, v + nv))))
+        q, v = q + nq, v + nv
+    return tuple(found)
+
+
+def spread(robot: Robot, states: States, joints: Sequence[Asked]) -> States:
+    """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
+    own = {joint.name: joint for joint in asked_joints(robot.tree, robot.joints)}
+    by_name = {joint.name: joint for joint in robot.tree.joints}
+    q, v, tau = [], [], []
+    for joint in joints:
+        leader = by_name[joint.name].follows or joint.name
+        if leader not in own:
+            raise KeyError(f"joint {joint.name!r} follows {leader!r}, which follows another")
+        positions, velocities = list(own[leader].positions), list(own[leader].velocities)
+        if leader == joint.name:
+            q.append(states.q[:, positions])
+            v.append(states.v[:, velocities])
+            tau.append(states.tau[:, velocities])
+        else:
+            multiplier, offset = float(by_name[joint.name].multiplier), float(by_name[joint.name].offset)
+            q.append(multiplier * states.q[:, positions] + offset)
+            v.append(multiplier * states.v[:, velocities])
+            tau.append(np.zeros((len(states), len(velocities))))
+    count = len(states)
+    own_q, own_v, own_tau = (np.hstack([np.empty((count, 0)), *columns]) for columns in (q, v, tau))
+    return States(own_q, own_v, own_tau, np.zeros(count))
+
+
+def aid(robot: Robot, joints: Sequence[Asked], states: States) -> Aid:
+    """What the harness supplies of the file to an engine that leaves it out, over ``joints`` and ``states`` of all of them."""
+    by_name = {joint.name: joint for joint in robot.tree.joints}
+    damping, stiffness = np.zeros_like(states.v), np.zeros_like(states.v)
+    armature = np.zeros(states.v.shape[1])
+    for asked in joints:
+        joint, columns = by_name[asked.name], list(asked.velocities)
+        armature[columns] = float(joint.armature)
+        damping[:, columns] = -float(joint.damping) * states.v[:, columns]
+        if joint.stiffness and len(asked.positions) == 1:
+            reference = float(joint.spring_reference)
+            relaxed = math.radians(reference) if joint.in_degrees else reference
+            stiffness[:, columns] = -float(joint.stiffness) * (states.q[:, list(asked.positions)] - relaxed)
+    gravity = np.array([float(component) for component in robot.tree.gravity])
+    inertias = (
+        {body.name: inertia for body in robot.tree.bodies if (inertia := _inertia(body)) is not None} if robot.format == "urdf" else {}
+    )
+    return Aid(
+        gravity,
+        {"damping": damping, "stiffness": stiffness},
+        armature,
+        inertias,
+        _couplings(robot, joints),
+        asked_joints(robot.tree, robot.joints),
+    )
+
+
+def _couplings(robot: Robot, joints: Sequence[Asked]) -> Array | None:
+    own = {joint.name: joint for joint in asked_joints(robot.tree, robot.joints)}
+    by_name = {joint.name: joint for joint in robot.tree.joints}
+    if all(not joint.follows for joint in robot.tree.joints):
+        return None
+    found = np.zeros((sum(len(joint.velocities) for joint in joints), sum(len(joint.velocities) for joint in own.values())))
+    for joint in joints:
+        leader = by_name[joint.name].follows or joint.name
+        found[list(joint.velocities), list(own[leader].velocities)] = 1.0 if leader == joint.name else float(by_name[joint.name].multiplier)
+    return found
+
+
+def _inertia(body: Body) -> BodyInertia | None:
+    """The inertia of a link of a URDF in the link's frame, in float64."""
+    if body.inertia is None:
+        return None
+    turn, centre = _frame(body.inertia.pose)
+    xx, yy, zz, xy, xz, yz = (float(moment) for moment in body.inertia.moments)
+    matrix = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    return BodyInertia(float(body.inertia.mass), centre, (matrix + matrix.T) / 2)
+
+
+def _frame(pose: Pose) -> tuple[Array, Array]:
+    """Orientation (3, 3) and origin (3,) of a pose of a URDF, whose rotations are turns about unit axes."""
+    turn, origin = np.eye(3), np.zeros(3)
+    for placement in pose:
+        origin = origin + turn @ np.array([float(value) for value in placement.position])
+        for part in placement.rotation:
+            assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
+            x, y, z = (float(value) for value in part.axis)
+            skew, angle = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), float(part.angle)
+            turn = turn @ (np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew))
+    return turn, origin

@@ -1,0 +1,187 @@
+"""The comparison of one or several robots' files, as a study for worker processes.
+
+A file is read and its truth certified in one task; each engine is asked in tasks of its own, plain and aided, so that one that aborts
+or hangs costs its own record; each answer is judged in a task beside the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from harness.comparison.callers import find_callers
+from harness.comparison.judgement import judge, subject_of
+from harness.comparison.questions import Answers, Question
+from harness.comparison.sameness import hold_against
+from harness.comparison.states import aid, asked_joints, spread
+from harness.comparison.truth import Meant, meant
+from harness.errors import InvalidInput, InvalidModel
+from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
+from harness.robots.robot import Robot, read_robot
+from harness.study import Part, Rounds
+from harness.verdict import Verdict
+from harness.workers import Outcome, Task
+
+STATES = 64
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is compared.
+
+    Attributes:
+        paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
+        renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
+    """
+
+    paths: Sequence[Path]
+    states: int = STATES
+    seed: int = 0
+    floating_base: bool = False
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    pairwise: bool = True
+
+
+class RobotComparison(Rounds):
+    """Every file with every engine that reads its format, plain and aided."""
+
+    def __init__(self, settings: Settings, title: str = "comparison") -> None:
+        super().__init__()
+        self.settings, self.title = settings, title
+        self._callers = find_callers()
+        self._meant: dict[Path, Meant] = {}
+        self._found = Comparison()
+        self.steps = len(settings.paths) * (1 + 2 * len(self._callers))
+
+    def result(self) -> Comparison:
+        order = {str(path): place for place, path in enumerate(self.settings.paths)}
+        self._found.files.sort(key=lambda file: order[file.path])
+        self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
+        return self._found
+
+    @property
+    def faults(self) -> list[Exception]:
+        """The problems that are not of a file alone, which a survey reports in its row."""
+        return [problem for problem in self.problems if not isinstance(problem, InvalidModel)]
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        settings = self.settings
+        yield [
+            Task((self._take_file, path), _prepare, (path, settings.floating_base, settings.states, settings.seed), affinity=path)
+            for path in settings.paths
+        ]
+
+        if settings.pairwise and len(settings.paths) > 1:
+            first, *others = settings.paths
+            yield [
+                Task(
+                    (self._take_pair, first, other), _hold, (self._meant[first], self._meant[other].robot, settings.renamed), affinity=first
+                )
+                for other in others
+                if first in self._meant and other in self._meant
+            ]
+
+    def _take_file(self, outcome: Outcome, path: Path) -> Iterable[Part]:
+        if outcome.value is None:
+            failure = self.failure(outcome)
+            problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else failure
+            return [self._keep(FileRecord(path=str(path), problem=problem))]
+        found: Meant = outcome.value
+        self._meant[path] = found
+        record = _file_record(found)
+        for engine, caller in self._callers.items():
+            if found.robot.format in caller.formats and found.joints:
+                for aided in (False, True) if found.certified is not None else (False,):
+                    self._next.append(
+                        Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, self.settings, aided)))
+                    )
+        return [self._keep(record)]
+
+    def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
+        found, caller = self._meant[path], self._callers[engine]
+        if failure := self.failure(outcome):
+            about = subject_of(found, caller, aided)
+            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure))]
+        self._next.append(Task((self._take_record, path, engine, aided), _judge, (found, outcome.value, engine, aided), affinity=path))
+        return []
+
+    def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
+        if failure := self.failure(outcome):
+            about = subject_of(self._meant[path], self._callers[engine], aided)
+            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failure))]
+        return [self._keep_subject(outcome.value)]
+
+    def _take_pair(self, outcome: Outcome, first: Path, second: Path) -> Iterable[Part]:
+        failure = self.failure(outcome)
+        record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
+        self._found.pairs.append(record)
+        return [Part(f"{first.name} {second.name}", Comparison(pairs=[record]))]
+
+    def _keep(self, record: FileRecord) -> Part:
+        self._found.files.append(record)
+        return Part(record.name, Comparison(files=[record]))
+
+    def _keep_subject(self, record: SubjectRecord) -> Part:
+        self._found.subjects.append(record)
+        return Part(f"{Path(record.path).name} {record.subject}", Comparison(subjects=[record]))
+
+
+def _words(problem: InvalidInput) -> str:
+    return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
+
+
+def question_of(found: Meant, settings: Settings, aided: bool) -> Question:
+    """What a plain or aided engine is asked about a file whose truth is known."""
+    robot = found.robot
+    joints = asked_joints(robot.tree)
+    states = spread(robot, found.states, joints)
+    return Question(
+        path=robot.path,
+        format=robot.format,
+        joints=joints,
+        q=states.q,
+        v=states.v,
+        tau=states.tau,
+        floating_base=robot.joints[0] if settings.floating_base and robot.format == "urdf" else "",
+        aid=aid(robot, joints, states) if aided else None,
+    )
+
+
+def _file_record(found: Meant) -> FileRecord:
+    robot = found.robot
+    return FileRecord(
+        path=str(robot.path),
+        format=robot.format,
+        bodies=robot.bodies,
+        joints=len(robot.tree.joints),
+        followers=len(robot.tree.joints) - len(robot.joints),
+        degrees_of_freedom=robot.degrees_of_freedom,
+        total_mass=robot.total_mass,
+        gravity=tuple(float(component) for component in robot.tree.gravity),
+        states=len(found.states),
+        undecided=0 if found.certified is None else int((~found.certified.certified).sum()),
+        remark=found.undetermined,
+        left_out=[OmittedPart(what=one.what, lines=one.lines, bears_on_motion=one.bears_on_motion) for one in robot.left_out],
+        impossible=[ImpossibleInertia(**vars(one)) for one in robot.impossible],
+    )
+
+
+# Tasks for worker processes.
+
+
+def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Callable[[str], None]) -> Meant:
+    robot: Robot = read_robot(path, floating_base=floating_base)
+    return meant(robot, count, seed)
+
+
+def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answers:
+    return find_callers()[engine].ask(question)
+
+
+def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
+    return judge(found, answers, find_callers()[engine], aided)
+
+
+def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:
+    return hold_against(first, second, renamed)

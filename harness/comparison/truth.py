@@ -1,0 +1,127 @@
+"""Certified truth of robots, whose programs a process keeps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.reference import Flags, Reference, energy_norm
+from harness.certify.robot_reference import RobotReference
+from harness.certify.sampling import sample
+from harness.comparison.questions import Asked
+from harness.comparison.states import asked_joints, spread
+from harness.equations.states import States
+from harness.robots.robot import Robot
+from harness.robots.tree import Joint, Tree
+from harness.storage import Kept
+
+# States at which the effect of one change is computed.
+STATES_OF_EFFECTS = 16
+# Programs of humanoids take megabytes.
+_REFERENCES: Kept[RobotReference] = Kept(most=8)
+
+
+@dataclass(frozen=True)
+class Meant:
+    """A robot with its states and their truth, over the joints that move by themselves; can be pickled.
+
+    Attributes:
+        truth: None where no state can have one. undetermined: why; "" where states can.
+    """
+
+    robot: Robot
+    states: States
+    certified: Reference | None
+    undetermined: str = ""
+
+    @property
+    def truth(self) -> Reference:
+        assert self.certified is not None, self.undetermined
+        return self.certified
+
+    @property
+    def joints(self) -> tuple[Asked, ...]:
+        return asked_joints(self.robot.tree, self.robot.joints)
+
+
+def reference_of(robot: Robot) -> RobotReference:
+    """The evaluator of a robot's truth; kept in the process."""
+    return _REFERENCES.get((robot.path, robot.tree, robot.joints), lambda: RobotReference(robot))
+
+
+def meant(robot: Robot, count: int, seed: int) -> Meant:
+    """``count`` sampled states of a robot, and their truth."""
+    if not robot.joints:
+        none = np.empty((0, 0))
+        return Meant(robot, States(none, none, none, np.empty(0)), None, "no joint moves, so that there is no acceleration")
+    reference = reference_of(robot)
+    states = sample(reference.mechanism, count, seed)
+    if idle := joints_without_inertia(robot.tree):
+        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
+    return Meant(robot, states, reference.evaluate(states))
+
+
+def joints_without_inertia(tree: Tree) -> list[Joint]:
+    """The joints that carry neither mass nor inertia nor an armature, so that M is singular in every state."""
+    loaded: set[str] = set()
+    heavy = [body.name for body in tree.bodies if not body.is_massless or (body.inertia is not None and any(body.inertia.moments))]
+    above = {body.name: body.parent for body in tree.bodies}
+    for name in heavy:
+        while name in above and name not in loaded:
+            loaded.add(name)
+            name = above[name]
+    of_body = [(joint, body.name in loaded or bool(joint.armature)) for body in tree.bodies for joint in body.joints]
+    moved = {joint.follows or joint.name for joint, is_loaded in of_body if is_loaded}
+    return [joint for joint, _ in of_body if not joint.follows and joint.name not in moved]
+
+
+def read_as(original: Meant, robot: Robot) -> Meant:
+    """The truth of another reading of a robot, ``robot``, at the states of the original."""
+    if robot is original.robot:
+        return original
+    if not robot.joints:
+        none = np.empty((len(original.states), 0))
+        return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
+    states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
+    return Meant(robot, states, reference_of(robot).evaluate(states))
+
+
+def columns_of(joints: Sequence[Asked], names: Sequence[str]) -> list[int]:
+    """The velocities of the joints called ``names``, in their order."""
+    by_name = {joint.name: joint for joint in joints}
+    return [column for name in names for column in by_name[name].velocities]
+
+
+def change(original: Meant, other: Meant) -> float | None:
+    """The largest |qdd' - qdd|_M / |qdd|_M over the states, in the original's joints; None where one has no certified truth.
+
+    Infinite where the other lacks a joint.
+    """
+    if not set(original.robot.joints) <= set(other.robot.joints):
+        return math.inf
+    both = original.truth.certified & other.truth.certified
+    if not both.any():
+        return None
+    moved = other.truth.high[:, columns_of(other.joints, original.robot.joints)]
+    return largest_change(original.truth, moved, both)
+
+
+def largest_change(truth: Reference, accelerations: Array, among: Flags) -> float | None:
+    """The largest |a - a*|_M / |a*|_M among the states of a mask; None where no acceleration there is finite or other than zero."""
+    with np.errstate(all="ignore"):
+        error = energy_norm(truth.norm_factor, (accelerations - truth.high) - truth.low)
+        relative = (error / truth.size)[among]
+    known = relative[np.isfinite(relative)]
+    return float(known.max()) if len(known) else None
+
+
+def change_by_numbers(reference: RobotReference, states: States, own: Array, changed: Array) -> float | None:
+    """The largest relative change of qdd when a robot's numbers, (number of parameters,), become others; as of ``change``."""
+    before, after = (reference.evaluate(states, np.tile(numbers, (len(states), 1))) for numbers in (own, changed))
+    both = before.certified & after.certified
+    return largest_change(before, after.high, both) if both.any() else None

@@ -1,0 +1,168 @@
+"""A comparison of robots' files in sections, for the terminal and for a page; it computes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from harness.results.comparison import (
+    Comparison,
+    FileRecord,
+    ImpossibleInertia,
+    PairRecord,
+    SubjectRecord,
+    pair_table,
+    subjects_table,
+    survey_table,
+)
+from harness.results.records import Run
+from harness.results.table import Table, counted, error_text
+
+# Of a reading or of a part that is left out; the JSON has all lines.
+MOST_LINES = 8
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with what stands below it: lines of text, the further ones of a paragraph indented, and tables."""
+
+    title: str
+    parts: Sequence[str | Table] = field(default_factory=list)
+
+
+def sections(found: Comparison) -> Iterator[Section]:
+    """What there is to say, in the order in which a person asks."""
+    yield Section("1. What the file is" if len(found.files) == 1 else "1. What the files are", [*_descriptions(found.files)])
+    yield Section("2. What no body can have", [*_impossible(found)] or ["nothing: every inertia is one that a body can have"])
+    for file in found.files:
+        own = found.of(file.path)
+        if own:
+            yield Section(f"3. The engines on {file.name}", [subjects_table(own), *_readings(own)])
+    yield Section("4. The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+    if len(found.files) > 1:
+        for pair in found.pairs:
+            yield Section(f"5. {Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
+
+
+def survey_overview(found: Comparison) -> Iterator[Section]:
+    """A table of all robots, and what is not explained."""
+    compared = [subject for subject in found.subjects if not subject.aided]
+    explained = sum(subject.explained for subject in compared)
+    count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
+    yield Section("Robots and engines", [count, survey_table(found)])
+    yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+
+
+def survey_sections(found: Comparison) -> Iterator[Section]:
+    """The overview, then each robot."""
+    yield from survey_overview(found)
+    for file in found.files:
+        own = found.of(file.path)
+        yield Section(file.path, [*_descriptions([file]), *_impossible(Comparison(files=[file], subjects=own)), *_readings(own)])
+
+
+def render(run: Run, found: Comparison, title: str, of_survey: bool = False) -> str:
+    """One offline page."""
+    from harness.report.html import environment
+
+    parts = list(survey_sections(found) if of_survey else sections(found))
+    return environment().get_template("comparison.html").render(run=run, title=title, sections=parts, charts=[])
+
+
+def lines_text(lines: Sequence[int]) -> str:
+    """ "line 3", "lines 3, 5 and 10 more"."""
+    shown = sorted(dict.fromkeys(lines))
+    if not shown:
+        return "no line of the file"
+    if len(shown) <= MOST_LINES:
+        return f"line{'s' if len(shown) > 1 else ''} {', '.join(map(str, shown))}"
+    return f"lines {', '.join(map(str, shown[:MOST_LINES]))} and {len(shown) - MOST_LINES} more"
+
+
+def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
+    for file in files:
+        if file.problem:
+            yield f"{file.path}: {file.problem}"
+            continue
+        followers = f" ({file.followers} of them mimic another)" if file.followers else ""
+        gravity = " ".join(f"{component:g}" for component in file.gravity)
+        yield (
+            f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
+            f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2"
+        )
+        if file.remark:
+            yield f"  {file.remark}"
+        elif file.degrees_of_freedom:
+            undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
+            yield f"  certified accelerations at {counted(file.states, 'state')}{undecided}"
+        for part in file.left_out:
+            bearing = "would move it, and is off in every engine" if part.bears_on_motion else "bears on no acceleration"
+            yield f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {bearing}"
+
+
+def _impossible(found: Comparison) -> Iterator[str]:
+    for file in found.files:
+        for one in file.impossible:
+            yield _impossible_text(file, one)
+        if file.impossible:
+            yield "  " + "; ".join(_stance(subject) for subject in found.of(file.path) if not subject.aided)
+
+
+def _impossible_text(file: FileRecord, one: ImpossibleInertia) -> str:
+    numbers = " ".join(f"{value:.6g}" for value in one.found)
+    nearest = f"; nearest that a body can have: {' '.join(f'{value:.6g}' for value in one.nearest)}" if one.nearest else ""
+    by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""
+    return f"{file.name}:{one.line}: {one.body}: {one.what}{by}: {numbers}{nearest}"
+
+
+def _stance(subject: SubjectRecord) -> str:
+    return f"{subject.engine} refuses the file" if subject.outcome == "refused" else f"{subject.engine} computes on without a word"
+
+
+def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
+    for subject in subjects:
+        if not (subject.readings or subject.notes or subject.message):
+            continue
+        yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
+        if subject.message:
+            yield f"  {'it says: ' if subject.outcome == 'refused' else ''}{subject.message}"
+        if subject.outcome == "refused":
+            yield from (f"  {sentence}" for sentence in subject.rest[:MOST_LINES])
+        yield from (f"  {note}" for note in subject.notes)
+        for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0)):
+            count = counted(len(reading.lines), reading.concerns.removesuffix("s"))
+            yield f"  {reading.sentence}: {count}, {lines_text(reading.lines)}; {reading.moves}"
+            yield f"    {reading.source}"
+        if subject.readings and subject.left is not None:
+            these = "these readings" if len(subject.readings) > 1 else "this reading"
+            yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
+
+
+def subject_lines(subject: SubjectRecord) -> list[str]:
+    """All that is known of one subject."""
+    return [*_readings([subject]), *_rest(Comparison(subjects=[subject]))]
+
+
+def _rest(found: Comparison) -> Iterator[str]:
+    for subject in found.subjects:
+        if subject.rest and not subject.explained:
+            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}"
+            yield from (f"  {sentence}" for sentence in subject.rest)
+        elif not subject.explained:
+            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}: {subject.message}"
+
+
+def _pair(pair: PairRecord) -> Iterator[str | Table]:
+    if pair.problem:
+        yield pair.problem
+        return
+    error = "" if pair.backward_error is None else f": {error_text(pair.backward_error)} data roundoffs apart"
+    relative = "" if not pair.relative_error else f", {pair.relative_error:.2g} of the accelerations"
+    verdict = "the same robot" if pair.same else "not the same robot"
+    yield f"{verdict}{error}{relative}"
+    if pair.equivalent and pair.differences:
+        yield "  their numbers differ, and no acceleration feels it"
+    yield from (f"  {remark}" for remark in pair.remarks)
+    if pair.differences:
+        yield pair_table(pair)

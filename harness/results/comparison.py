@@ -1,0 +1,271 @@
+"""What a comparison of robots' files finds: plain data and its tables."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from harness.results.study_result import StudyResult
+from harness.results.table import Cell, Column, Table, counted, error_text
+from harness.verdict import AGREEMENT, Verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class OmittedPart:
+    """What a file holds and the truth does not judge; ``bears_on_motion`` where an engine that has it on may move otherwise."""
+
+    what: str
+    lines: tuple[int, ...]
+    bears_on_motion: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpossibleInertia:
+    """An inertia that no body can have.
+
+    Attributes:
+        found: the numbers of the file. by_how_much: relative to the largest. nearest: moments xx, yy, zz, xy, xz, yz [kg m^2] of the
+            nearest that a body can have.
+    """
+
+    body: str
+    line: int
+    what: str
+    found: tuple[float, ...]
+    by_how_much: float
+    nearest: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileRecord:
+    """A robot's file as its format gives it meaning.
+
+    Attributes:
+        problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
+        undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
+    """
+
+    path: str
+    format: str = ""
+    problem: str = ""
+    bodies: int = 0
+    joints: int = 0
+    followers: int = 0
+    degrees_of_freedom: int = 0
+    total_mass: float = 0.0
+    gravity: tuple[float, ...] = ()
+    states: int = 0
+    undecided: int = 0
+    remark: str = ""
+    left_out: list[OmittedPart] = field(default_factory=list)
+    impossible: list[ImpossibleInertia] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return Path(self.path).name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """A reading that applies to a file.
+
+    Attributes:
+        lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
+            relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
+    """
+
+    name: str
+    sentence: str
+    concerns: str
+    lines: tuple[int, ...]
+    alone: float | None
+    source: str
+
+    @property
+    def moves(self) -> str:
+        """The effect in words."""
+        if self.alone is None:
+            return "with it alone the accelerations are not certain"
+        if self.alone == math.inf:
+            return "alone it takes joints out of the robot"
+        if self.alone == 0:
+            return "alone it moves no acceleration"
+        size = f"{error_text(self.alone)} times" if self.alone >= 1 else f"{self.alone:.2g} of its size"
+        return f"alone it moves qdd by {size}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubjectRecord:
+    """An engine on a file, plain or aided.
+
+    Attributes:
+        call: the user's code. verdict: against the truth of the file; backward_error [data roundoffs] and relative_error are the worst.
+        explained: whether the answer agrees with what the file means or, plain, with what ``readings`` make of it.
+        left: worst backward error after the readings; None where nothing is compared.
+        rest: what is known of what the readings leave, a sentence each. message: the engine's refusal, or why there is no answer.
+        notes: what was taken out of the file before the engine read it.
+    """
+
+    path: str
+    engine: str
+    format: str
+    aided: bool
+    call: str
+    verdict: str
+    explained: bool
+    backward_error: float | None = None
+    relative_error: float | None = None
+    left: float | None = None
+    readings: list[Effect] = field(default_factory=list)
+    rest: list[str] = field(default_factory=list)
+    message: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def subject(self) -> str:
+        return f"{self.engine}/{self.format}"
+
+    @property
+    def kind(self) -> str:
+        return "aided" if self.aided else "plain"
+
+    @property
+    def dominating(self) -> str:
+        """The reading that moves qdd most; "" for none."""
+        known = [reading for reading in self.readings if reading.alone]
+        return max(known, key=lambda reading: reading.alone or 0.0).name if known else ""
+
+    @property
+    def outcome(self) -> str:
+        """The verdict in a word or two: "agrees", "explained", "refused", "unexplained"."""
+        if self.verdict == Verdict.UNSUPPORTED:
+            return "refused"
+        if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED, Verdict.ERROR):
+            return self.verdict
+        return "lost digits" if self.verdict == Verdict.UNSTABLE else "explained" if self.explained else "unexplained"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """One quantity that two files give otherwise.
+
+    Attributes:
+        what: as "mass of link forearm". first, second: its value in either file with its place. alone: what it alone does to qdd of
+            the first file, relative in the energy norm; None where that is not certain.
+    """
+
+    what: str
+    first: str
+    second: str
+    first_place: str
+    second_place: str
+    alone: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairRecord:
+    """Two files held against each other.
+
+    Attributes:
+        same: whether they are one robot to ``AGREEMENT`` data roundoffs. backward_error, relative_error: of the second's truth
+            against that of the first. problem: why they cannot be compared.
+        equivalent: True where numbers differ and no acceleration feels it. remarks: on how joints were matched.
+    """
+
+    first: str
+    second: str
+    same: bool
+    backward_error: float | None = None
+    relative_error: float | None = None
+    problem: str = ""
+    equivalent: bool = False
+    differences: list[Difference] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class Comparison(StudyResult):
+    """What is known of the files of a comparison or survey."""
+
+    STUDY: ClassVar[str] = "comparison"
+
+    files: list[FileRecord] = field(default_factory=list)
+    subjects: list[SubjectRecord] = field(default_factory=list)
+    pairs: list[PairRecord] = field(default_factory=list)
+
+    @property
+    def as_expected(self) -> bool:
+        """True where every file has a meaning, every answer is explained, and all files are one robot."""
+        files = all(not file.problem for file in self.files)
+        return files and all(subject.explained for subject in self.subjects) and all(pair.same for pair in self.pairs)
+
+    def of(self, path: str) -> list[SubjectRecord]:
+        """The subjects of a file."""
+        return [subject for subject in self.subjects if subject.path == path]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for ``harness.results.records.dumps``."""
+        return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs}
+
+
+def subjects_table(subjects: Sequence[SubjectRecord]) -> Table:
+    """A row for each subject of a file."""
+    return Table.of(
+        subjects,
+        {
+            "subject": "subject",
+            "called": "kind",
+            "verdict": _verdict_cell,
+            Column("backward error", "error"): "backward_error",
+            Column("relative error", "relative"): "relative_error",
+            Column("after readings", "error"): "left",
+            "largest reading": "dominating",
+        },
+        "Engines against the certified accelerations of the file; errors in data roundoffs, of which "
+        f"up to {AGREEMENT:g} agree; the largest over all states.",
+    )
+
+
+def _verdict_cell(subject: SubjectRecord) -> Cell:
+    return Cell(subject.outcome, tone="agrees expected" if subject.explained else "disagrees surprise")
+
+
+def survey_table(found: Comparison) -> Table:
+    """A row for each robot, a column for each plain subject."""
+    engines = sorted({subject.engine for subject in found.subjects})
+    rows = []
+    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
+    for file in found.files:
+        cells: list[object] = [str(Path(file.path).relative_to(shared)), file.degrees_of_freedom if not file.problem else None]
+        for engine in engines:
+            for aided in (False, True):
+                own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
+                cells.append(_survey_cell(own) if own is not None else Cell(""))
+        cells += [counted(len(file.impossible), "link") if file.impossible else "", file.problem]
+        rows.append(cells)
+    heads = [head for engine in engines for head in (engine, f"{engine} aided")]
+    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, "Robots and subjects.", "matrix")
+
+
+def _survey_cell(subject: SubjectRecord) -> Cell:
+    size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
+    notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
+    return Cell(f"{subject.outcome}{size}", notes, "agrees expected" if subject.explained else "disagrees surprise")
+
+
+def pair_table(pair: PairRecord) -> Table:
+    """The differences of two files, the one with the largest effect first."""
+    return Table.of(
+        pair.differences,
+        {
+            "what": "what",
+            Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
+            Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
+            Column("alone it moves qdd by", "error"): "alone",
+        },
+        "Differences, the one that moves the accelerations most first.",
+    )

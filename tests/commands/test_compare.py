@@ -1,0 +1,96 @@
+"""``harness compare`` and ``harness survey`` as a new user runs them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support import harness
+
+FILES = Path(__file__).parent.parent / "comparison" / "files"
+ARM = FILES / "arm.urdf"
+
+
+def test_one_file_is_told_in_sections(tmp_path: Path) -> None:
+    done = harness("compare", str(ARM), "--states", "16", "--json", "found.json", "--html", "found.html", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    titles = [line for line in done.stdout.splitlines() if line[:1].isdigit()]
+    assert titles == ["1. What the file is", "2. What no body can have", "3. The engines on arm.urdf", "4. The rest"]
+    assert "Pinocchio's ABA applies no joint damping: 2 joints, lines 9, 25" in done.stdout
+    found = json.loads((tmp_path / "found.json").read_text())
+    (reading,) = [reading for subject in found["subjects"] for reading in subject["readings"]]
+    assert reading["lines"] == [9, 25] and reading["alone"] > 0.01
+    assert found["files"][0]["degrees_of_freedom"] == 2 and found["pairs"] == []
+    page = (tmp_path / "found.html").read_text()
+    assert "applies no joint damping" in page and "http-equiv" in page and "src=" not in page
+
+
+def test_files_of_one_robot_and_files_that_are_not(tmp_path: Path) -> None:
+    same = harness("compare", str(ARM), str(FILES / "arm.xml"), "--states", "16", cwd=tmp_path)
+    assert "5. arm.urdf and arm.xml" in same.stdout and "  the same robot" in same.stdout
+    other = tmp_path / "other.urdf"
+    other.write_text(ARM.read_text().replace('damping="0.5"', 'damping="0.50001"'))
+    done = harness("compare", str(ARM), str(other), "--states", "16", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "not the same robot" in done.stdout and "damping of joint shoulder" in done.stdout and "other.urdf:9" in done.stdout
+
+
+def test_a_file_without_meaning_is_invalid_input(tmp_path: Path) -> None:
+    path = tmp_path / "bad.urdf"
+    path.write_text(ARM.read_text().replace('<mass value="1"/>', '<mass value="one"/>'))
+    done = harness("compare", str(path), cwd=tmp_path)
+    assert done.returncode == 2 and "bad.urdf:30" in done.stderr
+    assert harness("compare", "nothing.urdf", cwd=tmp_path).returncode == 2
+    assert harness("compare", str(ARM), "--map", "shoulder", cwd=tmp_path).returncode == 2
+
+
+def test_from_an_empty_folder_with_an_empty_home(tmp_path: Path) -> None:
+    for name in ("home", "work"):
+        (tmp_path / name).mkdir()
+    shutil.copy(FILES / "massless_foot.urdf", tmp_path / "work")
+    environment = {"HOME": str(tmp_path / "home"), "PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "harness", "compare", "massless_foot.urdf", "--states", "8"]
+    done = subprocess.run(command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "inertia of a link of mass 0" in done.stdout
+    assert [path.name for path in (tmp_path / "work").iterdir()] == ["massless_foot.urdf"]
+
+
+def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
+    robots = tmp_path / "robots"
+    robots.mkdir()
+    for name in ("arm.urdf", "impossible.urdf", "mimic.urdf"):
+        shutil.copy(FILES / name, robots)
+    (robots / "bad.urdf").write_text("<robot name='bad'><link name='a'/><link name='b'/></robot>")
+    done = harness("survey", str(robots), "--states", "8", "--html", "page.html", "--json", "found.json", cwd=tmp_path)
+    assert done.returncode == 1
+    rows = {line.split()[0]: line for line in done.stdout.splitlines() if line.split()[:1] and ".urdf" in line.split()[0]}
+    assert rows.keys() >= {"arm.urdf", "bad.urdf", "impossible.urdf", "mimic.urdf"}
+    assert "explained" in rows["mimic.urdf"] and "refused" in rows["impossible.urdf"] and "1 link" in rows["impossible.urdf"]
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert [bool(file["problem"]) for file in found["files"]] == [False, True, False, False]
+    assert "mimics another for one that moves by itself" in (tmp_path / "page.html").read_text()
+    (robots / "bad.urdf").unlink()
+    assert harness("survey", str(robots), "--states", "8", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_an_engine_that_dies_costs_its_own_record(engine: str, tmp_path: Path) -> None:
+    """The worker is killed where the engine is asked."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, sys\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {engine!r} and 'HARNESS_WORKER' in os.environ: os.abort()\n"
+        "sys.meta_path.insert(0, Finder())\n"
+    )
+    environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "PYTHONPATH": f"{tmp_path}:{Path(__file__).parents[2]}"}
+    command = [sys.executable, "-m", "harness", "compare", str(ARM), "--states", "8", "--json", "-", "--workers", "1"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 3, done.stderr
+    verdicts = {(one["engine"], one["verdict"]) for one in json.loads(done.stdout)["subjects"]}
+    assert (engine, "error") in verdicts and all(verdict != "error" for name, verdict in verdicts if name != engine)

@@ -1,0 +1,44 @@
+"""What the tests of comparisons share: files, edited copies of them, and comparisons without processes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.comparison.callers import find_callers
+from harness.comparison.judgement import judge
+from harness.comparison.study import Settings, question_of
+from harness.comparison.truth import Meant, meant
+from harness.results.comparison import SubjectRecord
+from harness.robots.robot import read_robot
+
+FILES = Path(__file__).parent / "files"
+STATES = 16
+
+
+def meant_by(path: Path, floating_base: bool = False) -> Meant:
+    return meant(read_robot(path, floating_base=floating_base), STATES, seed=0)
+
+
+def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
+    """The record of a subject, asked in this process."""
+    found = meant_by(path, floating_base)
+    caller = find_callers()[engine]
+    question = question_of(found, Settings([path], STATES, floating_base=floating_base), aided)
+    return judge(found, caller.ask(question), caller, aided)
+
+
+def edited(source: Path, folder: Path, *changes: tuple[str, str]) -> Path:
+    """A copy of a file with texts replaced, each of which stands there once."""
+    text = source.read_text()
+    for old, new in changes:
+        assert text.count(old) == 1, (old, text.count(old))
+        text = text.replace(old, new)
+    copy = folder / source.name
+    copy.write_text(text)
+    return copy
+
+
+def line_of(path: Path, text: str) -> int:
+    """The line that holds ``text``, of which there is one."""
+    (line,) = [number for number, content in enumerate(path.read_text().splitlines(), start=1) if text in content]
+    return line

@@ -1,0 +1,122 @@
+"""A plain engine's answer is explained by its readings, with the lines they concern; without them it is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparison.robots import FILES, edited, line_of, meant_by, record_of
+
+from harness.comparison import judgement
+from harness.comparison.callers import find_callers
+from harness.comparison.far_links import is_explained_by_distance
+from harness.comparison.readings import find_readings
+from harness.verdict import AGREEMENT, Verdict
+
+EXPLAINED = [
+    ("arm.urdf", "pinocchio", "joint damping", ('damping="0.5"', 'damping="0.25"')),
+    ("mimic.urdf", "pinocchio", "mimic joints", ('<mimic joint="left"',)),
+    ("mimic.urdf", "mujoco", "mimic joints", ('<mimic joint="left"',)),
+    ("massless_foot.urdf", "mujoco", "inertia without mass", ('<mass value="0"/>',)),
+]
+
+
+@pytest.mark.parametrize(("name", "engine", "reading", "texts"), EXPLAINED)
+def test_a_reading_explains_a_plain_answer(name: str, engine: str, reading: str, texts: tuple[str, ...]) -> None:
+    record = record_of(FILES / name, engine)
+    assert (record.verdict, record.explained, record.outcome) == (Verdict.DISAGREES, True, "explained")
+    (found,) = record.readings
+    assert (found.name, found.lines) == (reading, tuple(line_of(FILES / name, text) for text in texts))
+    # It is the only one, so that alone it is the whole difference.
+    assert found.alone == pytest.approx(record.relative_error, rel=0.5) and record.left is not None and record.left <= AGREEMENT
+
+
+@pytest.mark.parametrize(("name", "engine", "reading", "texts"), EXPLAINED)
+def test_without_its_reading_the_answer_is_not_explained(
+    name: str, engine: str, reading: str, texts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    record = record_of(FILES / name, engine)
+    assert not record.explained and record.rest
+
+
+def test_one_number_that_explains_the_rest_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ABA takes the one damper of this arm for none."""
+    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    path = edited(FILES / "arm.urdf", tmp_path, ('<dynamics damping="0.25" friction="0.125"/>', ""))
+    record = record_of(path, "pinocchio")
+    assert record.rest[0].startswith(f"arm.urdf:{line_of(path, 'damping=')}: dynamics damping[0] = 0.5: the engine behaves as with ")
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "massless_foot.urdf", "impossible.urdf"])
+def test_an_aided_engine_agrees_with_the_file(name: str, engine: str) -> None:
+    record = record_of(FILES / name, engine, aided=True)
+    assert (record.verdict, record.readings) == (Verdict.AGREES, [])
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize("aided", [False, True])
+def test_a_floating_base_is_put_under_the_root(engine: str, aided: bool, tmp_path: Path) -> None:
+    base = '<link name="ground"><inertial><mass value="4"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    path = edited(FILES / "arm.urdf", tmp_path, ('<link name="ground"/>', base))
+    record = record_of(path, engine, aided, floating_base=True)
+    assert record.explained and record.verdict == (Verdict.DISAGREES if engine == "pinocchio" and not aided else Verdict.AGREES)
+
+
+def test_what_an_engine_refuses_is_named(tmp_path: Path) -> None:
+    record = record_of(FILES / "impossible.urdf", "mujoco")
+    assert (record.outcome, record.explained) == ("refused", True)
+    assert "A + B >= C" in record.message
+    assert any("rod" in sentence and f"line {line_of(FILES / 'impossible.urdf', '<inertia ')}" in sentence for sentence in record.rest)
+
+
+def test_a_joint_that_carries_nothing_has_no_acceleration(tmp_path: Path) -> None:
+    inertial = FILES.joinpath("impossible.urdf").read_text().partition("<inertial>")[2].partition("</inertial>")[0]
+    path = edited(FILES / "impossible.urdf", tmp_path, (f"<inertial>{inertial}</inertial>", ""))
+    found = meant_by(path)
+    assert "pin" in found.undetermined
+    record = record_of(path, "pinocchio")
+    assert (record.verdict, "0 of" in record.message) == (Verdict.UNDECIDED, True)
+
+
+@pytest.mark.parametrize("engine", sorted(find_callers()))
+def test_every_reading_says_where_it_is_known_from(engine: str) -> None:
+    for model_format in find_callers()[engine].formats:
+        for reading in find_readings(engine, model_format):
+            assert reading.engine == engine and len(reading.source) > 20 and reading.sentence[0].isupper()
+
+
+def test_a_reading_that_does_not_apply_leaves_the_very_robot() -> None:
+    robot = meant_by(FILES / "impossible.urdf").robot
+    assert all(reading.read(robot) is robot for engine in find_callers() for reading in find_readings(engine, "urdf"))
+    assert np.isfinite(meant_by(FILES / "impossible.urdf").truth.high).all()
+
+
+def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Path) -> None:
+    """A wheel of 1e-6 kg m^2 a hundred metres from the base."""
+    text = (FILES / "arm.urdf").read_text()
+    text = text.replace('<origin xyz="0 0.0625 -0.5"/>', '<origin xyz="0 100 -0.5"/>').replace('xyz="0 0 -0.1875"', 'xyz="0 0 0"')
+    text = text.replace('ixx="0.015625" ixy="0" ixz="0" iyy="0.015625"', 'ixx="0.000001" ixy="0" ixz="0" iyy="0.0078125"')
+    path = tmp_path / "far.urdf"
+    start, end = text.index('  <joint name="flange"'), text.index("</robot>")
+    path.write_text(text[:start] + text[end:])
+    record = record_of(path, "mujoco", aided=True)
+    assert record.explained
+    found = meant_by(path)
+    assert is_explained_by_distance(found, found.truth.high)
+    assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))
+
+
+@pytest.mark.parametrize("shape", ['<box size="0.25 0.5 0.125"/>', '<cylinder radius="0.125" length="0.5"/>', '<sphere radius="0.125"/>'])
+def test_mass_of_collision_geometry_is_a_reading_of_mujoco(shape: str, tmp_path: Path) -> None:
+    collision = f'<collision><origin xyz="0 0.25 0" rpy="0.5 0.25 1"/><geometry>{shape}</geometry></collision>'
+    text = (FILES / "arm.urdf").read_text()
+    start, end = text.index("<inertial>", text.index('<link name="tool">')), text.rindex("</inertial>") + len("</inertial>")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text[:start] + collision + text[end:])
+    record = record_of(path, "mujoco")
+    assert record.explained and [reading.name for reading in record.readings] == ["mass of collision geometry"]
+    assert record.readings[0].lines == (line_of(path, '<link name="tool">'),)
+    assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
