@@ -152,6 +152,7 @@ class Bracket:
         from harness.report import build, write
         from harness.results.atlas import Atlas
         from harness.results.benchmark import Benchmark
+        from harness.results.comparison import Comparison
         from harness.results.cross_check import CrossCheckResult
 
         history, library = self.history, self.library.name
@@ -161,6 +162,7 @@ class Bracket:
             number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
         given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas}
         if number is not None:
+            given["robots"] = history.latest(Comparison, library)
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))

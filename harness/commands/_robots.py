@@ -1,4 +1,4 @@
-"""What the commands on robots' files share: the run, its sections on the terminal, the page and the JSON file."""
+"""What the commands on robots' files share: the run, its sections on the terminal, and the JSON file."""
 
 from __future__ import annotations
 
@@ -14,23 +14,10 @@ if TYPE_CHECKING:
     from harness.results.comparison import Comparison
 
 
-def compare_robots(
-    bracket: Bracket,
-    study: RobotComparison,
-    name: str,
-    shown: Callable[[Comparison], Iterable[Section]],
-    html: Callable[[Comparison], str],
-    html_path: str | None,
-) -> Comparison:
-    """Run a study of robots' files: progress, JSON, ``shown`` on standard output, and the page that ``html`` makes."""
-    bracket.begin(study.settings.states, name)
+def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[Comparison], Iterable[Section]]) -> Comparison:
+    """Run a study of robots' files that has begun: progress, JSON, and ``shown`` on standard output."""
     found: Comparison = bracket.complete(study, lambda: study.result().to_json())
     for number, section in enumerate(shown(found)):
         say(*([""] if number else []), section.title)
         print_section(section.parts)
-    if html_path is not None:
-        from harness.storage import write_atomically
-
-        write_atomically(html_path, html(found))
-        say("", f"page: {html_path}")
     return found

@@ -8,6 +8,7 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._robots import compare_robots
+from harness.commands._terminal import say
 
 
 @click.command("compare")
@@ -37,11 +38,16 @@ def command(
     """
     from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import render, sections
+    from harness.storage import write_atomically
 
     settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, floating_base, dict(map(_names, renamed)))
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
-    found = compare_robots(bracket, study, "compare", sections, lambda found: render(bracket.run, found, title), html_path)
+    bracket.begin(states, "compare")
+    found = compare_robots(bracket, study, sections)
+    if html_path is not None:
+        write_atomically(html_path, render(bracket.run, title, sections(found)))
+        say("", f"page: {html_path}")
     bracket.finish(study.problems, study.crashed, found.as_expected)
 
 

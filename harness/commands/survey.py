@@ -6,33 +6,38 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._robots import compare_robots
+from harness.commands._terminal import say
 
 
 @click.command("survey")
 @click.argument("places", nargs=-1, required=True, metavar="FOLDER|PACKAGE...")
 @click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF.")
 @click.option("--states", type=click.IntRange(min=1), default=32, show_default=True, help="States per file.")
-@click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
-@computing(time_limit=300.0, library=False)
-def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, states: int, html_path: str | None) -> None:
+@computing(time_limit=300.0, library=False, directory=True)
+def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, states: int) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
     Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
     every engine, the reading that explains most, and the links that no body can be.
     `harness compare FILE` shows one of them in full. A file without meaning is a row too.
+    Adds the page robots.html to the report, and says what changed since the last survey of the same places.
 
     \b
     Examples:
       harness survey robots/
-      harness survey example_robot_data --html robots.html
+      harness survey example_robot_data --out reports
     """
     from harness.comparison.collection import find_files
     from harness.comparison.study import RobotComparison, Settings
-    from harness.report.comparison import render, survey_overview
+    from harness.report import write
+    from harness.report.comparison import render, survey_overview, survey_sections
+    from harness.results.comparison import Comparison
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, floating_base, pairwise=False), "survey")
-    title = f"Robots of {', '.join(places)}"
-    found = compare_robots(
-        bracket, study, "survey", survey_overview, lambda found: render(bracket.run, found, title, of_survey=True), html_path
-    )
+    profile = " ".join(["survey", *places, *(["with floating bases"] if floating_base else [])])
+    before = bracket.history.latest(Comparison, bracket.library.name, profile)
+    bracket.begin(states, profile, Comparison)
+    found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
+    write(bracket.directory, {"robots.html": render(bracket.run, f"Robots of {', '.join(places)}", survey_sections(found, before))})
+    say("", f"page: {bracket.directory / 'robots.html'}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

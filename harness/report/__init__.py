@@ -22,8 +22,10 @@ from harness.report.markdown import render_markdown
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
+from harness.results.comparison import Comparison
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Run, to_json
+from harness.results.table import counted
 from harness.storage import write_atomically
 
 __all__ = ["Earlier", "build", "write"]
@@ -35,12 +37,13 @@ def build(
     history: Sequence[Earlier] = (),
     benchmark: tuple[Run, Benchmark] | None = None,
     atlas: tuple[Run, Atlas] | None = None,
+    robots: tuple[Run, Comparison] | None = None,
 ) -> dict[str, str]:
     """File name to text of every file of the report on a cross-check, a benchmark, an atlas, or several of them.
 
-    ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them; ``benchmark`` and
-    ``atlas`` what ``History.latest`` returns. The Markdown and the JSON are the same for the same arguments; Bokeh
-    numbers its plots anew on every call.
+    ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them; ``benchmark``, ``atlas``
+    and ``robots``, whose page ``robots.html`` the index links, what ``History.latest`` returns. The Markdown and the JSON
+    are the same for the same arguments; Bokeh numbers its plots anew on every call.
 
     Raises:
         ValueError: there is nothing to report.
@@ -57,7 +60,7 @@ def build(
     parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
     records, cards = (summary.records, summary.cards) if summary else ([], {})
     return {
-        "index.html": render_html(run, summary, measured, hard),
+        "index.html": render_html(run, summary, measured, hard, f"survey of {counted(len(robots[1].files), 'robot')}" if robots else ""),
         "report.md": render_markdown(summary, measured, hard),
         "report.json": to_json(run, records, [card for _, card in sorted(cards.items())], **parts),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from harness.results.comparison import (
     ImpossibleInertia,
     PairRecord,
     SubjectRecord,
+    changes,
     pair_table,
     subjects_table,
     survey_table,
@@ -25,10 +26,14 @@ MOST_LINES = 8
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with what stands below it: lines of text, the further ones of a paragraph indented, and tables."""
+    """A heading with what stands below it: lines of text, the further ones of a paragraph indented, and tables.
+
+    ``anchor`` is its place on a page.
+    """
 
     title: str
     parts: Sequence[str | Table] = field(default_factory=list)
+    anchor: str = ""
 
 
 def sections(found: Comparison) -> Iterator[Section]:
@@ -45,29 +50,37 @@ def sections(found: Comparison) -> Iterator[Section]:
             yield Section(f"5. {Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
 
 
-def survey_overview(found: Comparison) -> Iterator[Section]:
-    """A table of all robots, and what is not explained."""
+def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = None, on_page: bool = False) -> Iterator[Section]:
+    """A table of all robots, what is not explained, and what is other than in the survey ``before``."""
     compared = [subject for subject in found.subjects if not subject.aided]
     explained = sum(subject.explained for subject in compared)
     count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
-    yield Section("Robots and engines", [count, survey_table(found)])
+    yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+    if before is not None:
+        yield Section(f"Since the survey of {before[0].started}", [*changes(before[1], found)] or ["nothing changed"])
 
 
-def survey_sections(found: Comparison) -> Iterator[Section]:
+def _anchors(found: Comparison) -> dict[str, str]:
+    return {file.path: f"robot-{number}" for number, file in enumerate(found.files, 1)}
+
+
+def survey_sections(found: Comparison, before: tuple[Run, Comparison] | None = None) -> Iterator[Section]:
     """The overview, then each robot."""
-    yield from survey_overview(found)
+    yield from survey_overview(found, before, on_page=True)
+    anchors = _anchors(found)
     for file in found.files:
         own = found.of(file.path)
-        yield Section(file.path, [*_descriptions([file]), *_impossible(Comparison(files=[file], subjects=own)), *_readings(own)])
+        impossible = _impossible(Comparison(files=[file], subjects=own))
+        tables = [subjects_table(own)] if own else []
+        yield Section(file.path, [*_descriptions([file]), *impossible, *tables, *_readings(own)], anchors[file.path])
 
 
-def render(run: Run, found: Comparison, title: str, of_survey: bool = False) -> str:
+def render(run: Run, title: str, parts: Iterable[Section]) -> str:
     """One offline page."""
     from harness.report.html import environment
 
-    parts = list(survey_sections(found) if of_survey else sections(found))
-    return environment().get_template("comparison.html").render(run=run, title=title, sections=parts, charts=[])
+    return environment().get_template("comparison.html").render(run=run, title=title, sections=list(parts), charts=[])
 
 
 def lines_text(lines: Sequence[int]) -> str:

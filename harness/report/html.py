@@ -40,8 +40,13 @@ _COLOUR = re.compile("(fill|stroke):#[0-9a-f]{6}")
 _HEADING = re.compile(r'<h([23]) id="([^"]+)">(.*?)</h\1>', re.DOTALL)
 
 
-def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None) -> str:
-    """The whole ``index.html``; without a cross-check, ``run`` is the newer one of benchmark and atlas."""
+def render_html(
+    run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None, robots: str = ""
+) -> str:  # fmt: skip
+    """The whole ``index.html``; without a cross-check, ``run`` is the newer one of benchmark and atlas.
+
+    ``robots`` names the survey whose page stands beside it, as ``robots.html``.
+    """
     plots: dict[str, plotting.figure | None] = {}
     about: dict[str, Any] = {}
     if summary is not None:
@@ -63,6 +68,7 @@ def render_html(run: Run, summary: Summary | None, benchmark: BenchmarkSummary |
             summary=summary,
             benchmark=benchmark,
             hard=hard,
+            robots=robots,
             limit=AGREEMENT,
             silent_marker=hard_charts.SILENT_MARKER[1],
             tables=benchmark_tables,

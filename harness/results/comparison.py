@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -234,8 +234,24 @@ def _verdict_cell(subject: SubjectRecord) -> Cell:
     return Cell(subject.outcome, tone="agrees expected" if subject.explained else "disagrees surprise")
 
 
-def survey_table(found: Comparison) -> Table:
-    """A row for each robot, a column for each plain subject."""
+def changes(before: Comparison, now: Comparison) -> Iterator[str]:
+    """Of each subject whose outcome or dominating reading is another than before, and of each file that came or went, a sentence."""
+    earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
+    for one in now.subjects:
+        was = earlier.get((one.path, one.subject, one.kind))
+        if was is not None and (was.outcome, was.dominating) != (one.outcome, one.dominating):
+            yield f"{one.path} {one.subject}, {one.kind}: {_outcome_text(one)}; it was: {_outcome_text(was)}"
+    known, found = ({file.path for file in comparison.files} for comparison in (before, now))
+    yield from (f"{path}: new" for path in sorted(found - known))
+    yield from (f"{path}: no longer there" for path in sorted(known - found))
+
+
+def _outcome_text(subject: SubjectRecord) -> str:
+    return f"{subject.outcome} ({subject.dominating})" if subject.dominating else subject.outcome
+
+
+def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
+    """A row for each robot, a column for each subject; ``anchors`` are the places of the robots' comparisons on the page, by path."""
     engines = sorted({subject.engine for subject in found.subjects})
     rows = []
     shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
@@ -244,17 +260,24 @@ def survey_table(found: Comparison) -> Table:
         for engine in engines:
             for aided in (False, True):
                 own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
-                cells.append(_survey_cell(own) if own is not None else Cell(""))
+                cells.append(_survey_cell(own, anchors.get(file.path, "")) if own is not None else Cell(""))
         cells += [counted(len(file.impossible), "link") if file.impossible else "", file.problem]
         rows.append(cells)
     heads = [head for engine in engines for head in (engine, f"{engine} aided")]
-    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, "Robots and subjects.", "matrix")
+    return Table(
+        ["robot", Column("dof", "count"), *heads, "unphysical", "problem"],
+        rows,
+        "Verdict of each engine, plain and aided, with the largest relative error of its accelerations where they differ, and the reading that moves them most.",
+        "matrix",
+    )
 
 
-def _survey_cell(subject: SubjectRecord) -> Cell:
+def _survey_cell(subject: SubjectRecord, anchor: str) -> Cell:
     size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
     notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(f"{subject.outcome}{size}", notes, "agrees expected" if subject.explained else "disagrees surprise")
+    return Cell(
+        f"{subject.outcome}{size}", notes, "agrees expected" if subject.explained else "disagrees surprise", link=anchor and f"#{anchor}"
+    )
 
 
 def pair_table(pair: PairRecord) -> Table:

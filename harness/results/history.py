@@ -110,10 +110,10 @@ class History(AbstractContextManager["History"]):
         whole = ", ".join(f"{json.dumps(name)}: [{', '.join(items)}]" for name, items in found.items())
         return self._loaded(kind, f"{{{whole}}}")
 
-    def latest(self, kind: type[_Result], library: str) -> tuple[Run, _Result] | None:
-        """The newest study of a kind and library that found anything; None where there is none."""
+    def latest(self, kind: type[_Result], library: str, profile: str | None = None) -> tuple[Run, _Result] | None:
+        """The newest study of a kind, library and profile, or any profile, that found anything; None where there is none."""
         for number, run in self.studies(kind, library).items():
-            found = self.read(number, kind)
+            found = self.read(number, kind) if profile in (None, run.profile) else kind()
             if any(found.stored_parts()):
                 return run, found
         return None

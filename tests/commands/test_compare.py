@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -66,16 +67,35 @@ def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
     for name in ("arm.urdf", "impossible.urdf", "mimic.urdf"):
         shutil.copy(FILES / name, robots)
     (robots / "bad.urdf").write_text("<robot name='bad'><link name='a'/><link name='b'/></robot>")
-    done = harness("survey", str(robots), "--states", "8", "--html", "page.html", "--json", "found.json", cwd=tmp_path)
+    done = harness("survey", str(robots), "--states", "8", "--out", "out", "--json", "found.json", cwd=tmp_path)
     assert done.returncode == 1
     rows = {line.split()[0]: line for line in done.stdout.splitlines() if line.split()[:1] and ".urdf" in line.split()[0]}
     assert rows.keys() >= {"arm.urdf", "bad.urdf", "impossible.urdf", "mimic.urdf"}
     assert "explained" in rows["mimic.urdf"] and "refused" in rows["impossible.urdf"] and "1 link" in rows["impossible.urdf"]
     found = json.loads((tmp_path / "found.json").read_text())
     assert [bool(file["problem"]) for file in found["files"]] == [False, True, False, False]
-    assert "mimics another for one that moves by itself" in (tmp_path / "page.html").read_text()
-    (robots / "bad.urdf").unlink()
-    assert harness("survey", str(robots), "--states", "8", cwd=tmp_path).returncode == 0
+    page = (tmp_path / "out" / "robots.html").read_text()
+    assert "mimics another for one that moves by itself" in page
+    # Every cell of a robot opens its comparison: two engines, plain and aided.
+    cells = re.findall(r"<td[^>]*>(?:(?!</td>).)*?href=\"#(robot-\d+)\"", page, re.DOTALL)
+    assert {target: cells.count(target) for target in set(cells)} == {"robot-1": 4, "robot-3": 4, "robot-4": 4}
+    assert all(f'id="{target}"' in page for target in cells)
+
+
+def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
+    robots = tmp_path / "robots"
+    robots.mkdir()
+    for name in ("arm.urdf", "mimic.urdf"):
+        shutil.copy(FILES / name, robots)
+    survey = ("survey", str(robots), "--states", "8")
+    first = harness(*survey, cwd=tmp_path)
+    assert first.returncode == 0 and "Since the survey" not in first.stdout
+    assert "nothing changed" in harness(*survey, cwd=tmp_path).stdout
+    (robots / "mimic.urdf").unlink()
+    (robots / "arm.urdf").write_text(ARM.read_text().replace("<dynamics", "<was").replace("dynamics>", "was>"))
+    told = harness(*survey, cwd=tmp_path).stdout.partition("Since the survey of")[2]
+    assert "arm.urdf pinocchio/urdf, plain: agrees; it was: explained (joint damping)" in told
+    assert "mimic.urdf: no longer there" in told
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
