@@ -264,12 +264,11 @@ def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
         cells += [counted(len(file.impossible), "link") if file.impossible else "", file.problem]
         rows.append(cells)
     heads = [head for engine in engines for head in (engine, f"{engine} aided")]
-    return Table(
-        ["robot", Column("dof", "count"), *heads, "unphysical", "problem"],
-        rows,
-        "Verdict of each engine, plain and aided, with the largest relative error of its accelerations where they differ, and the reading that moves them most.",
-        "matrix",
+    caption = (
+        "Each engine's verdict, plain and aided; the largest relative error of its accelerations where they differ, and below it the "
+        "reading that moves them most."
     )
+    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, caption, "matrix")
 
 
 def _survey_cell(subject: SubjectRecord, anchor: str) -> Cell:
