@@ -19,7 +19,7 @@ from llvmlite import ir
 
 from harness.certify.numbers import LANES as LANES
 
-NUMBER, INTEGER, FLAG = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+NUMBER, INTEGER = ir.DoubleType(), ir.IntType(64)
 VECTOR, INTEGERS = ir.VectorType(NUMBER, LANES), ir.VectorType(INTEGER, LANES)
 _LANE = ir.IntType(32)
 _HALF_INTEGER = ir.IntType(32)
