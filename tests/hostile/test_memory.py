@@ -15,6 +15,7 @@ from catalogue import BUILT_IN
 from support import InThisProcess, completed
 
 from harness.certify.compare import Comparison
+from harness.certify.sampling import generic_sample
 from harness.crosscheck import hypothesis_search, stages, tasks
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -36,7 +37,7 @@ def agreement(task: Task) -> Any:
         return 1e-6, 0.0, {str(assignment.subject): answer for assignment, answer in zip(assignments, answers, strict=True)}
     if task.function is hypothesis_search.search:
         assignments, examples, seed, _ = task.arguments
-        states = tasks.generic_sample(assignments[0].mechanism, examples, seed)
+        states = generic_sample(assignments[0].mechanism, examples, seed)
         comparison = Comparison(
             *np.ones((2, examples)), np.zeros(examples, dtype=bool), np.full(examples, "agrees"), np.zeros(examples, dtype=bool)
         )
