@@ -14,6 +14,7 @@ from harness.results.comparison import (
     SubjectRecord,
     changes,
     pair_table,
+    short_names,
     subjects_table,
     survey_table,
 )
@@ -68,12 +69,12 @@ def _anchors(found: Comparison) -> dict[str, str]:
 def survey_sections(found: Comparison, before: tuple[Run, Comparison] | None = None) -> Iterator[Section]:
     """The overview, then each robot."""
     yield from survey_overview(found, before, on_page=True)
-    anchors = _anchors(found)
+    anchors, names = _anchors(found), short_names(found)
     for file in found.files:
         own = found.of(file.path)
         impossible = _impossible(Comparison(files=[file], subjects=own))
         tables = [subjects_table(own)] if own else []
-        yield Section(file.path, [*_descriptions([file]), *impossible, *tables, *_readings(own)], anchors[file.path])
+        yield Section(names[file.path], [*_descriptions([file]), *impossible, *tables, *_readings(own)], anchors[file.path])
 
 
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:

@@ -231,7 +231,14 @@ def subjects_table(subjects: Sequence[SubjectRecord]) -> Table:
 
 
 def _verdict_cell(subject: SubjectRecord) -> Cell:
-    return Cell(subject.outcome, tone="agrees expected" if subject.explained else "disagrees surprise")
+    return Cell(subject.outcome, tone=_tone(subject))
+
+
+def _tone(subject: SubjectRecord) -> str:
+    """An explained answer looks like one that agrees; a refusal, lost digits and what is undecided look like what they are."""
+    if not subject.explained:
+        return "disagrees surprise"
+    return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
 
 
 def changes(before: Comparison, now: Comparison) -> Iterator[str]:
@@ -250,13 +257,19 @@ def _outcome_text(subject: SubjectRecord) -> str:
     return f"{subject.outcome} ({subject.dominating})" if subject.dominating else subject.outcome
 
 
+def short_names(found: Comparison) -> dict[str, str]:
+    """Of each file its path in the folder that all share, by path."""
+    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
+    return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
+
+
 def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
     """A row for each robot, a column for each subject; ``anchors`` are the places of the robots' comparisons on the page, by path."""
     engines = sorted({subject.engine for subject in found.subjects})
     rows = []
-    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
+    names = short_names(found)
     for file in found.files:
-        cells: list[object] = [str(Path(file.path).relative_to(shared)), file.degrees_of_freedom if not file.problem else None]
+        cells: list[object] = [names[file.path], file.degrees_of_freedom if not file.problem else None]
         for engine in engines:
             for aided in (False, True):
                 own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
@@ -274,9 +287,7 @@ def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
 def _survey_cell(subject: SubjectRecord, anchor: str) -> Cell:
     size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
     notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(
-        f"{subject.outcome}{size}", notes, "agrees expected" if subject.explained else "disagrees surprise", link=anchor and f"#{anchor}"
-    )
+    return Cell(f"{subject.outcome}{size}", notes, _tone(subject), link=anchor and f"#{anchor}")
 
 
 def pair_table(pair: PairRecord) -> Table:
