@@ -20,6 +20,7 @@ import sympy as sp
 
 from harness.bench import acceleration_cost
 from harness.bench.methods import select_methods
+from harness.bench.robot_growth import arms
 from harness.certify.encoding import encode
 from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
@@ -178,7 +179,7 @@ def test_certifying_a_million_states_of_the_first_systems() -> None:
 def test_certifying_a_program_of_30_000_instructions(tmp_path: Path) -> None:
     """A trunk with seven arms of seven joints each, nowhere parallel."""
     path = tmp_path / "arms.urdf"
-    path.write_text(arms(7, 7))
+    path.write_text(arms(7))
     mechanism = RobotReference(read_robot(path)).mechanism
     started = time.process_time()
     encoded = encode(mechanism.program)
@@ -191,22 +192,6 @@ def test_certifying_a_program_of_30_000_instructions(tmp_path: Path) -> None:
     each = (time.process_time() - started) / FEWEST
     print(f"\n{len(encoded.instructions):,} instructions ready in {ready:.2f} s, {1e3 * each:.2f} ms a state")
     assert not reference.in_balls.any() and ready <= 2.0 and each <= 0.002 * len(encoded.instructions) / 30_000
-
-
-def arms(count: int, joints: int) -> str:
-    """The URDF of a fixed trunk with ``count`` arms."""
-    names = [[f"arm_{arm}_{joint}" for joint in range(joints)] for arm in range(count)]
-    inertial = """<inertial><origin xyz="0.1 0.02 0.03" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
-      <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"/></inertial>"""
-    links = "".join(f'<link name="{name}">{inertial}</link>' for arm in names for name in arm)
-    axes = ("1 0 0", "0 1 0", "0 0 1")
-    hinges = "".join(
-        f"""<joint name="to_{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
-        <origin xyz="0.3 0.1 0.{number}" rpy="0.4 0.5 0.6"/><axis xyz="{axes[place % 3]}"/></joint>"""
-        for number, arm in enumerate(names)
-        for place, (parent, child) in enumerate(zip(["trunk", *arm], arm, strict=False))
-    )
-    return f'<robot name="arms"><link name="trunk"/>{links}{hinges}</robot>'
 
 
 def test_certifying_100_000_states_of_every_system(benchmark: Any) -> None:

@@ -13,6 +13,7 @@ from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
 from harness.bench.energy_drift import drifts
 from harness.bench.methods import find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
+from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene
@@ -31,7 +32,7 @@ class Thoroughness:
 
     Attributes:
         states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
-        sizes: numbers of bodies of the growing chain.
+        sizes: numbers of bodies of the growing chain; arms: of seven joints, of the growing robot.
         steps: steps of the integrators [s]; horizon: length of those motions [s].
         seconds: longest that an integrator may take with one step, else the step is left out.
         long_steps: steps of a long run, or as many as take an integrator ``long_seconds``.
@@ -41,6 +42,7 @@ class Thoroughness:
     states: int
     minimum_seconds: float
     sizes: Sequence[int]
+    arms: Sequence[int]
     steps: Sequence[float]
     horizon: float
     seconds: float
@@ -51,11 +53,11 @@ class Thoroughness:
 
 THOROUGHNESS = {
     "quick": Thoroughness(
-        states=1000, minimum_seconds=0.05, sizes=(1, 2, 4, 8, 16), steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5,
-        long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
+        states=1000, minimum_seconds=0.05, sizes=(1, 2, 4, 8, 16), arms=(1, 2, 4, 8, 14),
+        steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5, long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
     ),
     "nightly": Thoroughness(
-        states=10_000, minimum_seconds=0.5, sizes=(1, 2, 4, 8, 16, 32), horizon=10.0, seconds=30.0,
+        states=10_000, minimum_seconds=0.5, sizes=(1, 2, 4, 8, 16, 32), arms=(1, 2, 4, 8, 14), horizon=10.0, seconds=30.0,
         steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
     ),
 }  # fmt: skip
@@ -96,6 +98,7 @@ class BenchmarkPart:
         moving: whether it is about motion.
         timed: whether it must run by itself because its times are compared.
         system: the one system or family it belongs to; "" for a part that is measured on every system.
+        by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
     """
 
     name: str
@@ -103,6 +106,7 @@ class BenchmarkPart:
     moving: bool
     timed: bool
     system: str = ""
+    by_methods: bool = True
 
 
 def load(library: Library, name: str, note: Note) -> Scene:
@@ -120,6 +124,11 @@ def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, select_methods(settings.methods)
     found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
     return Benchmark(growth=found)
+
+
+def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    extent = settings.thoroughness
+    return Benchmark(growth=[robot_growth(extent.arms, settings.seed, extent.minimum_seconds, note)])
 
 
 def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
@@ -144,6 +153,7 @@ def _figures(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
 PARTS = (
     BenchmarkPart(name="accelerations", measure=_accelerations, moving=False, timed=True),
     BenchmarkPart(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
+    BenchmarkPart(name="growth of robots", measure=_robot_growth, moving=False, timed=True, system=FAMILY, by_methods=False),
     BenchmarkPart(name="motion", measure=_motion, moving=True, timed=True),
     BenchmarkPart(name="long runs", measure=_drifts, moving=True, timed=False),
     BenchmarkPart(name="stationary action", measure=_stationarity, moving=True, timed=False),
@@ -199,7 +209,7 @@ class BenchmarkStudy(Rounds):
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
-        if not self._methods[part.moving]:
+        if not self._methods[part.moving] or (self.settings.methods and not part.by_methods):
             return []
         if not part.system:
             return self.names

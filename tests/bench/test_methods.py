@@ -15,6 +15,7 @@ from harness.arrays import Array
 from harness.bench import acceleration_cost
 from harness.bench.acceleration_cost import acceleration_costs, exponent, growth
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
+from harness.bench.robot_growth import robot_growth
 from harness.bench.study import BenchmarkSettings, _accelerations
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
@@ -221,6 +222,13 @@ def test_no_exponent_from_too_little() -> None:
     assert exponent((1, 2, 4, 8), (1.0, None, 4.0, 16.0)) == pytest.approx(2.0)
     # A larger size that is as cheap as the smallest is noise, and so is all before it.
     assert exponent((1, 2, 4, 8, 16), (1.0, 9.0, 1.0, 8.0, 16.0)) == pytest.approx(1.0)
+
+
+def test_growth_of_a_robot() -> None:
+    found = robot_growth((1, 2), 0, 0.0, lambda text: None)
+    assert found.sizes == [7, 14] and all(found.seconds_per_state)
+    # Certified far below a data roundoff.
+    assert all(radius is not None and 0 < radius < 2.0**-20 for radius in found.backward_errors)
 
 
 def test_growth_over_a_family() -> None:

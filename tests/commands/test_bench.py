@@ -71,7 +71,9 @@ def test_one_task_per_system_and_part_and_what_is_timed_runs_alone() -> None:
     measured = list(run_study(study, stage))
     loading, timed, shared = [[where(task) for task in tasks] for tasks in stage.rounds]
     assert loading == [(name, "equations and models") for name in names]
-    assert timed == [(name, "accelerations") for name in names] + [("chain", "growth")] + [(name, "motion") for name in names]
+    assert timed == [(name, "accelerations") for name in names] + [("chain", "growth"), ("chain", "growth of robots")] + [
+        (name, "motion") for name in names
+    ]
     assert {task.affinity for task in stage.rounds[1]} == {"timed"} and {task.affinity for task in stage.rounds[2]} == {None}
     assert set(shared) == {
         *((name, part) for name in names for part in ("long runs", "stationary action")),
@@ -86,7 +88,8 @@ def test_one_task_per_system_and_part_and_what_is_timed_runs_alone() -> None:
         ({"names": ["collar"]}, {"accelerations"}),
         ({"names": ["cart_pendulum"], "methods": ["pinocchio aba"], "motion": True}, {"accelerations"}),
         ({"names": ["collar"], "methods": ["mujoco RK4"], "motion": True}, {"motion", "long runs", "stationary action"}),
-        ({}, {"accelerations", "growth"}),
+        ({}, {"accelerations", "growth", "growth of robots"}),
+        ({"names": ["chain_3"], "methods": ["pinocchio aba"]}, {"accelerations", "growth"}),
     ],
 )
 def test_only_what_was_asked_for_is_measured(settings: dict[str, Any], expected: set[str]) -> None:
