@@ -21,9 +21,10 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.language import Array as Place
-from harness.certify.language import Operand, Value, Writer, floor, fma, root_of, select
+from harness.certify.language import Writer
 from harness.certify.numbers import exactly, of_ball
+from harness.certify.values import Array as Place
+from harness.certify.values import Operand, Value, floor, fma, root_of, select
 
 # high, low and bound, as they are written.
 Number = tuple[Operand, Operand, Operand]

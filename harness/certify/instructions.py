@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 from harness.certify import encoding as operations
 from harness.certify.double_double import Known, add, divide, multiply, number_at, root, sine_and_cosine, store
-from harness.certify.language import LANES, Array, Value, Writer, select
-from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.language import Writer
+from harness.certify.numbers import LANES, UNIT_ROUNDOFF
+from harness.certify.values import Array, Value, select
 
 RUN = {"m": "integer", "start": "integer", "instructions": "halves", "values": "vectors"}
 SWEEP = {**RUN, "blocks": "integer", "lane": "integer", "adjoints": "vectors", "sizes": "numbers"}

@@ -11,8 +11,10 @@ from collections.abc import Callable, Iterator, Mapping
 
 from harness.certify.double_double import number_at, store
 from harness.certify.instructions import RUN, SWEEP, write_run, write_sweep
-from harness.certify.language import LANES, Array, Function, Value, Writer, select
+from harness.certify.language import Function, Writer
+from harness.certify.numbers import LANES
 from harness.certify.solution import SumOfNorms, condition_number, factorise, in_metric, invert, norm, solve
+from harness.certify.values import Array, Value, select
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}

@@ -14,8 +14,9 @@ import math
 from collections.abc import Callable
 
 from harness.certify.double_double import add, multiply, negative, number_at, store
-from harness.certify.language import LANES, Array, Value, Writer, larger, root_of, select, smaller
-from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.language import Writer
+from harness.certify.numbers import LANES, UNIT_ROUNDOFF
+from harness.certify.values import Array, Value, larger, root_of, select, smaller
 
 _REFINEMENTS = 4
 # A step of so little of the largest acceleration is below the last digits of double-double.

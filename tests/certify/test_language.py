@@ -10,8 +10,10 @@ import pytest
 
 from harness.arrays import Array
 from harness.certify import loops
-from harness.certify.language import LANES, Value, Writer, floor, fma, larger, module_of, root_of, select, smaller
+from harness.certify.language import Writer, module_of
 from harness.certify.machine_code import compiled
+from harness.certify.numbers import LANES
+from harness.certify.values import Value, floor, fma, larger, root_of, select, smaller
 
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 0.1, 3.0, 2.0**-1074, 1.7e308, math.inf, -math.inf, math.nan]
 FIRST, SECOND = (part.ravel() for part in np.meshgrid(SPECIAL, SPECIAL))
