@@ -2,9 +2,9 @@
 
 May use ``robots`` and what is below it.
 
-Start with ``reference`` and ``compare``; ``sampling`` makes the states. ``interpreter`` certifies in double-double: ``encoding``
-gives it a program; ``loops``, ``instructions``, ``solution`` and ``double_double`` are compiled, in the words of ``language`` and ``values``, and
-``machine_code`` keeps the result. ``in_balls``
+Start with ``reference`` and ``compare``; ``sampling`` makes the states.
+``interpreter`` certifies in double-double: ``encoding`` gives it a program; ``loops``, ``instructions``, ``solution`` and
+``double_double`` are compiled, in the words of ``language`` and ``values``, and ``machine_code`` keeps the result. ``in_balls``
 and ``reverse_mode`` give accelerations and derivatives in balls. ``componentwise`` says what error the norm hides, ``one_number``
 whether one number explains the errors of all states; ``terms`` certifies each term by itself. ``robot_reference`` is the reference of
 a robot's file.
