@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from harness.equations.system import System
 
 MOST_INSTRUCTIONS_READ = 200
-# Beyond it, seconds of simplification leave a program no shorter: that of three plates on springs grows from 186 to 199.
-MOST_INSTRUCTIONS_SIMPLIFIED = 150
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 
 
@@ -172,8 +170,7 @@ def _derived(system: System) -> tuple[System, EquationsOfMotion | None, Straight
         if system.measured_from:
             system = system.in_joint_positions()
             equations = derive(system)
-        if len(program.instructions) <= MOST_INSTRUCTIONS_SIMPLIFIED:
-            equations = equations.simplified()
+        equations = equations.simplified()
         program = program_of(system, equations)
     return system, equations, program
 

@@ -29,6 +29,7 @@ import sympy as sp
 
 from harness.equations.differentiation import Derivatives
 from harness.equations.program import ENERGY_OUTPUTS
+from harness.equations.short_forms import shortest
 
 if TYPE_CHECKING:
     from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion
@@ -203,9 +204,10 @@ def change_of_variables(system: System, equations: EnergiesInSymbols, linear_vel
 
 @functools.cache
 def _angle_rates(sequence: str, angles: tuple[sp.Expr, ...]) -> sp.Matrix:
-    """The inverse of ``body_rates``; no tangent stays, as it is singular where only the cosine vanishes."""
-    inverse = body_rates(sequence, angles).inv().applyfunc(sp.simplify)
-    return inverse.applyfunc(lambda entry: entry.replace(sp.tan, lambda angle: sp.sin(angle) / sp.cos(angle)))
+    """The inverse of ``body_rates``, by cofactors: its determinant is a sine or a cosine of the middle angle, or minus that."""
+    rates = body_rates(sequence, angles)
+    *cofactors, determinant = shortest([*rates.adjugate(), rates.det(method="berkowitz")])
+    return sp.Matrix(3, 3, cofactors) / determinant
 
 
 def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:

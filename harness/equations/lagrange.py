@@ -13,7 +13,6 @@ Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equations 1.57 an
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -21,6 +20,7 @@ import sympy as sp
 
 from harness.equations.differentiation import Derivatives
 from harness.equations.program import right_hand_side
+from harness.equations.short_forms import shortest
 from harness.equations.system import TIME, System
 
 
@@ -76,11 +76,12 @@ class EquationsOfMotion(EnergiesInSymbols):
         return sp.Matrix(n, n, lambda k, j: sum(symbol(i, j, k) * v[i] for i in range(n)))
 
     def simplified(self) -> EquationsOfMotion:
-        """The same equations with every entry simplified: shorter, and with fewer roundings in float64."""
+        """The same equations with every entry in a short form, which has fewer roundings in float64."""
         names = ("mass_matrix", "velocity_terms", "gravity_terms", "passive_forces")
         # A mass matrix is symmetric: most of its entries stand there twice.
-        simplify = functools.cache(sp.simplify)
-        return replace(self, **{name: getattr(self, name).applyfunc(simplify) for name in names})
+        entries = list(dict.fromkeys(entry for name in names for entry in getattr(self, name)))
+        short = dict(zip(entries, shortest(entries), strict=True))
+        return replace(self, **{name: getattr(self, name).applyfunc(short.__getitem__) for name in names})
 
 
 def in_symbols(system: System) -> EnergiesInSymbols:

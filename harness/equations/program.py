@@ -203,6 +203,17 @@ class Assembler:
             self.known[expression] = self._emit(expression)
         return self.known[expression]
 
+    def added_by(self, expression: sp.Expr) -> int:
+        """How many instructions ``emit`` would add for ``expression``."""
+        length, known = len(self.instructions), dict(self.known)
+        self.emit(expression)
+        added = self.instructions[length:]
+        del self.instructions[length:]
+        for instruction in added:
+            del self.numbering[instruction]
+        self.known = known
+        return len(added)
+
     def _emit(self, expression: sp.Expr) -> int:
         import sympy as sp
 
