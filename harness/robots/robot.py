@@ -40,6 +40,7 @@ class Robot:
         format: "urdf" or "mjcf", as its root element says.
         joints: names of the joints that move by themselves, in the order of the file.
         total_mass: of all bodies but the world [kg].
+        floating_base: name of the free joint that was put under the root of a URDF; "" for none.
     """
 
     path: Path
@@ -49,6 +50,7 @@ class Robot:
     left_out: tuple[LeftOut, ...]
     impossible: tuple[Impossible, ...]
     total_mass: float
+    floating_base: str = ""
 
     @property
     def bodies(self) -> int:
@@ -105,6 +107,7 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         left_out=left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
+        floating_base=urdf.FLOATING_BASE if floating_base else "",
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"
