@@ -24,7 +24,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -157,6 +157,27 @@ class Library:
         """True where the system has a model of its own or one that its family writes, readable or not."""
         path = self.model_path(name, model_format)
         return os.path.lexists(path) or member_of(path) is not None
+
+    def label(self, name: str) -> str:
+        """The name of a system as that of a file in which something of it is kept."""
+        return name
+
+    def validated_models(self, name: str) -> dict[str, Path]:
+        """{model format: path} of the files that are validated as models of a system; those that are missing too."""
+        return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}
+
+    @property
+    def is_minimal(self) -> bool:
+        """True if its models hold only what the dynamics needs, so that a superfluous part of one is worth a word."""
+        return True
+
+    def engine_folders(self) -> list[Path]:
+        """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""
+        return [Library.built_in().engines, self.engines]
+
+    def native(self, formats: Sequence[str]) -> Sequence[str]:
+        """Those of an engine's ``formats`` in which a question about the engine, and not about its reader, is asked."""
+        return formats[:1]
 
     def orphaned_models(self) -> list[Path]:
         """Model files that no system stands behind."""

@@ -184,13 +184,18 @@ class Caller(Protocol):
     """The ``CALLER`` of a module of ``harness.comparison.callers``: an engine as its user calls it.
 
     Attributes:
-        engine: its name. formats: which it reads.
+        engine: its name. formats: which it reads. requires: importable module and distribution name of the program behind it.
+        supplied: for each format, what an aided engine is given besides what its reader takes from the file, "" for nothing.
+        factorises_mass_matrix: whether it solves for accelerations by a factorisation of M.
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
     """
 
     engine: str
     formats: tuple[str, ...]
+    requires: tuple[str, str]
+    supplied: Mapping[str, str]
+    factorises_mass_matrix: bool
     call: Mapping[str, str]
     takes_inertias_about_tree: bool
 

@@ -75,9 +75,9 @@ class Loading(Asking):
             self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
         self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
         subjects = [pair.subject for pair in pairs]
-        for model_format in dict.fromkeys(subject.format for subject in subjects if subject.format not in (EQUATIONS, *stand_ins)):
-            if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in subjects):
-                path = library.model_path(name, model_format)
+        for model_format, path in library.validated_models(name).items():
+            needed = any(subject.format == model_format and not self._why_no_model(name, subject) for subject in subjects)
+            if needed and model_format not in stand_ins:
                 self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
 
     def _loaded(self, outcome: Outcome, system: System, pairs: Pairs, about: tuple[str | None, Path]) -> None:

@@ -94,7 +94,8 @@ class CrossCheck(Loading):
             self._search(system, pairs)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
-            if pair.subject.format != EQUATIONS and self.settings.state is None and is_native(self.settings.library, pair.subject):
+            is_sought = self.settings.library.is_minimal and self.settings.state is None and pair.subject.format != EQUATIONS
+            if is_sought and is_native(self.settings.library, pair.subject):
                 self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
 
     # Holding: what engines hold after loading, which their accelerations need not feel.
@@ -115,7 +116,8 @@ class CrossCheck(Loading):
     # Searching: hypothesis looks for the state at which each subject does worst.
 
     def _search(self, system: System, pairs: Pairs) -> None:
-        folder = self.settings.examples and self.settings.examples.absolute() / self.settings.library.name / system.name
+        library = self.settings.library
+        folder = self.settings.examples and self.settings.examples.absolute() / library.name / library.label(system.name)
         assignments = [pair.assignment for pair in pairs]
         self._ask(
             self._searched, system, pairs, hypothesis_search.search, assignments, self._searched_of(system), self.settings.seed, folder

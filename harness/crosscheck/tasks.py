@@ -42,7 +42,7 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Assignment:
-    """One subject on one mechanism; ``model`` is None for an engine that takes equations."""
+    """One subject on one mechanism; ``model`` is None for an engine that is handed the mechanism itself."""
 
     library: Library
     subject: Subject
@@ -56,9 +56,8 @@ class Assignment:
         Raises:
             InvalidInput: the system or its model cannot be used.
         """
-        model = None
-        if subject.format != EQUATIONS:
-            model = read_model(path or library.model_path(name, subject.format), subject.format)
+        file = path or library.validated_models(name).get(subject.format)
+        model = None if subject.format == EQUATIONS or file is None else read_model(file, subject.format)
         return cls(library, subject, load_mechanism(library, name), model)
 
 
@@ -102,8 +101,8 @@ def judge_by(reference: Reference, assignment: Assignment, states: States) -> Co
 
 
 def factorises(assignment: Assignment) -> bool:
-    """True if the subject's engine declares that it factorises M."""
-    return factorises_mass_matrix(load_engine(assignment.library, assignment.subject.engine))
+    """True if the subject's engine, or its model of the mechanism, declares that it factorises M."""
+    return any(map(factorises_mass_matrix, (load_engine(assignment.library, assignment.subject.engine), load_audited(assignment))))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -17,6 +17,7 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
+from harness.comparison.aided import AidedEngine
 from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, projected
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
@@ -28,6 +29,12 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 class MujocoCaller:
     engine = "mujoco"
     formats = ("urdf", "mjcf")
+    requires = ("mujoco", "mujoco")
+    factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": "gravity, springs, rotor inertias, and inertias as the file has them, with no link fused to another",
+        "mjcf": "",
+    }
     takes_inertias_about_tree = True
     call: Mapping[str, str] = dict.fromkeys(
         formats,
@@ -226,3 +233,4 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
 
 
 CALLER = MujocoCaller()
+ENGINE = AidedEngine(CALLER)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.comparison.aided import AidedEngine
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines._standard_error import captured_standard_error
 
@@ -19,6 +20,9 @@ from harness.engines._standard_error import captured_standard_error
 class PinocchioCaller:
     engine = "pinocchio"
     formats = ("urdf", "mjcf")
+    requires = ("pinocchio", "pin")
+    factorises_mass_matrix = False
+    supplied: Mapping[str, str] = dict.fromkeys(formats, "gravity, dampers, springs and rotor inertias of joints")
     takes_inertias_about_tree = False
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
@@ -188,3 +192,4 @@ def _turned_back(turn: Array, vectors: Array) -> Array:
 
 
 CALLER = PinocchioCaller()
+ENGINE = AidedEngine(CALLER)
