@@ -33,6 +33,8 @@ from types import ModuleType
 from harness.errors import InvalidInput, InvalidRequest
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
+# Endings by which a name is that of a file, be it there or not.
+FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
 BUILT_IN_NAME = "built-in"
 ENTRY_POINTS = "harness.libraries"
 _PACKAGE = Path(__file__).resolve().parent
@@ -109,7 +111,8 @@ class Library:
                     raise InvalidRequest(
                         f"{name!r} is a variant of models, which only check, diagnose and show take; name {self.system_of(name)}"
                     )
-                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}")
+                file = ", and no file" if with_variants else ""
+                raise InvalidRequest(f"no system is called {name!r}{file}; {nearest(name, [*known, *variants])}")
         return chosen or [*known, *variants]
 
     def matching(self, names: Iterable[str]) -> list[str]:
@@ -142,6 +145,16 @@ class Library:
         """The system of a variant, whose equations it has; the name itself for a system's own."""
         return name if (self.systems / f"{name}.py").is_file() else name.partition(".")[0]
 
+    def remarks(self) -> list[str]:
+        """What a reader of its records must know of all of them, a sentence each."""
+        return []
+
+    def is_file(self, name: str) -> bool:
+        """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant here."""
+        if name in self.system_names() or name in self.variant_names():
+            return False
+        return Path(name).suffix in FILE_SUFFIXES or any(sign in name for sign in {"/", os.sep}) or Path(name).is_file()
+
     def system_path(self, name: str) -> Path:
         """The file of a system, or of a variant's system; a family's member has a path of its own, which does not exist."""
         return self.systems / f"{self.system_of(name)}.py"
@@ -157,6 +170,10 @@ class Library:
         """True where the system has a model of its own or one that its family writes, readable or not."""
         path = self.model_path(name, model_format)
         return os.path.lexists(path) or member_of(path) is not None
+
+    def expectable_names(self) -> list[str]:
+        """The labels of what its file of expected verdicts may speak of."""
+        return [*self.system_names(), *self.variant_names()]
 
     def label(self, name: str) -> str:
         """The name of a system as that of a file in which something of it is kept."""

@@ -34,19 +34,21 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.diagnosis.causes import Diagnoses
+    from harness.diagnosis.causes import diagnoses_of
 
-    diagnoses = Diagnoses(study.settings, records, crashes=study.crashes, **limits)
+    diagnoses = diagnoses_of(study.settings.library, study.settings, records, crashes=study.crashes, **limits)
     bracket.complete(diagnoses, kept=False)
-    return diagnoses.result()
+    causes: list[Cause] = diagnoses.result()
+    return causes
 
 
 def finish(bracket: Bracket, study: CrossCheck) -> None:
     """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected
+    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected, say
 
     found = study.result()
     print_table(found.records, bracket.run)
+    say(*study.settings.library.remarks())
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
     print_differs(found.differs)

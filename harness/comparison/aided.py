@@ -68,6 +68,8 @@ class AidedEngine:
             raise Unsupported(f"{caller.engine} refuses the file: {refusal}") from refusal
         if lacking := [name for name in robot.joints if name not in {joint.name for joint in loaded.joints}]:
             named = ", ".join(f"{name!r}{f' (line {place.line})' if (place := robot.joint(name).place) else ''}" for name in lacking)
-            raise Unsupported(f"{caller.engine} has no joint {named} after loading; harness compare says which elements its reader leaves out")
+            raise Unsupported(
+                f"{caller.engine} has no joint {named} after loading; harness compare says which elements its reader leaves out"
+            )
         is_coupled = any(joint.follows for joint in robot.tree.joints)
         return AidedModel(robot, loaded, caller.factorises_mass_matrix or is_coupled)

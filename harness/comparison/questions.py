@@ -1,9 +1,9 @@
 """What an engine is asked about a robot's file, and what it answers: plain data that goes to a worker process and back.
 
-A ``Request`` is about a file, and a caller loads it once; a ``Question`` adds states. A state names positions and velocities of every joint of the file, those that mimic another among them: an engine
-that passes over ``<mimic>`` has them as joints of their own. Conventions are those of ``harness.engines.Model``: a rotation stands in
-q as (w, x, y, z), its velocity in v in the body's frame, both behind the position of a free joint, whose linear velocity is in the
-frame of its parent.
+A ``Request`` is about a file, and a caller loads it once; a ``Question`` adds states. A state names positions and velocities of every
+joint of the file, those that mimic another among them: an engine that passes over ``<mimic>`` has them as joints of their own.
+Conventions are those of ``harness.engines.Model``: a rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both
+behind the position of a free joint, whose linear velocity is in the frame of its parent.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class Caller(Protocol):
 
     Attributes:
         engine: its name. formats: which it reads. requires: importable module and distribution name of the program behind it.
-        supplied: for each format, what an aided engine is given besides what its reader takes from the file, "" for nothing.
+        supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
         factorises_mass_matrix: whether it solves for accelerations by a factorisation of M.
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.

@@ -6,22 +6,25 @@ harness reads in the file, and its engines are those that read it, aided; see ``
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from harness.comparison.callers import find_callers
 from harness.comparison.truth import joints_without_inertia
+from harness.crosscheck.settings import Settings
+from harness.diagnosis.causes import diagnoses_of
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
-from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.library import FILE_SUFFIXES, Library, nearest
+from harness.models.joint_table import systems_with_joints_of
+from harness.results.records import Record
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import format_of, read_robot
-
-# Endings by which a name is that of a file, be it there or not.
-SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
+from harness.study import Study
 
 
 @dataclass(frozen=True)
@@ -41,13 +44,19 @@ class RobotLibrary(Library):
 
         Raises:
             InvalidModel: a file cannot be read, or is no robot.
+            InvalidRequest: they lie in several folders.
         """
         formats = {path: format_of(Path(path)) for path in dict.fromkeys(paths)}
+        folders = {Path(path).resolve().parent: Path(path).parent for path in formats}
+        if len(folders) > 1:
+            where = ", ".join(str(folder) for folder in folders.values())
+            raise InvalidRequest(
+                f"the files lie in {where}; name those of one folder in a run, for what is expected of them stands beside them"
+            )
+        (folder,) = folders.values()
         names = ", ".join(Path(path).name for path in formats)
-        folder = Path(next(iter(formats))).parent
         callers = Path(__file__).parent / "callers"
-        # No verdict of a robot is expected to be another than ``agrees``.
-        return cls(names, folder, folder, callers, Path(os.devnull), folder / "hard_states", formats, floating_base)
+        return cls(names, folder, folder, callers, folder / "expected_verdicts.toml", folder / "hard_states", formats, floating_base)
 
     def __hash__(self) -> int:
         return hash((tuple(self.formats), self.floating_base))
@@ -61,6 +70,10 @@ class RobotLibrary(Library):
             if name not in self.formats:
                 raise InvalidRequest(f"no file of this run is called {name!r}; {nearest(name, self.formats)}")
         return chosen or self.system_names()
+
+    def matching(self, names: Iterable[str]) -> list[str]:
+        """The names as they are: a shell has filled patterns of files in."""
+        return list(names)
 
     def variant_names(self) -> list[str]:
         return []
@@ -83,6 +96,10 @@ class RobotLibrary(Library):
     def has_model(self, name: str, model_format: str) -> bool:
         return self.formats[name] == model_format
 
+    def expectable_names(self) -> list[str]:
+        """Every robot of the folder, as a run need not be about all of them."""
+        return sorted(path.name for path in self.systems.iterdir() if path.suffix in FILE_SUFFIXES or str(path) in self.formats)
+
     def label(self, name: str) -> str:
         return Path(name).name
 
@@ -104,16 +121,21 @@ class RobotLibrary(Library):
     def orphaned_models(self) -> list[Path]:
         return []
 
-    def supplied(self) -> list[str]:
-        """A sentence for each subject on what it is aided with."""
-        found = []
+    def remarks(self) -> list[str]:
+        """What each subject is aided with, and the mechanisms that the files may be models of."""
+        return [*self._supplied(), *self._likenesses()]
+
+    def _supplied(self) -> Iterator[str]:
         for model_format in dict.fromkeys(self.formats.values()):
             for engine, caller in find_callers().items():
                 if model_format in caller.formats:
-                    added = caller.supplied[model_format]
-                    what = f"aided: the harness supplies {added}, from the file, as far as it has any" if added else "as its reader takes the file"
-                    found.append(f"{engine}/{model_format}: {what}")
-        return found
+                    yield f"{engine}/{model_format}, aided: {caller.supplied[model_format]}"
+
+    def _likenesses(self) -> Iterator[str]:
+        for path, model_format in self.formats.items():
+            if similar := systems_with_joints_of(Library.built_in(), Path(path), model_format):
+                command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
+                yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
 @load_mechanism.register
@@ -123,7 +145,7 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
     Raises:
         InvalidModel: the file has no meaning, or nothing in it has an acceleration.
     """
-    robot = read_robot(Path(name), floating_base=library.floating_base and library.formats[name] == "urdf")
+    robot = read_robot(Path(name), floating_base=library.floating_base)
     if not robot.joints:
         raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
     if idle := joints_without_inertia(robot.tree):
@@ -134,11 +156,13 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
     return replace(mechanism_of(robot), name=name)
 
 
-def is_file(name: str, library: Library) -> bool:
-    """True if ``name`` is that of a robot's file, be it there or not, and of no system of a library."""
-    if name in library.system_names() or name in library.variant_names():
-        return False
-    return Path(name).suffix in SUFFIXES or any(sign in name for sign in ("/", os.sep)) or Path(name).is_file()
+@diagnoses_of.register
+def _(library: RobotLibrary, settings: Settings, records: Sequence[Record], **options: Any) -> Study:
+    """Of robots the causes are found without ``options``, which are about changed models."""
+    # Imported late: a worker process knows the library alone.
+    from harness.comparison.causes import RobotDiagnoses
+
+    return RobotDiagnoses(settings, records, library.floating_base)
 
 
 def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:
@@ -146,12 +170,10 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
 
     Raises:
         InvalidModel: a file cannot be read, or is no robot.
-        InvalidRequest: some names are of files and others are not, or a floating base is asked for where there is no file.
+        InvalidRequest: some names are of files and others are not, or the library is not the built-in one.
     """
-    files = [name for name in names if is_file(name, library)]
+    files = [name for name in names if library.is_file(name)]
     if not files:
-        if floating_base:
-            raise InvalidRequest("--floating-base is for robots' files; name a URDF")
         return library
     if others := [name for name in names if name not in files]:
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")

@@ -33,6 +33,7 @@ class Settings:
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
         renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
+        stances: of the engines: False for plain, True for aided; none where no engine is asked.
     """
 
     paths: Sequence[Path]
@@ -41,6 +42,7 @@ class Settings:
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
     pairwise: bool = True
+    stances: Sequence[bool] = (False, True)
 
 
 class RobotComparison(Rounds):
@@ -52,7 +54,7 @@ class RobotComparison(Rounds):
         self._callers = find_callers()
         self._meant: dict[Path, Meant] = {}
         self._found = Comparison()
-        self.steps = len(settings.paths) * (1 + 2 * len(self._callers))
+        self.steps = len(settings.paths) * (1 + len(settings.stances) * len(self._callers))
 
     def result(self) -> Comparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
@@ -92,10 +94,8 @@ class RobotComparison(Rounds):
         record = _file_record(found)
         for engine, caller in self._callers.items():
             if found.robot.format in caller.formats and found.joints:
-                for aided in (False, True) if found.certified is not None else (False,):
-                    self._next.append(
-                        Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, aided)))
-                    )
+                for aided in (one for one in self.settings.stances if not one or found.certified is not None):
+                    self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, aided))))
         return [self._keep(record)]
 
     def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:

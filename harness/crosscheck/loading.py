@@ -14,7 +14,7 @@ from harness.crosscheck.progress import Asking, Pair, Pairs, System, answering
 from harness.crosscheck.settings import Settings, stored_states
 from harness.crosscheck.static_audit import load_expected_differences
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, asked_of, engine_files, select_subjects
+from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
@@ -40,6 +40,8 @@ class Loading(Asking):
         self.expected_differences = load_expected_differences(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
+        if settings.stand_ins and not settings.library.validated_models(self.names[0]):
+            raise InvalidRequest(f"nothing stands in for {self.names[0]}, which is the truth here; {settings.held_against(self.names[0])}")
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")
         if not settings.names:

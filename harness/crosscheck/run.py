@@ -222,7 +222,7 @@ class CrossCheck(Loading):
 
     def _record(self, name: str, pair: Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((name, str(pair.subject)), AGREES)
+        expectation = self.expectations.get((self.settings.library.label(name), str(pair.subject)), AGREES)
         record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:

@@ -102,7 +102,8 @@ def judge_by(reference: Reference, assignment: Assignment, states: States) -> Co
 
 def factorises(assignment: Assignment) -> bool:
     """True if the subject's engine, or its model of the mechanism, declares that it factorises M."""
-    return any(map(factorises_mass_matrix, (load_engine(assignment.library, assignment.subject.engine), load_audited(assignment))))
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    return factorises_mass_matrix(engine) or factorises_mass_matrix(load_audited(assignment))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -218,7 +218,7 @@ class Search(Rounds):
         settings, result = self.settings, self._result
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
-            expectation = self._expectations.get((self.name, one.subject), AGREES)
+            expectation = self._expectations.get((settings.library.label(self.name), one.subject), AGREES)
             replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit

@@ -28,12 +28,12 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 
 class MujocoCaller:
     engine = "mujoco"
-    formats = ("urdf", "mjcf")
+    formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("mujoco", "mujoco")
     factorises_mass_matrix = True
     supplied: Mapping[str, str] = {
-        "urdf": "gravity, springs, rotor inertias, and inertias as the file has them, with no link fused to another",
-        "mjcf": "",
+        "urdf": "gravity, springs and rotor inertias of joints are supplied from the file, and each link keeps its own inertia",
+        "mjcf": "its reader takes what the file holds; nothing is supplied",
     }
     takes_inertias_about_tree = True
     call: Mapping[str, str] = dict.fromkeys(

@@ -19,10 +19,12 @@ from harness.engines._standard_error import captured_standard_error
 
 class PinocchioCaller:
     engine = "pinocchio"
-    formats = ("urdf", "mjcf")
+    formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("pinocchio", "pin")
     factorises_mass_matrix = False
-    supplied: Mapping[str, str] = dict.fromkeys(formats, "gravity, dampers, springs and rotor inertias of joints")
+    supplied: Mapping[str, str] = dict.fromkeys(
+        formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
+    )
     takes_inertias_about_tree = False
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
@@ -53,7 +55,7 @@ def _read(request: Request) -> Any:
 class LoadedRobot:
     """A ``pinocchio.Model`` with the joints of a request."""
 
-    notes = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(self, model: Any, request: Request) -> None:
         self.model, self.request = model, request
