@@ -184,9 +184,9 @@ class Library:
         return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}
 
     @property
-    def is_minimal(self) -> bool:
-        """True if its models hold only what the dynamics needs, so that a superfluous part of one is worth a word."""
-        return True
+    def is_of_robots(self) -> bool:
+        """True if its systems are robots' files, each the truth itself, which holds more than the dynamics needs and has no energies."""
+        return False
 
     def engine_folders(self) -> list[Path]:
         """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""

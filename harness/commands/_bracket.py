@@ -79,13 +79,11 @@ class Bracket:
             InvalidInput: a file cannot be read, or is no robot.
             InvalidRequest: some names are of files and others are not.
         """
-        if any(self.library.is_file(name) for name in names):
+        if self.floating_base or any(self.library.is_file(name) for name in names):
             # Imported late: a run that is about mechanisms needs nothing of it.
             from harness.comparison.robot_library import resolved
 
             self.library = resolved(self.library, names, self.floating_base)
-        elif self.floating_base:
-            raise InvalidRequest("--floating-base puts a joint under the root of a robot's file; name a URDF")
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""

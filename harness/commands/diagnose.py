@@ -45,7 +45,7 @@ def command(
     from harness.verdict import Verdict
 
     bracket.choose_library([name])
-    if stand_ins and not bracket.library.validated_models(name):
+    if stand_ins and bracket.library.is_of_robots:
         # The file is the truth itself, and another file no model of it but a robot of its own.
         if subjects:
             raise InvalidRequest("--subject chooses engines, and none is asked where files are held against each other; leave it out")

@@ -108,8 +108,8 @@ class RobotLibrary(Library):
         return {}
 
     @property
-    def is_minimal(self) -> bool:
-        return False
+    def is_of_robots(self) -> bool:
+        return True
 
     def engine_folders(self) -> list[Path]:
         return [self.engines]
@@ -173,6 +173,8 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         InvalidRequest: some names are of files and others are not, or the library is not the built-in one.
     """
     files = [name for name in names if library.is_file(name)]
+    if not files and floating_base:
+        raise InvalidRequest("a floating base is put under the root of a robot's file; name a URDF")
     if not files:
         return library
     if others := [name for name in names if name not in files]:

@@ -40,7 +40,7 @@ class Loading(Asking):
         self.expected_differences = load_expected_differences(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
-        if settings.stand_ins and not settings.library.validated_models(self.names[0]):
+        if settings.stand_ins and settings.library.is_of_robots:
             raise InvalidRequest(f"nothing stands in for {self.names[0]}, which is the truth here; {settings.held_against(self.names[0])}")
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")

@@ -94,7 +94,7 @@ class CrossCheck(Loading):
             self._search(system, pairs)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
-            is_sought = self.settings.library.is_minimal and self.settings.state is None and pair.subject.format != EQUATIONS
+            is_sought = not self.settings.library.is_of_robots and self.settings.state is None and pair.subject.format != EQUATIONS
             if is_sought and is_native(self.settings.library, pair.subject):
                 self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
 

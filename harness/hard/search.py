@@ -141,7 +141,13 @@ class Search(Rounds):
     def _select(self) -> list[Subject]:
         """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
         library, chosen = self.settings.library, []
-        for subject in asked_of(library, self.name, select_subjects(library, self.settings.subjects, native_only=True)):
+        selected = select_subjects(library, self.settings.subjects, native_only=True)
+        asked = asked_of(library, self.name, selected)
+        for subject in selected if self.settings.subjects else ():
+            if subject not in asked:
+                formats = " and ".join(library.formats_of(self.name))
+                raise InvalidRequest(f"{subject} cannot be searched on {self.name}: it has a model in {formats} alone")
+        for subject in asked:
             reason = why_no_model(library, self.name, subject, self._expectations)
             file = engine_files(library)[subject.engine]
             if failure := self.failure(file.outcome):
