@@ -6,7 +6,7 @@ It is handed the mechanism of the file and takes the robot of that alone: no equ
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,10 +24,17 @@ if TYPE_CHECKING:
 
 
 class AidedModel:
-    """A robot's file in an aided engine; q, v and tau follow ``robot.joints``."""
+    """A robot's file in an aided engine; q, v and tau follow ``robot.joints``.
+
+    Attributes:
+        is_coupled: whether joints that mimic others are eliminated from the engine's M and forces.
+        factorises_mass_matrix: whether M is factorised, by the engine or for that.
+    """
 
     def __init__(self, robot: Robot, loaded: Loaded, factorises: bool) -> None:
-        self.robot, self.loaded_robot, self.factorises_mass_matrix = robot, loaded, factorises
+        self.robot, self.loaded_robot = robot, loaded
+        self.is_coupled = any(joint.follows for joint in robot.tree.joints)
+        self.factorises_mass_matrix = factorises or self.is_coupled
         self._joints = request_of(robot, aided=False).joints
         ends = np.cumsum([0, *(len(joint.velocities) for joint in loaded.joints)])
         places = {joint.name: range(*bounds) for joint, *bounds in zip(loaded.joints, ends[:-1], ends[1:], strict=True)}
@@ -45,6 +52,24 @@ class AidedModel:
         """The states in the engine's own conventions, those of joints that follow another among them."""
         states = spread(self.robot, States.at(q, v, tau), self._joints)
         return self.loaded_robot.prepare(states.q, states.v, states.tau)
+
+    @property
+    def model(self) -> Any:
+        """The engine's own model, for what it computes by itself.
+
+        Raises:
+            Unsupported: the model alone is another mechanism, because something is supplied to it state by state.
+        """
+        if self.is_coupled:
+            raise Unsupported("joints that mimic others are eliminated state by state, and no step of the engine's own does that")
+        if self.loaded_robot.is_supplied_with_forces:
+            raise Unsupported("springs or dampers are supplied as applied forces, which no step of the engine's own feels")
+        return self.loaded_robot.model
+
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints in the engine's own q and v, in the order of ``robot.joints``."""
+        return self.loaded_robot.addresses(self.robot.joints)
 
     def accelerations(self, run: Run) -> Array:
         """(n, nv), in the order of ``robot.joints``, what the last ``compute`` of a run found."""
@@ -71,5 +96,4 @@ class AidedEngine:
             raise Unsupported(
                 f"{caller.engine} has no joint {named} after loading; harness compare says which elements its reader leaves out"
             )
-        is_coupled = any(joint.follows for joint in robot.tree.joints)
-        return AidedModel(robot, loaded, caller.factorises_mass_matrix or is_coupled)
+        return AidedModel(robot, loaded, caller.factorises_mass_matrix)

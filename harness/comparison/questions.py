@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -170,11 +170,19 @@ class Loaded(Protocol):
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
+        model: the engine's own. is_supplied_with_forces: whether forces that its reader leaves out are applied to it.
     """
 
     joints: tuple[Asked, ...]
     notes: tuple[str, ...]
     further: tuple[str, ...]
+    model: Any
+
+    @property
+    def is_supplied_with_forces(self) -> bool: ...
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints called ``names`` in the engine's own q and v; quaternions as (w, x, y, z)."""
 
     def prepare(self, q: Array, v: Array, tau: Array) -> Run:
         """The run at states (n, nq), (n, nv), (n, nv) over the joints of the request, with what the harness supplies."""

@@ -153,7 +153,7 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
         named = ", ".join(joint.name for joint in idle)
         what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
         raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
-    return replace(mechanism_of(robot), name=name)
+    return replace(mechanism_of(robot), name=library.label(name))
 
 
 @diagnoses_of.register

@@ -216,7 +216,7 @@ class CrossCheck(Loading):
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:
             # What there is to say of a mechanism stands with its system.
-            if system.mechanism.name == system.name:
+            if system.mechanism.name == self.settings.library.label(system.name):
                 self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
             system.mechanism = None
 

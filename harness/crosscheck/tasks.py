@@ -97,13 +97,17 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
-    return compare(reference, accelerations(load_audited(assignment), states), factorises(assignment))
+    return compare(reference, accelerations(load_audited(assignment), states), may_lose_digits(assignment))
 
 
 def factorises(assignment: Assignment) -> bool:
-    """True if the subject's engine, or its model of the mechanism, declares that it factorises M."""
-    engine = load_engine(assignment.library, assignment.subject.engine)
-    return factorises_mass_matrix(engine) or factorises_mass_matrix(load_audited(assignment))
+    """True if the subject's engine declares that it factorises M."""
+    return factorises_mass_matrix(load_engine(assignment.library, assignment.subject.engine))
+
+
+def may_lose_digits(assignment: Assignment) -> bool:
+    """True if the subject's engine factorises M, or declares it of the model that it has loaded; raises as ``load_audited``."""
+    return factorises(assignment) or factorises_mass_matrix(load_audited(assignment))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

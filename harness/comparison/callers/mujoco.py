@@ -163,9 +163,8 @@ class LoadedRobot:
         self.model, self.notes, self._request = model, tuple(notes), request
         places = _places(model, request.joints)
         found = tuple(joint for joint in request.joints if joint.name in places)
-        own = [(joint, int(places[joint.name].qposadr[0]), int(places[joint.name].dofadr[0])) for joint in found]
-        self.positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
-        self.velocities = [place + k for joint, _, place in own for k in range(len(joint.velocities))]
+        self._own = {joint.name: (joint, int(places[joint.name].qposadr[0]), int(places[joint.name].dofadr[0])) for joint in found}
+        self.positions, self.velocities = self.addresses([joint.name for joint in found])
         self.q_columns = [column for joint in found for column in joint.positions]
         self.v_columns = [column for joint in found for column in joint.velocities]
         read = {places[joint.name].id for joint in found}
@@ -173,9 +172,19 @@ class LoadedRobot:
         self.couplings = None if request.couplings is None else request.couplings[self.v_columns]
         self.joints = found if request.aid is None or self.couplings is None else request.aid.leaders
 
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        aid = self._request.aid
+        return aid is not None and self._request.format == "urdf" and bool(aid.forces.springs)
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        own = [self._own[name] for name in names]
+        positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
+        return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
+
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
         aid = self._request.aid
-        if aid is not None and self._request.format == "urdf":
+        if aid is not None and self.is_supplied_with_forces:
             tau = tau + aid.forces.of_springs(q)
         return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 

@@ -70,6 +70,20 @@ class LoadedRobot:
             model.gravity.linear = request.aid.gravity
             model.armature[self.own] = request.aid.armature[self.known]
 
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        aid = self.request.aid
+        return aid is not None and (bool(aid.forces.springs) or bool(aid.forces.damping.any()))
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        positions: list[int] = []
+        for name in names:
+            own = list(self.places[name][0])
+            if len(own) in (4, 7):
+                own[-4:] = [own[-1], *own[-4:-1]]
+            positions += own
+        return positions, [number for name in names for number in self.places[name][1]]
+
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
         return _Run(self, q, v, tau)
 
