@@ -25,6 +25,9 @@ from harness.results.benchmark import Benchmark
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
+# Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
+MOST_INSTRUCTIONS_OF_MOTION = 5000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Thoroughness:
@@ -139,7 +142,10 @@ def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Bench
 
 
 def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent = settings.thoroughness
+    extent, size = settings.thoroughness, len(scene.mechanism.program.instructions)
+    if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
+        found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
+        return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
     truth, costs, orders = motion_costs(scene, settings.methods, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
@@ -198,7 +204,9 @@ class BenchmarkStudy(Rounds):
     def _refuse_other_kind(self, name: str) -> None:
         other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
         if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
-            raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none; harness list methods says what is for which")
+            raise InvalidRequest(
+                f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods"
+            )
 
     @property
     def left_out(self) -> list[str]:
