@@ -204,9 +204,7 @@ class BenchmarkStudy(Rounds):
     def _refuse_other_kind(self, name: str) -> None:
         other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
         if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
-            raise InvalidRequest(
-                f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods"
-            )
+            raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
 
     @property
     def left_out(self) -> list[str]:

@@ -3,7 +3,8 @@
 A ``Request`` is about a file, and a caller loads it once; a ``Question`` adds states. A state names positions and velocities of every
 joint of the file, those that mimic another among them: an engine that passes over ``<mimic>`` has them as joints of their own.
 Conventions are those of ``harness.engines.Model``: a rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both
-behind the position of a free joint, whose linear velocity is in the frame of its parent.
+behind the position of a free joint, whose linear velocity is in the frame of its parent. A planar joint has x, y and its turn, and its
+linear velocity in the frame of its parent too.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from harness.arrays import Array
 
 # Positions and velocities of a joint of each kind.
-SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "planar": (3, 3), "ball": (4, 3), "free": (7, 6)}
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Asked:
     """A joint of a question.
 
     Attributes:
-        kind: "hinge", "slide", "ball" or "free". positions, velocities: its columns in q and in v.
+        kind: "hinge", "slide", "planar", "ball" or "free". positions, velocities: its columns in q and in v.
     """
 
     name: str

@@ -25,6 +25,9 @@ _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|
 
 _ELEMENT = re.compile(r"Element name '([^']*)'")
 
+# Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
+_PARTS = {"planar": 3}
+
 
 class MujocoCaller:
     engine = "mujoco"
@@ -167,7 +170,7 @@ class LoadedRobot:
         self.positions, self.velocities = self.addresses([joint.name for joint in found])
         self.q_columns = [column for joint in found for column in joint.positions]
         self.v_columns = [column for joint in found for column in joint.velocities]
-        read = {places[joint.name].id for joint in found}
+        read = {places[joint.name].id + k for joint in found for k in range(_PARTS.get(joint.kind, 1))}
         self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
         self.couplings = None if request.couplings is None else request.couplings[self.v_columns]
         self.joints = found if request.aid is None or self.couplings is None else request.aid.leaders
@@ -229,9 +232,10 @@ def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array)
 
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
-    """MuJoCo's joint for each of the question's by name; those that have none there by their place in the file."""
+    """MuJoCo's joint for each of the request's by name, the first of several; those that have none there by their place in the file."""
     by_name = {model.joint(number).name: model.joint(number) for number in range(model.njnt)}
-    found = {joint.name: by_name[joint.name] for joint in joints if joint.name in by_name}
+    own = {joint.name: f"{joint.name}_TX" if joint.kind == "planar" else joint.name for joint in joints}
+    found = {name: by_name[own_name] for name, own_name in own.items() if own_name in by_name}
     if model.njnt == len(joints):
         found |= {
             joint.name: model.joint(number)

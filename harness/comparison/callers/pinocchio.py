@@ -16,6 +16,9 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines._standard_error import captured_standard_error
 
+# Linear velocities of a joint whose frame turns with them.
+_LINEAR = {"planar": 2, "free": 3}
+
 
 class PinocchioCaller:
     engine = "pinocchio"
@@ -99,25 +102,27 @@ class LoadedRobot:
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
             own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
-            if joint.kind == "free":
-                turn = _rotations(own_q[:, 3:])
-                own_v = np.hstack([_turned_back(turn, own_v[:, :3]), own_v[:, 3:]])
-                own_tau = np.hstack([_turned_back(turn, own_tau[:, :3]), own_tau[:, 3:]])
-            if len(positions) == 2:
-                own_q = np.hstack([np.cos(own_q), np.sin(own_q)])
+            if joint.kind in _LINEAR:
+                turn, k = _turn(joint, own_q), _LINEAR[joint.kind]
+                own_v = np.hstack([_turned(turn, own_v[:, :k], back=True), own_v[:, k:]])
+                own_tau = np.hstack([_turned(turn, own_tau[:, :k], back=True), own_tau[:, k:]])
+            if len(positions) in (2, 4) and joint.kind != "ball":
+                own_q = np.hstack([own_q[:, :-1], np.cos(own_q[:, -1:]), np.sin(own_q[:, -1:])])
             elif joint.kind in ("ball", "free"):
                 own_q = np.hstack([own_q[:, :-4], own_q[:, -3:], own_q[:, -4:-3]])
             configuration[:, positions], velocity[:, velocities], force[:, velocities] = own_q, own_v, own_tau
         return configuration, velocity, force
 
     def to_frame_of_parent(self, accelerations: Array, q: Array, v: Array) -> None:
-        """Linear accelerations of free joints, given as rates of components in the body's frame, in that of the parent instead."""
+        """Linear accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent."""
         start = 0
         for joint in self.found:
-            if joint.kind == "free":
-                turn, own_v = _rotations(q[:, joint.positions[3:]]), v[:, joint.velocities]
-                own = accelerations[:, start : start + 3] + np.cross(own_v[:, 3:], _turned_back(turn, own_v[:, :3]))
-                accelerations[:, start : start + 3] = np.einsum("nij,nj->ni", turn, own)
+            if joint.kind in _LINEAR:
+                k, turn, own_v = _LINEAR[joint.kind], _turn(joint, q[:, joint.positions]), v[:, joint.velocities]
+                rates, linear = np.zeros((2, len(q), 3))
+                rates[:, 3 - own_v[:, k:].shape[1] :], linear[:, :k] = own_v[:, k:], _turned(turn, own_v[:, :k], back=True)
+                own = accelerations[:, start : start + k] + np.cross(rates, linear)[:, :k]
+                accelerations[:, start : start + k] = _turned(turn, own)
             start += len(joint.velocities)
 
 
@@ -203,8 +208,18 @@ def _rotations(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _turned_back(turn: Array, vectors: Array) -> Array:
-    return np.asarray(np.einsum("nji,nj->ni", turn, vectors))
+def _turn(joint: Asked, q: Array) -> Array:
+    """(n, 3, 3) rotation of a free or planar joint at its own positions."""
+    if joint.kind == "free":
+        return _rotations(q[:, 3:])
+    half = q[:, 2] / 2
+    return _rotations(np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1))
+
+
+def _turned(turn: Array, vectors: Array, back: bool = False) -> Array:
+    """Vectors (n, 3), or (n, 2) in the plane, turned or turned back."""
+    size = vectors.shape[1]
+    return np.asarray(np.einsum("nji,nj->ni" if back else "nij,nj->ni", turn[:, :size, :size], vectors))
 
 
 CALLER = PinocchioCaller()
