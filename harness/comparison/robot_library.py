@@ -6,6 +6,7 @@ harness reads in the file, and its engines are those that read it, aided; see ``
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -133,7 +134,11 @@ class RobotLibrary(Library):
 
     def _likenesses(self) -> Iterator[str]:
         for path, model_format in self.formats.items():
-            if similar := systems_with_joints_of(Library.built_in(), Path(path), model_format):
+            similar: list[str] = []
+            # A robot's file need not be one that a model of a mechanism may be.
+            with contextlib.suppress(InvalidModel):
+                similar = systems_with_joints_of(Library.built_in(), Path(path), model_format)
+            if similar:
                 command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
                 yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 

@@ -184,6 +184,14 @@ def test_a_floating_base_has_six_more_degrees_of_freedom(folder: Path) -> None:
     assert {len(one["worst_state"]["v"]) for one in records} == {8} and all("--floating-base" in one["replay"] for one in records)
 
 
+def test_a_robot_in_a_namespace_is_like_no_mechanism(folder: Path) -> None:
+    """Models of mechanisms have none, so that their reader refuses it."""
+    text = (folder / "mimic.urdf").read_text()
+    (folder / "mimic.urdf").write_text(re.sub(r"<robot ", '<robot xmlns="http://www.ros.org/urdf" ', text, count=1))
+    done = harness("check", "mimic.urdf", "--states", "4", cwd=folder)
+    assert done.returncode == 0 and done.stderr == "" and "named like" not in done.stdout
+
+
 def test_a_script_evaluates_a_robot() -> None:
     robot = public.load(ARM)
     truth = robot.accelerations(q=[0.1] * 8, v=[0.2] * 8)
