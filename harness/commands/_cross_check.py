@@ -23,8 +23,9 @@ def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
     found.records.sort(key=lambda record: (record.system, record.subject))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
-    causes = {"causes": found.causes} if found.causes else {}
-    bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **causes)
+    further = {"causes": found.causes, "remarks": settings.library.remarks()}
+    present = {name: part for name, part in further.items() if part}
+    bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
 
 

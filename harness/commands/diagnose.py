@@ -45,6 +45,8 @@ def command(
     from harness.verdict import Verdict
 
     bracket.choose_library([name])
+    if evaluations is not None and bracket.library.is_of_robots:
+        raise InvalidRequest("--evaluations counts changed models, of which the diagnosis of a robot's file makes none; leave it out")
     if stand_ins and bracket.library.is_of_robots:
         # The file is the truth itself, and another file no model of it but a robot of its own.
         if subjects:

@@ -22,6 +22,9 @@ from harness.robots.robot import Robot
 if TYPE_CHECKING:
     from harness.models.model_file import ModelFile
 
+# Joints in a message.
+MOST_NAMED = 4
+
 
 class AidedModel:
     """A robot's file in an aided engine; q, v and tau follow ``robot.joints``.
@@ -92,8 +95,12 @@ class AidedEngine:
         except Refused as refusal:
             raise Unsupported(f"{caller.engine} refuses the file: {refusal}") from refusal
         if lacking := [name for name in robot.joints if name not in {joint.name for joint in loaded.joints}]:
-            named = ", ".join(f"{name!r}{f' (line {place.line})' if (place := robot.joint(name).place) else ''}" for name in lacking)
-            raise Unsupported(
-                f"{caller.engine} has no joint {named} after loading; harness compare says which elements its reader leaves out"
-            )
+            raise Unsupported(f"{caller.engine} has no joint {_named(robot, lacking)} after loading: its reader leaves out what holds it")
         return AidedModel(robot, loaded, caller.factorises_mass_matrix)
+
+
+def _named(robot: Robot, joints: Sequence[str]) -> str:
+    """The first few joints with their lines, and how many more there are."""
+    places = [(name, robot.joint(name).place) for name in joints[:MOST_NAMED]]
+    named = ", ".join(f"{name!r} (line {place.line})" if place else repr(name) for name, place in places)
+    return named + (f" and {len(joints) - MOST_NAMED} more" if len(joints) > MOST_NAMED else "")

@@ -18,9 +18,6 @@ import numpy as np
 
 from harness.arrays import Array
 
-# Positions and velocities of a joint of each kind.
-SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "planar": (3, 3), "ball": (4, 3), "free": (7, 6)}
-
 
 @dataclass(frozen=True)
 class Asked:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.questions import SIZES, Aid, Asked, BodyInertia, JointForces, Request
+from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
+from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Pose, Tree, Turn
 

@@ -94,7 +94,8 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
     """The subject's accelerations at ``states``, timed, held against each other and compared with the truth there."""
     try:
-        model, factorises = load_audited(assignment), may_lose_digits(assignment)
+        model = load_audited(assignment)
+        factorises = may_lose_digits(assignment, model)
         answers, seconds = timed_accelerations(model, states)
         require_repeatable(model, states, answers, reference, factorises)
         comparison = compare(reference, answers[0], factorises)

@@ -97,7 +97,8 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
-    return compare(reference, accelerations(load_audited(assignment), states), may_lose_digits(assignment))
+    model = load_audited(assignment)
+    return compare(reference, accelerations(model, states), may_lose_digits(assignment, model))
 
 
 def factorises(assignment: Assignment) -> bool:
@@ -105,9 +106,9 @@ def factorises(assignment: Assignment) -> bool:
     return factorises_mass_matrix(load_engine(assignment.library, assignment.subject.engine))
 
 
-def may_lose_digits(assignment: Assignment) -> bool:
-    """True if the subject's engine factorises M, or declares it of the model that it has loaded; raises as ``load_audited``."""
-    return factorises(assignment) or factorises_mass_matrix(load_audited(assignment))
+def may_lose_digits(assignment: Assignment, model: Model) -> bool:
+    """True if the subject's engine factorises M, or declares it of the model that it has loaded."""
+    return factorises(assignment) or factorises_mass_matrix(model)
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -62,7 +62,9 @@ def undamped(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_engines_that_read_a_file_are_checked_at_sampled_and_searched_states(folder: Path) -> None:
     done = harness("check", "arm.urdf", "mimic.urdf", "--states", "12", "--json", "found.json", cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
-    records = json.loads((folder / "found.json").read_text())["records"]
+    found = json.loads((folder / "found.json").read_text())
+    records, remarks = found["records"], found["remarks"]
+    assert any(remark.startswith("pinocchio/urdf, aided: ") for remark in remarks)
     systems = ("arm.urdf", "mimic.urdf")
     assert [(one["system"], one["subject"]) for one in records] == [
         (system, subject) for system in systems for subject in ("mujoco/urdf", "pinocchio/urdf")
@@ -107,6 +109,16 @@ def test_what_a_reader_leaves_out_is_said_of_an_engine_that_has_too_few_joints(f
     assert "passes over <frame> and <replicate> with all that they hold (lines 6)" in done.stdout
 
 
+def test_an_engine_that_refuses_the_file_costs_its_own_record(folder: Path) -> None:
+    """MuJoCo takes no height field without rows, which bears on no acceleration."""
+    text = FRAMED.replace("<mujoco>", '<mujoco><asset><hfield name="h" nrow="0" ncol="0" size="1 1 1 1"/></asset>')
+    (folder / "framed.xml").write_text(text)
+    done = harness("check", "framed.xml", "--states", "4", cwd=folder)
+    assert done.returncode == 1 and done.stderr == ""
+    assert rows(done)["mujoco/mjcf"][3].startswith("unsupported") and "mujoco refuses the file" in done.stdout
+    assert "the file is the truth, and mujoco/mjcf refuses it" in done.stdout
+
+
 def test_a_suspected_file_has_its_line_named(folder: Path) -> None:
     (folder / "other.urdf").write_text((folder / "arm.urdf").read_text().replace('<mass value="1"/>', '<mass value="1.01"/>'))
     done = harness("diagnose", "arm.urdf", "--urdf", "other.urdf", "--states", "8", cwd=folder)
@@ -114,8 +126,9 @@ def test_a_suspected_file_has_its_line_named(folder: Path) -> None:
     assert "mass of link fore" in done.stdout and "other.urdf:30" in done.stdout
     same = harness("diagnose", "arm.urdf", "--urdf", "arm.urdf", "--states", "8", cwd=folder)
     assert same.returncode == 0 and "the same robot" in same.stdout
-    chosen = harness("diagnose", "arm.urdf", "--urdf", "other.urdf", "--subject", "mujoco/urdf", cwd=folder)
-    assert chosen.returncode == 2 and "--subject" in chosen.stderr
+    for option, value in (("--subject", "mujoco/urdf"), ("--evaluations", "9")):
+        chosen = harness("diagnose", "arm.urdf", "--urdf", "other.urdf", option, value, cwd=folder)
+        assert chosen.returncode == 2 and option in chosen.stderr
 
 
 def test_a_search_stores_hard_states_beside_the_file_and_a_check_takes_them(folder: Path, undamped: None) -> None:
