@@ -111,8 +111,8 @@ class Library:
                     raise InvalidRequest(
                         f"{name!r} is a variant of models, which only check, diagnose and show take; name {self.system_of(name)}"
                     )
-                file = ", and no file" if with_variants else ""
-                raise InvalidRequest(f"no system is called {name!r}{file}; {nearest(name, [*known, *variants])}")
+                no_file = " (there is no file of this name either)" if with_variants else ""
+                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}{no_file}")
         return chosen or [*known, *variants]
 
     def matching(self, names: Iterable[str]) -> list[str]:

@@ -157,7 +157,7 @@ def test_a_file_is_shown(folder: Path) -> None:
     ("arguments", "words"),
     [
         (("check", "nowhere.urdf"), "nowhere.urdf: there is no such file"),
-        (("check", "nothing"), "no system is called 'nothing', and no file"),
+        (("check", "nothing"), "(there is no file of this name either)"),
         (("check", "text.urdf"), "text.urdf:1: is not well-formed XML"),
         (("check", "page.xml"), "page.xml:1: the root element is <html>; expected a robot"),
         (("check", "fixed.urdf"), "fixed.urdf: no joint moves"),
