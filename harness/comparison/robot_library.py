@@ -7,6 +7,7 @@ harness reads in the file, and its engines are those that read it, aided; see ``
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -158,7 +159,8 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
         named = ", ".join(joint.name for joint in idle)
         what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
         raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
-    return replace(mechanism_of(robot), name=library.label(name))
+    digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
+    return replace(mechanism_of(robot), name=library.label(name), digest=digest)
 
 
 @diagnoses_of.register

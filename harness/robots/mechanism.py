@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 from harness.equations.applied_forces import forces_of
@@ -27,9 +28,18 @@ _COORDINATES["free"] = (*(f" {axis}" for axis in "xyz"), *(f" about {axis}" for 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMechanism(Mechanism):
-    """A mechanism with the robot whose equations it has, which engines that read robots' files are handed."""
+    """A mechanism with the robot whose equations it has, which engines that read robots' files are handed.
+
+    Attributes:
+        digest: of the file's content, which an engine may make more of than its equations hold; "" where no engine reads it.
+    """
 
     robot: Robot
+    digest: str = ""
+
+    @property
+    def key(self) -> Hashable:
+        return super().key, self.digest
 
 
 def mechanism_of(robot: Robot) -> RobotMechanism:
