@@ -11,6 +11,7 @@ Hold engines, model files, or your own program against that truth:
 
     harness.check("double_pendulum")                         # a table of records
     harness.check("double_pendulum", mjcf="mine.xml")
+    harness.check("robot.urdf")                              # a robot's file is its own truth
     harness.diagnose("double_pendulum", mjcf="mine.xml")     # which line is wrong, and the value that explains it
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from harness.arrays import Array
+from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.results.records import Records
 
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from harness.results.cross_check import Cause
     from harness.workers import Workers
 
-Names = str | Sequence[str]
+Names = str | Path | Sequence[str | Path]
+Subjects = str | Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Accelerations:
 
 
 class LoadedSystem:
-    """A textbook mechanism, ready to be read and evaluated; ``harness.load`` makes it.
+    """A textbook mechanism or a robot, ready to be read and evaluated; ``harness.load`` makes it.
 
     Attributes:
         mechanism: its plain data: coordinates, joints, parameters, ranges. library: where it is from.
@@ -69,7 +71,14 @@ class LoadedSystem:
 
     @cached_property
     def equations(self) -> EquationsOfMotion:
-        """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``."""
+        """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``.
+
+        Raises:
+            harness.errors.InvalidRequest: a robot has none.
+        """
+        if not self.mechanism.energy_programs:
+            program = f"a program of {self.mechanism.operations:,} operations, by recursion over its bodies"
+            raise InvalidRequest(f"{self.name} is a robot, whose equations are {program}; its accelerations can be had")
         from harness.equations.derivation import load_system
         from harness.equations.lagrange import derive
 
@@ -101,7 +110,9 @@ class LoadedSystem:
         lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
         return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
-    def _repr_latex_(self) -> str:
+    def _repr_latex_(self) -> str | None:
+        if not self.mechanism.energy_programs:
+            return None
         return f"$${self.latex}$$"
 
     def accelerations(self, q: Any, v: Any, tau: Any = None) -> Accelerations:
@@ -157,17 +168,29 @@ def _error_bound(reference: Reference) -> Array:
     return np.where(reference.certified[:, None], bound, np.inf)
 
 
-def load(name: str, library: str | Path | None = None) -> LoadedSystem:
-    """The mechanism ``name`` of a library; of the built-in one for None.
+def load(name: str | Path, library: str | Path | None = None, *, floating_base: bool = False) -> LoadedSystem:
+    """The mechanism ``name`` of a library, of the built-in one for None; or the robot in the URDF or MJCF file ``name``.
+
+    ``floating_base`` puts a free joint under the root of a robot's URDF.
 
     Raises:
-        harness.errors.InvalidInput: library or system file cannot be used. harness.errors.InvalidRequest: no such mechanism.
+        harness.errors.InvalidInput: library, system file or robot's file cannot be used. harness.errors.InvalidRequest: no such mechanism.
     """
     from harness.equations.derivation import load_mechanism
 
-    found = Library.at(library)
-    (name,) = found.select([name])
+    found = _library_of([str(name)], library, floating_base)
+    (name,) = found.select([str(name)])
     return LoadedSystem(found, load_mechanism(found, name))
+
+
+def _library_of(names: Sequence[str], library: str | Path | None, floating_base: bool) -> Library:
+    """The library that ``names`` are of: that of robots' files where they are files."""
+    found = Library.at(library)
+    if not floating_base and not any(found.is_file(name) for name in names):
+        return found
+    from harness.comparison.robot_library import resolved
+
+    return resolved(found, names, floating_base)
 
 
 def check(
@@ -176,24 +199,26 @@ def check(
     library: str | Path | None = None,
     mjcf: str | Path | None = None,
     urdf: str | Path | None = None,
-    subjects: Names = (),
+    subjects: Subjects = (),
     states: int = 1000,
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 60.0,
+    floating_base: bool = False,
 ) -> Records:
-    """Cross-check mechanisms, all of the library and the variants of their models for none, on worker processes.
+    """Cross-check mechanisms, all of the library and the variants of their models for none, on worker processes; or robots.
 
     Args:
-        names: of mechanisms, of variants as "acrobot.frames", and patterns as "acrobot*".
+        names: of mechanisms, of variants as "acrobot.frames", and patterns as "acrobot*"; or paths of robots' files, URDF or MJCF.
         mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
         states: per system. workers: processes; one per CPU for None. time_limit: of one task [s].
+        floating_base: whether a free joint is put under the roots of robots' URDFs.
 
     Raises:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
     """
-    settings = _settings(names, library, mjcf, urdf, subjects, states, seed)
+    settings = _settings(names, library, mjcf, urdf, subjects, states, seed, floating_base)
     with _checked(settings, workers, time_limit) as (study, _):
         for problem in study.problems:
             raise problem
@@ -206,11 +231,12 @@ def diagnose(
     library: str | Path | None = None,
     mjcf: str | Path | None = None,
     urdf: str | Path | None = None,
-    subjects: Names = (),
+    subjects: Subjects = (),
     states: int = 1000,
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 60.0,
+    floating_base: bool = False,
 ) -> list[Cause]:
     """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
 
@@ -222,7 +248,7 @@ def diagnose(
     """
     from harness.diagnosis.causes import find_causes
 
-    settings = _settings([name], library, mjcf, urdf, subjects, states, seed)
+    settings = _settings([name], library, mjcf, urdf, subjects, states, seed, floating_base)
     with _checked(settings, workers, time_limit) as (study, pool):
         return find_causes(settings, study.result().records, pool, crashes=study.crashes)
 
@@ -297,20 +323,29 @@ def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iter
 
 
 def _settings(
-    names: Names, library: str | Path | None, mjcf: str | Path | None, urdf: str | Path | None, subjects: Names, states: int, seed: int
+    names: Names,
+    library: str | Path | None,
+    mjcf: str | Path | None,
+    urdf: str | Path | None,
+    subjects: Subjects,
+    states: int,
+    seed: int,
+    floating_base: bool,
 ) -> Settings:
     from harness.crosscheck.settings import Settings
 
     stand_ins: Mapping[str, Path] = {key: Path(path) for key, path in (("mjcf", mjcf), ("urdf", urdf)) if path is not None}
     given = [("--library", library), ("--mjcf", mjcf), ("--urdf", urdf)]
-    found = Library.at(library)
+    chosen = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
+    found = _library_of(chosen, library, floating_base)
     return Settings(
         library=found,
-        names=found.matching([names] if isinstance(names, str) else names),
+        names=found.matching(chosen),
         subjects=[subjects] if isinstance(subjects, str) else list(subjects),
         states=states,
         seed=seed,
         stand_ins=stand_ins,
         examples=None,
-        replay_options=[word for option, value in given if value is not None for word in (option, str(value))],
+        replay_options=[word for option, value in given if value is not None for word in (option, str(value))]
+        + ["--floating-base"] * floating_base,
     )

@@ -24,7 +24,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -33,6 +33,8 @@ from types import ModuleType
 from harness.errors import InvalidInput, InvalidRequest
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
+# Endings by which a name is that of a file, be it there or not.
+FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
 BUILT_IN_NAME = "built-in"
 ENTRY_POINTS = "harness.libraries"
 _PACKAGE = Path(__file__).resolve().parent
@@ -109,7 +111,8 @@ class Library:
                     raise InvalidRequest(
                         f"{name!r} is a variant of models, which only check, diagnose and show take; name {self.system_of(name)}"
                     )
-                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}")
+                no_file = " (there is no file of this name either)" if with_variants else ""
+                raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}{no_file}")
         return chosen or [*known, *variants]
 
     def matching(self, names: Iterable[str]) -> list[str]:
@@ -142,6 +145,16 @@ class Library:
         """The system of a variant, whose equations it has; the name itself for a system's own."""
         return name if (self.systems / f"{name}.py").is_file() else name.partition(".")[0]
 
+    def remarks(self) -> list[str]:
+        """What a reader of its records must know of all of them, a sentence each."""
+        return []
+
+    def is_file(self, name: str) -> bool:
+        """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant here."""
+        if name in self.system_names() or name in self.variant_names():
+            return False
+        return Path(name).suffix in FILE_SUFFIXES or any(sign in name for sign in {"/", os.sep}) or Path(name).is_file()
+
     def system_path(self, name: str) -> Path:
         """The file of a system, or of a variant's system; a family's member has a path of its own, which does not exist."""
         return self.systems / f"{self.system_of(name)}.py"
@@ -157,6 +170,31 @@ class Library:
         """True where the system has a model of its own or one that its family writes, readable or not."""
         path = self.model_path(name, model_format)
         return os.path.lexists(path) or member_of(path) is not None
+
+    def expectable_names(self) -> list[str]:
+        """The labels of what its file of expected verdicts may speak of."""
+        return [*self.system_names(), *self.variant_names()]
+
+    def label(self, name: str) -> str:
+        """The name of a system as that of a file in which something of it is kept."""
+        return name
+
+    def validated_models(self, name: str) -> dict[str, Path]:
+        """{model format: path} of the files that are validated as models of a system; those that are missing too."""
+        return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}
+
+    @property
+    def is_of_robots(self) -> bool:
+        """True if its systems are robots' files, each the truth itself, which holds more than the dynamics needs and has no energies."""
+        return False
+
+    def engine_folders(self) -> list[Path]:
+        """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""
+        return [Library.built_in().engines, self.engines]
+
+    def native(self, formats: Sequence[str]) -> Sequence[str]:
+        """Those of an engine's ``formats`` in which a question about the engine, and not about its reader, is asked."""
+        return formats[:1]
 
     def orphaned_models(self) -> list[Path]:
         """Model files that no system stands behind."""

@@ -25,7 +25,7 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
-from harness.motion.integrators import Advance, Integrator, select_integrators
+from harness.motion.integrators import MECHANISMS, ROBOTS, Advance, Integrator, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, reference_motion
 from harness.results.benchmark import MotionCost, Order, Truth
@@ -57,11 +57,14 @@ class Judge:
         self.reference = reference_motion(scene.mechanism, start)
         self.start = replace(start, horizon=min(horizon, self.reference.trusted))
         self._metric = Metric(scene.mechanism)
-        self._energies = EnergyKernel(scene.mechanism)
+        # Of a robot's file there are none.
+        self._energies = EnergyKernel(scene.mechanism) if scene.mechanism.energy_programs else None
         within = self.reference.path[self.reference.path.times <= self.start.horizon * (1 + 1e-12)]
         self._scales = self._metric.scales(within)
         self._end = within[-1:]
-        self._largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
+        self._largest_kinetic = 0.0
+        if self._energies is not None:
+            self._largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
 
     def state_error(self, path: Path) -> float | None:
         """Relative error of the end state; None where the motion broke down."""
@@ -71,8 +74,8 @@ class Judge:
         return error if math.isfinite(error) else None
 
     def energy_error(self, path: Path) -> float | None:
-        """Largest |E(t) - E0 - work of the non-conservative forces|, relative to the largest kinetic energy."""
-        if not (np.isfinite(path.q).all() and np.isfinite(path.v).all()):
+        """Largest |E(t) - E0 - work of the non-conservative forces|, relative to the largest kinetic energy; None without energies."""
+        if self._energies is None or not (np.isfinite(path.q).all() and np.isfinite(path.v).all()):
             return None
         found = self._energies.along(path.q, path.v, path.times)
         balance = found.energy - found.energy[0] - work_along(path, found.power)
@@ -119,7 +122,7 @@ def motion_costs(
     judge = Judge(scene, horizon)
     costs: list[MotionCost] = []
     orders: list[Order] = []
-    for integrator in select_integrators(names):
+    for integrator in select_integrators(names, ROBOTS if scene.library.is_of_robots else MECHANISMS):
         note(f"{name}: {integrator.name}")
         try:
             advance = integrator.prepare(scene)

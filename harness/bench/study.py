@@ -20,10 +20,13 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, member_of, nearest
-from harness.motion.integrators import integrators
+from harness.motion.integrators import MECHANISMS, ROBOTS, integrators
 from harness.results.benchmark import Benchmark
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
+
+# Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
+MOST_INSTRUCTIONS_OF_MOTION = 5000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +90,11 @@ class BenchmarkSettings:
     def thoroughness(self) -> Thoroughness:
         return THOROUGHNESS[self.profile]
 
+    @property
+    def kind(self) -> str:
+        """What is measured: mechanisms or robots."""
+        return ROBOTS if self.library.is_of_robots else MECHANISMS
+
 
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkPart:
@@ -99,6 +107,7 @@ class BenchmarkPart:
         timed: whether it must run by itself because its times are compared.
         system: the one system or family it belongs to; "" for a part that is measured on every system.
         by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
+        needs_energies: whether it needs T and V, which a robot's file does not have.
     """
 
     name: str
@@ -107,6 +116,7 @@ class BenchmarkPart:
     timed: bool
     system: str = ""
     by_methods: bool = True
+    needs_energies: bool = False
 
 
 def load(library: Library, name: str, note: Note) -> Scene:
@@ -115,7 +125,7 @@ def load(library: Library, name: str, note: Note) -> Scene:
 
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, select_methods(settings.methods)
+    extent, methods = settings.thoroughness, select_methods(settings.methods, settings.kind)
     costs = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
     return Benchmark(accelerations=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
 
@@ -132,7 +142,10 @@ def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Bench
 
 
 def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent = settings.thoroughness
+    extent, size = settings.thoroughness, len(scene.mechanism.program.instructions)
+    if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
+        found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
+        return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
     truth, costs, orders = motion_costs(scene, settings.methods, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
@@ -155,8 +168,8 @@ PARTS = (
     BenchmarkPart(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
     BenchmarkPart(name="growth of robots", measure=_robot_growth, moving=False, timed=True, system=FAMILY, by_methods=False),
     BenchmarkPart(name="motion", measure=_motion, moving=True, timed=True),
-    BenchmarkPart(name="long runs", measure=_drifts, moving=True, timed=False),
-    BenchmarkPart(name="stationary action", measure=_stationarity, moving=True, timed=False),
+    BenchmarkPart(name="long runs", measure=_drifts, moving=True, timed=False, needs_energies=True),
+    BenchmarkPart(name="stationary action", measure=_stationarity, moving=True, timed=False, needs_energies=True),
     BenchmarkPart(name="figures of the text", measure=_figures, moving=True, timed=False, system=SYSTEM),
 )
 
@@ -175,9 +188,10 @@ class BenchmarkStudy(Rounds):
         super().__init__()
         self.settings = settings
         self.names = settings.library.select(settings.names)
-        methods, moving = [method.name for method in find_methods()], [integrator.name for integrator in integrators()]
+        methods, moving = ([one.name for one in find(settings.kind)] for find in (find_methods, integrators))
         for name in settings.methods:
             if name not in (*methods, *moving):
+                self._refuse_other_kind(name)
                 raise InvalidRequest(f"no method or integrator is called {name!r}; {nearest(name, [*methods, *moving])}")
             if name in moving and not settings.motion:
                 raise InvalidRequest(f"{name!r} computes motion; ask for it with --motion")
@@ -186,6 +200,17 @@ class BenchmarkStudy(Rounds):
         self._methods = {False: [name for name in methods if name in chosen], True: [name for name in moving if name in chosen]}
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
+
+    def _refuse_other_kind(self, name: str) -> None:
+        other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
+        if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
+            raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
+
+    @property
+    def left_out(self) -> list[str]:
+        """The names of the parts that were asked for and need energies, where there are none."""
+        chosen = (part for part in PARTS if part.needs_energies and self._methods[part.moving])
+        return [part.name for part in chosen] if self.settings.library.is_of_robots else []
 
     @property
     def steps(self) -> int:
@@ -210,6 +235,8 @@ class BenchmarkStudy(Rounds):
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
         if not self._methods[part.moving] or (self.settings.methods and not part.by_methods):
+            return []
+        if part.name in self.left_out:
             return []
         if not part.system:
             return self.names

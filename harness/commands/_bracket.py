@@ -33,11 +33,13 @@ class Bracket:
     """The first argument of a command.
 
     Attributes:
-        library_path, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has them.
+        library_path, floating_base, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has
+            them.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
     """
 
     library_path: str | None = None
+    floating_base: bool = False
     seed: int = 0
     json_path: str | None = None
     workers: int | None = None
@@ -67,7 +69,21 @@ class Bracket:
     @property
     def replay_options(self) -> list[str]:
         """The options of a command that repeats a part of this one."""
-        return ["--library", self.library_path] if self.library_path else []
+        floating = ["--floating-base"] if self.floating_base else []
+        return ["--library", self.library_path, *floating] if self.library_path else floating
+
+    def choose_library(self, names: Sequence[str]) -> None:
+        """Where ``names`` are of robots' files, make these the library from here on.
+
+        Raises:
+            InvalidInput: a file cannot be read, or is no robot.
+            InvalidRequest: some names are of files and others are not.
+        """
+        if self.floating_base or any(self.library.is_file(name) for name in names):
+            # Imported late: a run that is about mechanisms needs nothing of it.
+            from harness.comparison.robot_library import resolved
+
+            self.library = resolved(self.library, names, self.floating_base)
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
@@ -181,10 +197,11 @@ class Bracket:
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command its ``Bracket`` as first argument, and the options that fill it.
 
-    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler`` and ``directory``, or takes
-    away by False. ``time_limit`` is the default of --time-limit [s]; None leaves the option out.
+    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory`` and
+    ``floating_base``, or takes away by False. ``time_limit`` is the default of --time-limit [s]; None leaves the option out.
     """
-    offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False} | chosen
+    offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False}
+    offered |= {"floating_base": False} | chosen
     decorators = [options.BY_NAME[name] for name, is_offered in offered.items() if is_offered]
     if time_limit is not None:
         decorators.append(options.time_limit_option(time_limit))

@@ -23,8 +23,9 @@ def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
     found.records.sort(key=lambda record: (record.system, record.subject))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
-    causes = {"causes": found.causes} if found.causes else {}
-    bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **causes)
+    further = {"causes": found.causes, "remarks": settings.library.remarks()}
+    present = {name: part for name, part in further.items() if part}
+    bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
 
 
@@ -34,19 +35,21 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.
-    from harness.diagnosis.causes import Diagnoses
+    from harness.diagnosis.causes import diagnoses_of
 
-    diagnoses = Diagnoses(study.settings, records, crashes=study.crashes, **limits)
+    diagnoses = diagnoses_of(study.settings.library, study.settings, records, crashes=study.crashes, **limits)
     bracket.complete(diagnoses, kept=False)
-    return diagnoses.result()
+    causes: list[Cause] = diagnoses.result()
+    return causes
 
 
 def finish(bracket: Bracket, study: CrossCheck) -> None:
     """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected
+    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected, say
 
     found = study.result()
     print_table(found.records, bracket.run)
+    say(*study.settings.library.remarks())
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
     print_differs(found.differs)

@@ -80,6 +80,7 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     "workers": click.option(
         "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
     ),
+    "floating_base": click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF."),
     "scheduler": scheduler_option,
     "directory": click.option(
         "--out",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.commands._bracket import Bracket
@@ -12,6 +13,32 @@ if TYPE_CHECKING:
     from harness.comparison.study import RobotComparison
     from harness.report.comparison import Section
     from harness.results.comparison import Comparison
+
+
+def find_differing_lines(bracket: Bracket, path: str, suspects: Iterable[Path], states: int) -> None:
+    """Hold files against the robot at ``path``, print which of their lines differ, and end the command; no engine is asked."""
+    from harness.comparison.study import STATES, RobotComparison, Settings
+    from harness.report.comparison import pair_sections
+
+    settings = Settings((Path(path), *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
+    study = RobotComparison(settings, "diagnosis")
+    found = compare_robots(bracket, study, pair_sections)
+    bracket.finish(study.problems, study.crashed, found.as_expected)
+
+
+def show_robot(bracket: Bracket, path: str, html_path: str | None) -> None:
+    """Print what the file at ``path`` is and what no body of it can have, write the same as a page, and end the command."""
+    from harness.comparison.study import RobotComparison, Settings
+    from harness.report.comparison import file_sections, render
+    from harness.storage import write_atomically
+
+    study = RobotComparison(Settings((Path(path),), 1, floating_base=bracket.floating_base, stances=()), "reading")
+    bracket.begin(1, "show")
+    found = compare_robots(bracket, study, file_sections)
+    if html_path is not None:
+        write_atomically(html_path, render(bracket.run, Path(path).name, file_sections(found)))
+        say("", f"page: {html_path}")
+    bracket.finish(study.problems, study.crashed, True)
 
 
 def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[Comparison], Iterable[Section]]) -> Comparison:

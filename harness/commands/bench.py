@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @click.command("bench")
-@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @click.option(
     "--methods",
     multiple=True,
@@ -25,31 +25,40 @@ if TYPE_CHECKING:
 @click.option("--motion", is_flag=True, help="Measure integrators too.")
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
 @time_limit_option(None, shown="300, with --profile nightly 3600")
-@computing(directory=True)
+@computing(directory=True, floating_base=True)
 def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, profile: str) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
+    Of a robot's FILE it measures the engines that read it and the harness's own program,
+    and leaves the report as it is.
 
     \b
     Examples:
       harness bench
       harness bench cart_pendulum --motion
       harness bench double_pendulum --methods "pinocchio aba"
+      harness bench robot.urdf
     """
     from harness.bench.study import BenchmarkSettings, BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
+    bracket.choose_library(names)
     settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
     study = BenchmarkStudy(settings)
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
-    run, measured = bracket.begin(settings.thoroughness.states, profile, Benchmark), study.result()
+    # The report is that of a library of mechanisms, whose page a robot would take the place of.
+    kept = None if bracket.library.is_of_robots else Benchmark
+    run, measured = bracket.begin(settings.thoroughness.states, profile, kept), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
     _print_benchmark(summary)
-    bracket.write_page()
+    if study.left_out:
+        say("", f"left out, because a robot's file holds no energies: {', '.join(study.left_out)}, and energies along motions")
+    if kept is not None:
+        bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
 
 

@@ -17,12 +17,12 @@ from harness.commands._options import stand_in_options, states_option, subjects_
 
 
 @click.command("check")
-@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
-@computing(time_limit=60.0, scheduler=True)
+@computing(time_limit=60.0, scheduler=True, floating_base=True)
 def command(
     bracket: Bracket, names: tuple[str, ...], states: int, subjects: tuple[str, ...], stand_ins: Mapping[str, Path], state: str | None
 ) -> None:
@@ -30,6 +30,8 @@ def command(
 
     NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
     a pattern takes all that it fits. Without NAMEs it is all of both.
+    The path of a URDF or MJCF file is a robot: what its numbers mean is the truth, and the
+    engines that read it are aided, that is, given what they leave out of it.
 
     \b
     Examples:
@@ -38,10 +40,12 @@ def command(
       harness check double_pendulum arm_7r --states 10000
       harness check double_pendulum --mjcf edited.xml
       harness check --library mine --subject mujoco/mjcf --json out.json
+      harness check robot.urdf --floating-base
     """
     from harness.crosscheck.settings import Settings
 
     refuse_alone(bracket, "check", names, stand_ins)
+    bracket.choose_library(names)
     settings = Settings(
         library=bracket.library,
         names=bracket.library.matching(names),

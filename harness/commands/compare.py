@@ -13,16 +13,13 @@ from harness.commands._terminal import say
 
 @click.command("compare")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF.")
 @click.option(
     "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
 )
 @click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
-@computing(time_limit=300.0, library=False)
-def command(
-    bracket: Bracket, files: tuple[Path, ...], floating_base: bool, renamed: tuple[str, ...], states: int, html_path: str | None
-) -> None:
+@computing(time_limit=300.0, library=False, floating_base=True)
+def command(bracket: Bracket, files: tuple[Path, ...], renamed: tuple[str, ...], states: int, html_path: str | None) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
     FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
@@ -40,7 +37,7 @@ def command(
     from harness.report.comparison import render, sections
     from harness.storage import write_atomically
 
-    settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, floating_base, dict(map(_names, renamed)))
+    settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)))
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
     bracket.begin(states, "compare")

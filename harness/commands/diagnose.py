@@ -9,38 +9,50 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import causes_of
-from harness.commands._model_files import refuse_alone
 from harness.commands._options import stand_in_options, states_option, subjects_option
+from harness.commands._robots import find_differing_lines
 
 
 @click.command("diagnose")
-@click.argument("name")
+@click.argument("name", metavar="NAME|FILE")
 @stand_in_options
 @subjects_option
 @states_option
 @click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default.")
-@computing(time_limit=60.0)
+@computing(time_limit=60.0, floating_base=True)
 def command(
     bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects: tuple[str, ...], states: int, evaluations: int | None
 ) -> None:
     """Explain why a check of NAME is red.
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
+    Of a robot's FILE it names what the engines' readers make of it. With --mjcf or --urdf
+    FILE is the truth, and the other file suspected: the lines that differ are named, the one
+    that moves the accelerations most first.
 
     \b
     Examples:
       harness diagnose double_pendulum --mjcf edited.xml
       harness diagnose arm_2r --library mine --subject pinocchio/urdf
+      harness diagnose robot.urdf --mjcf robot.xml
     """
     from harness.commands._terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
-    from harness.errors import InvalidInput
+    from harness.errors import InvalidInput, InvalidRequest
     from harness.verdict import Verdict
 
-    refuse_alone(bracket, "diagnose", [name], stand_ins)
+    bracket.choose_library([name])
+    if evaluations is not None and bracket.library.is_of_robots:
+        raise InvalidRequest("--evaluations counts changed models, of which the diagnosis of a robot's file makes none; leave it out")
+    if stand_ins and bracket.library.is_of_robots:
+        # The file is the truth itself, and another file no model of it but a robot of its own.
+        if subjects:
+            raise InvalidRequest("--subject chooses engines, and none is asked where files are held against each other; leave it out")
+        bracket.begin(states, "diagnose")
+        find_differing_lines(bracket, name, stand_ins.values(), states)
     settings = Settings(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import click
@@ -30,19 +30,30 @@ def _faults() -> Table:
     return Table(["kind", "title"], list(kinds_of_faults().items()))
 
 
+def _of_both(find: Callable[[str], Iterable[Any]]) -> list[Any]:
+    """What ``find`` has of mechanisms and of robots, each once."""
+    from harness.motion.integrators import MECHANISMS, ROBOTS
+
+    return list({one.name: one for of in (MECHANISMS, ROBOTS) for one in find(of)}.values())
+
+
+def _of(one: Any) -> str:
+    return ", ".join(one.of)
+
+
 def _integrators() -> Table:
     from harness.motion.integrators import integrators
 
     def order(one: Any) -> object:
         return "adaptive" if one.adaptive else one.order
 
-    return Table.of(integrators(), {"integrator": "name", "reads": "format", "order": order})
+    return Table.of(_of_both(integrators), {"integrator": "name", "reads": "format", "of": _of, "order": order})
 
 
 def _methods() -> Table:
     from harness.bench.methods import find_methods
 
-    return Table.of(find_methods(), {"method": "name", "reads": "format", "cost grows as bodies to the": "growth"})
+    return Table.of(_of_both(find_methods), {"method": "name", "reads": "format", "of": _of, "cost grows as bodies to the": "growth"})
 
 
 # What can be listed beside the mechanisms: its rows, and the command that takes the names.

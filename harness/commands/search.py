@@ -10,24 +10,27 @@ from harness.commands._terminal import say
 
 
 @click.command("search")
-@click.argument("name")
+@click.argument("name", metavar="NAME|FILE")
 @subjects_option
 @click.option("--budget", type=click.IntRange(min=1), show_default="8000", help="States to ask a subject for.")
 @click.option("--keep/--no-keep", default=True, show_default=True, help="Store what is found with the system, for every later run.")
-@computing(time_limit=600.0, scheduler=True)
+@computing(time_limit=600.0, scheduler=True, floating_base=True)
 def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int | None, keep: bool) -> None:
     """Search for the hardest states of NAME.
 
     Stores with the system the states at which each subject does worst; every later run compares them again.
+    Those of a robot's FILE go to hard_states/ beside it.
 
     \b
     Examples:
       harness search puma_560
       harness search chain_10 --subject mujoco/mjcf --budget 2000 --no-keep
+      harness search robot.urdf --no-keep
     """
     from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
     from harness.results.search import as_lines
 
+    bracket.choose_library([name])
     settings = SearchSettings(
         library=bracket.library,
         name=name,

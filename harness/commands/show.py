@@ -5,27 +5,30 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._model_files import refuse_alone
+from harness.commands._robots import show_robot
 from harness.commands._terminal import say
 
 
 @click.command("show")
-@click.argument("name")
+@click.argument("name", metavar="NAME|FILE")
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page with a picture to this file.")
-@computing(time_limit=60.0, json=False, seed=False, workers=False)
+@computing(time_limit=60.0, json=False, seed=False, workers=False, floating_base=True)
 def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     """Show equations, parameters and models of NAME.
 
     Prints the joints of both models side by side, and what each engine holds after loading.
+    Of a robot's FILE it prints what the file is, and what no body can have.
 
     \b
     Examples:
       harness show collar
       harness show collar --html collar.html
+      harness show robot.urdf
     """
     from harness.show.exhibit import Exhibition, as_text
 
-    refuse_alone(bracket, "check", [name])
+    if bracket.library.is_file(name):
+        show_robot(bracket, name, html_path)
     bracket.library.select([name], with_variants=True)
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)

@@ -11,10 +11,9 @@ from harness.commands._terminal import say
 
 @click.command("survey")
 @click.argument("places", nargs=-1, required=True, metavar="FOLDER|PACKAGE...")
-@click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF.")
 @click.option("--states", type=click.IntRange(min=1), default=32, show_default=True, help="States per file.")
-@computing(time_limit=300.0, library=False, directory=True)
-def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, states: int) -> None:
+@computing(time_limit=300.0, library=False, directory=True, floating_base=True)
+def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
     Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
@@ -33,8 +32,8 @@ def command(bracket: Bracket, places: tuple[str, ...], floating_base: bool, stat
     from harness.report.comparison import render, survey_overview, survey_sections
     from harness.results.comparison import Comparison
 
-    study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, floating_base, pairwise=False), "survey")
-    profile = " ".join(["survey", *places, *(["with floating bases"] if floating_base else [])])
+    study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
+    profile = " ".join(["survey", *places, *(["with floating bases"] if bracket.floating_base else [])])
     before = bracket.history.latest(Comparison, bracket.library.name, profile)
     bracket.begin(states, profile, Comparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))

@@ -1,8 +1,9 @@
 """Robots: what plain and aided engines make of a file beside its certified truth, why, and whether several files say the same.
 
-May use ``certify``, ``robots``, ``engines`` and what is below them. Results are plain data of ``harness.results.comparison``.
+May use ``diagnosis``, ``crosscheck``, ``certify`` and what is below them. Results are plain data of ``harness.results.comparison``.
 
 Start with ``study``, which asks everything of a file in worker processes. ``questions`` is what an engine is asked, ``callers`` are
 the engines as their users call them, ``readings`` what their readers make of an element, ``judgement`` explains an answer by readings,
-``sameness`` compares files.
+``sameness`` compares files. ``robot_library`` makes files a library, whose engines are the callers ``aided``, so that a cross-check, a
+search and a benchmark take them.
 """

@@ -1,9 +1,10 @@
 """What an engine is asked about a robot's file, and what it answers: plain data that goes to a worker process and back.
 
-A state of a question names positions and velocities of every joint of the file, those that mimic another among them: an engine
-that passes over ``<mimic>`` has them as joints of their own. Conventions are those of ``harness.engines.Model``: a rotation stands in
-q as (w, x, y, z), its velocity in v in the body's frame, both behind the position of a free joint, whose linear velocity is in the
-frame of its parent.
+A ``Request`` is about a file, and a caller loads it once; a ``Question`` adds states. A state names positions and velocities of every
+joint of the file, those that mimic another among them: an engine that passes over ``<mimic>`` has them as joints of their own.
+Conventions are those of ``harness.engines.Model``: a rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both
+behind the position of a free joint, whose linear velocity is in the frame of its parent. A planar joint has x, y and its turn, and its
+linear velocity in the frame of its parent too.
 """
 
 from __future__ import annotations
@@ -11,14 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from harness.arrays import Array
-
-# Positions and velocities of a joint of each kind.
-SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class Asked:
     """A joint of a question.
 
     Attributes:
-        kind: "hinge", "slide", "ball" or "free". positions, velocities: its columns in q and in v.
+        kind: "hinge", "slide", "planar", "ball" or "free". positions, velocities: its columns in q and in v.
     """
 
     name: str
@@ -45,43 +43,81 @@ class BodyInertia:
 
 
 @dataclass(frozen=True)
+class JointForces:
+    """Dampers and springs of joints.
+
+    Attributes:
+        damping: (nv,) [N s/m or N m s]. springs: of each, its columns in q and in v, stiffness [N/m or N m], and the position at which
+            it is relaxed [m or rad].
+    """
+
+    damping: Array
+    springs: tuple[tuple[int, int, float, float], ...]
+
+    def of_dampers(self, v: Array) -> Array:
+        """(n, nv) at velocities (n, nv)."""
+        return -self.damping * v
+
+    def of_springs(self, q: Array) -> Array:
+        """(n, nv) at positions (n, nq)."""
+        found = np.zeros((len(q), len(self.damping)))
+        for position, velocity, stiffness, relaxed in self.springs:
+            found[:, velocity] = -stiffness * (q[:, position] - relaxed)
+        return found
+
+
+@dataclass(frozen=True)
 class Aid:
     """What a file holds that engines may leave out; a caller takes what its engine does.
 
     Attributes:
-        gravity: (3,) [m/s^2]. forces: {"damping": (n, nv), "stiffness": (n, nv)} of the joints' dampers and springs at the states.
+        gravity: (3,) [m/s^2]. forces: of the joints' dampers and springs.
         armature: (nv,) inertia that rotors add. inertias: by body.
         couplings: (nv, velocities of the joints that move by themselves) matrix by which these give all velocities; None where no
             joint mimics another. leaders: the joints that move by themselves, in the order of its columns.
     """
 
     gravity: Array
-    forces: Mapping[str, Array]
+    forces: JointForces
     armature: Array
     inertias: Mapping[str, BodyInertia]
     couplings: Array | None
     leaders: tuple[Asked, ...]
 
 
-@dataclass(frozen=True)
-class Question:
-    """One file and its states.
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """One file for an engine to load.
 
     Attributes:
         format: "urdf" or "mjcf". joints: of the file, in its order.
-        q, v, tau: (n, nq), (n, nv), (n, nv) over ``joints``. floating_base: name of the free joint to be put under a URDF's root,
-            "" for none.
+        floating_base: name of the free joint to be put under a URDF's root, "" for none.
         aid: what is supplied; None for the engine as its user calls it.
     """
 
     path: Path
     format: str
     joints: tuple[Asked, ...]
+    floating_base: str = ""
+    aid: Aid | None = None
+
+    @property
+    def couplings(self) -> Array | None:
+        """Those of the aid; None for a plain engine."""
+        return None if self.aid is None else self.aid.couplings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question(Request):
+    """A request with the states at which the engine answers.
+
+    Attributes:
+        q, v, tau: (n, nq), (n, nv), (n, nv) over ``joints``.
+    """
+
     q: Array
     v: Array
     tau: Array
-    floating_base: str = ""
-    aid: Aid | None = None
 
 
 @dataclass(frozen=True)
@@ -107,22 +143,85 @@ class Answers:
         return np.hstack([self.accelerations[name] for name in joints])
 
 
+class Refused(Exception):
+    """An engine does not read a file; the message holds its own words. ``element``: the body or joint that they name, "" for none."""
+
+    def __init__(self, words: str, element: str = "") -> None:
+        super().__init__(words)
+        self.element = element
+
+
+class Run(Protocol):
+    """States in an engine's own conventions, ready to be computed any number of times."""
+
+    def compute(self) -> None:
+        """Let the engine compute all states: nothing is converted."""
+
+    def accelerations(self) -> Array:
+        """(n, velocities of the loaded joints): what the last ``compute`` found."""
+
+
+class Loaded(Protocol):
+    """A file in an engine.
+
+    Attributes:
+        joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
+        notes: what had to be taken out of the file before the engine read it, a sentence each.
+        further: joints that it has and that the file does not name.
+        model: the engine's own. is_supplied_with_forces: whether forces that its reader leaves out are applied to it.
+    """
+
+    joints: tuple[Asked, ...]
+    notes: tuple[str, ...]
+    further: tuple[str, ...]
+    model: Any
+
+    @property
+    def is_supplied_with_forces(self) -> bool: ...
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints called ``names`` in the engine's own q and v; quaternions as (w, x, y, z)."""
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> Run:
+        """The run at states (n, nq), (n, nv), (n, nv) over the joints of the request, with what the harness supplies."""
+
+
 class Caller(Protocol):
     """The ``CALLER`` of a module of ``harness.comparison.callers``: an engine as its user calls it.
 
     Attributes:
-        engine: its name. formats: which it reads.
+        engine: its name. formats: which it reads. requires: importable module and distribution name of the program behind it.
+        supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
+        factorises_mass_matrix: whether it solves for accelerations by a factorisation of M.
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
     """
 
     engine: str
     formats: tuple[str, ...]
+    requires: tuple[str, str]
+    supplied: Mapping[str, str]
+    factorises_mass_matrix: bool
     call: Mapping[str, str]
     takes_inertias_about_tree: bool
 
-    def ask(self, question: Question) -> Answers:
-        """Load the file and return accelerations at all states; a refusal of the file is an answer, no exception."""
+    def load(self, request: Request) -> Loaded:
+        """Load the file once.
+
+        Raises:
+            Refused: the engine does not read it.
+        """
+
+
+def ask(caller: Caller, question: Question) -> Answers:
+    """Load the file and return accelerations at all states; a refusal of the file is an answer, no exception."""
+    try:
+        loaded = caller.load(question)
+    except Refused as refusal:
+        return Answers(refusal=str(refusal), element=refusal.element)
+    run = loaded.prepare(question.q, question.v, question.tau)
+    run.compute()
+    return Answers(by_joint(loaded.joints, run.accelerations()), notes=loaded.notes, further=loaded.further)
 
 
 def projected(mass: Array, force: Array, couplings: Array) -> Array:

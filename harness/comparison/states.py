@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.questions import SIZES, Aid, Asked, BodyInertia
+from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
+from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Pose, Tree, Turn
 
@@ -49,31 +50,37 @@ def spread(robot: Robot, states: States, joints: Sequence[Asked]) -> States:
     return States(own_q, own_v, own_tau, np.zeros(count))
 
 
-def aid(robot: Robot, joints: Sequence[Asked], states: States) -> Aid:
-    """What the harness supplies of the file to an engine that leaves it out, over ``joints`` and ``states`` of all of them."""
+def request_of(robot: Robot, aided: bool) -> Request:
+    """What a plain or aided engine is to load."""
+    joints = asked_joints(robot.tree)
+    return Request(
+        path=robot.path,
+        format=robot.format,
+        joints=joints,
+        floating_base=robot.floating_base,
+        aid=aid(robot, joints) if aided else None,
+    )
+
+
+def aid(robot: Robot, joints: Sequence[Asked]) -> Aid:
+    """What the harness supplies of the file to an engine that leaves it out, over ``joints``."""
     by_name = {joint.name: joint for joint in robot.tree.joints}
-    damping, stiffness = np.zeros_like(states.v), np.zeros_like(states.v)
-    armature = np.zeros(states.v.shape[1])
+    velocities = sum(len(joint.velocities) for joint in joints)
+    damping, armature, springs = np.zeros(velocities), np.zeros(velocities), []
     for asked in joints:
         joint, columns = by_name[asked.name], list(asked.velocities)
         armature[columns] = float(joint.armature)
-        damping[:, columns] = -float(joint.damping) * states.v[:, columns]
+        damping[columns] = float(joint.damping)
         if joint.stiffness and len(asked.positions) == 1:
             reference = float(joint.spring_reference)
             relaxed = math.radians(reference) if joint.in_degrees else reference
-            stiffness[:, columns] = -float(joint.stiffness) * (states.q[:, list(asked.positions)] - relaxed)
+            springs.append((asked.positions[0], asked.velocities[0], float(joint.stiffness), relaxed))
     gravity = np.array([float(component) for component in robot.tree.gravity])
     inertias = (
         {body.name: inertia for body in robot.tree.bodies if (inertia := _inertia(body)) is not None} if robot.format == "urdf" else {}
     )
-    return Aid(
-        gravity,
-        {"damping": damping, "stiffness": stiffness},
-        armature,
-        inertias,
-        _couplings(robot, joints),
-        asked_joints(robot.tree, robot.joints),
-    )
+    leaders = asked_joints(robot.tree, robot.joints)
+    return Aid(gravity, JointForces(damping, tuple(springs)), armature, inertias, _couplings(robot, joints), leaders)
 
 
 def _couplings(robot: Robot, joints: Sequence[Asked]) -> Array | None:

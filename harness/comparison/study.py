@@ -12,9 +12,9 @@ from pathlib import Path
 
 from harness.comparison.callers import find_callers
 from harness.comparison.judgement import judge, subject_of
-from harness.comparison.questions import Answers, Question
+from harness.comparison.questions import Answers, Question, ask
 from harness.comparison.sameness import hold_against
-from harness.comparison.states import aid, asked_joints, spread
+from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
 from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
@@ -33,6 +33,7 @@ class Settings:
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
         renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
+        stances: of the engines: False for plain, True for aided; none where no engine is asked.
     """
 
     paths: Sequence[Path]
@@ -41,6 +42,7 @@ class Settings:
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
     pairwise: bool = True
+    stances: Sequence[bool] = (False, True)
 
 
 class RobotComparison(Rounds):
@@ -52,7 +54,7 @@ class RobotComparison(Rounds):
         self._callers = find_callers()
         self._meant: dict[Path, Meant] = {}
         self._found = Comparison()
-        self.steps = len(settings.paths) * (1 + 2 * len(self._callers))
+        self.steps = len(settings.paths) * (1 + len(settings.stances) * len(self._callers))
 
     def result(self) -> Comparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
@@ -92,10 +94,8 @@ class RobotComparison(Rounds):
         record = _file_record(found)
         for engine, caller in self._callers.items():
             if found.robot.format in caller.formats and found.joints:
-                for aided in (False, True) if found.certified is not None else (False,):
-                    self._next.append(
-                        Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, self.settings, aided)))
-                    )
+                for aided in (one for one in self.settings.stances if not one or found.certified is not None):
+                    self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, aided))))
         return [self._keep(record)]
 
     def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
@@ -131,21 +131,11 @@ def _words(problem: InvalidInput) -> str:
     return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
 
 
-def question_of(found: Meant, settings: Settings, aided: bool) -> Question:
+def question_of(found: Meant, aided: bool) -> Question:
     """What a plain or aided engine is asked about a file whose truth is known."""
-    robot = found.robot
-    joints = asked_joints(robot.tree)
-    states = spread(robot, found.states, joints)
-    return Question(
-        path=robot.path,
-        format=robot.format,
-        joints=joints,
-        q=states.q,
-        v=states.v,
-        tau=states.tau,
-        floating_base=robot.joints[0] if settings.floating_base and robot.format == "urdf" else "",
-        aid=aid(robot, joints, states) if aided else None,
-    )
+    request = request_of(found.robot, aided)
+    states = spread(found.robot, found.states, request.joints)
+    return Question(**vars(request), q=states.q, v=states.v, tau=states.tau)
 
 
 def _file_record(found: Meant) -> FileRecord:
@@ -176,7 +166,7 @@ def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Calla
 
 
 def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answers:
-    return find_callers()[engine].ask(question)
+    return ask(find_callers()[engine], question)
 
 
 def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:

@@ -126,7 +126,7 @@ def read_entries(
 
 
 def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]:
-    """Expectations by (system, subject); a pair without an entry is expected to agree.
+    """Expectations by (label of a system, subject); a pair without an entry is expected to agree.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
@@ -134,7 +134,7 @@ def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]
     if not library.expected_verdicts.is_file():
         return {}
     known = {
-        "system": [*library.system_names(), *library.variant_names()],
+        "system": library.expectable_names(),
         "subject": list(map(str, subjects(library))),
         "verdict": SEVERITY,
     }
@@ -148,7 +148,7 @@ def why_no_model(library: Library, system: str, subject: Subject, expectations: 
 
     "" where the model exists, where the subject needs none, and where no entry excuses that it is missing.
     """
-    expectation = expectations.get((system, str(subject)), AGREES)
+    expectation = expectations.get((library.label(system), str(subject)), AGREES)
     if expectation.verdict != Verdict.UNSUPPORTED or subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
         return ""
     return expectation.reason

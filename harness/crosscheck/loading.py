@@ -14,7 +14,7 @@ from harness.crosscheck.progress import Asking, Pair, Pairs, System, answering
 from harness.crosscheck.settings import Settings, stored_states
 from harness.crosscheck.static_audit import load_expected_differences
 from harness.crosscheck.tasks import Assignment
-from harness.engines import EQUATIONS, Subject, asked_of, engine_files, select_subjects
+from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
@@ -40,6 +40,8 @@ class Loading(Asking):
         self.expected_differences = load_expected_differences(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
+        if settings.stand_ins and settings.library.is_of_robots:
+            raise InvalidRequest(f"nothing stands in for {self.names[0]}, which is the truth here; {settings.held_against(self.names[0])}")
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")
         if not settings.names:
@@ -75,9 +77,9 @@ class Loading(Asking):
             self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
         self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
         subjects = [pair.subject for pair in pairs]
-        for model_format in dict.fromkeys(subject.format for subject in subjects if subject.format not in (EQUATIONS, *stand_ins)):
-            if any(subject.format == model_format and not self._why_no_model(name, subject) for subject in subjects):
-                path = library.model_path(name, model_format)
+        for model_format, path in library.validated_models(name).items():
+            needed = any(subject.format == model_format and not self._why_no_model(name, subject) for subject in subjects)
+            if needed and model_format not in stand_ins:
                 self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
 
     def _loaded(self, outcome: Outcome, system: System, pairs: Pairs, about: tuple[str | None, Path]) -> None:

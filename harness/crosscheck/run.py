@@ -94,7 +94,8 @@ class CrossCheck(Loading):
             self._search(system, pairs)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
-            if pair.subject.format != EQUATIONS and self.settings.state is None and is_native(self.settings.library, pair.subject):
+            is_sought = not self.settings.library.is_of_robots and self.settings.state is None and pair.subject.format != EQUATIONS
+            if is_sought and is_native(self.settings.library, pair.subject):
                 self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
 
     # Holding: what engines hold after loading, which their accelerations need not feel.
@@ -115,7 +116,8 @@ class CrossCheck(Loading):
     # Searching: hypothesis looks for the state at which each subject does worst.
 
     def _search(self, system: System, pairs: Pairs) -> None:
-        folder = self.settings.examples and self.settings.examples.absolute() / self.settings.library.name / system.name
+        library = self.settings.library
+        folder = self.settings.examples and self.settings.examples.absolute() / library.name / library.label(system.name)
         assignments = [pair.assignment for pair in pairs]
         self._ask(
             self._searched, system, pairs, hypothesis_search.search, assignments, self._searched_of(system), self.settings.seed, folder
@@ -214,13 +216,13 @@ class CrossCheck(Loading):
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:
             # What there is to say of a mechanism stands with its system.
-            if system.mechanism.name == system.name:
+            if system.mechanism.name == self.settings.library.label(system.name):
                 self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
             system.mechanism = None
 
     def _record(self, name: str, pair: Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((name, str(pair.subject)), AGREES)
+        expectation = self.expectations.get((self.settings.library.label(name), str(pair.subject)), AGREES)
         record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:

@@ -8,7 +8,7 @@ from typing import Any
 
 from harness.engines import Subject, Unsupported, load_model
 from harness.equations.mechanism import Mechanism
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import Library
 from harness.models.model_file import ModelFile
 
 
@@ -36,17 +36,19 @@ class Scene:
         from harness.equations.derivation import load_mechanism
         from harness.models.model_file import read_model
 
-        formats = [model_format for model_format in MODEL_SUFFIXES if library.has_model(name, model_format)]
-        models = {model_format: read_model(library.model_path(name, model_format), model_format) for model_format in formats}
+        paths = {form: path for form, path in library.validated_models(name).items() if library.has_model(name, form)}
+        models = {model_format: read_model(path, model_format) for model_format, path in paths.items()}
         return cls(library, load_mechanism(library, name), models)
 
     def load(self, engine: str, model_format: str) -> Any:
-        """The engine's own model of the scene, as ``harness.engines.load_model`` gives it.
+        """The engine's own model of the scene, as ``harness.engines.load_model`` gives it; of a robot, that of its one file.
 
         Raises:
             harness.engines.Unsupported: the scene has no model of that format, or the engine cannot express it.
             harness.errors.InvalidModel: the engine refuses the model.
         """
+        if self.library.is_of_robots:
+            return load_model(self.library, Subject(engine, model_format), self.mechanism, None)
         if model_format not in self.models:
             raise Unsupported(f"{self.mechanism.name} has no {model_format.upper()} model")
         return load_model(self.library, Subject(engine, model_format), self.mechanism, self.models[model_format])

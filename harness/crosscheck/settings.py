@@ -51,6 +51,11 @@ class Settings:
         options = [str(word) for option, value, default in chosen if value != default for word in (option, value)]
         return shlex.join(["harness", "diagnose", name, *self.replay_options, *options])
 
+    def held_against(self, name: str) -> str:
+        """What to do instead of letting a file stand in for a robot's own."""
+        options = [word for model_format, path in self.stand_ins.items() for word in (f"--{model_format}", str(path))]
+        return f"to hold files against it: {shlex.join(['harness', 'diagnose', name, *options])}"
+
     @property
     def searched(self) -> int:
         return 0 if self.state is not None else min(self.states // 2, MOST_SEARCHED)

@@ -16,7 +16,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
 from harness.certify.reference import Reference
 from harness.crosscheck.repeatability import precision_of, require_repeatable
-from harness.crosscheck.tasks import Assignment, Note, factorises, frame_of, is_reference_known, load_audited, reference_kernel
+from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, may_lose_digits, reference_kernel
 from harness.engines import Model, Unsupported, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -94,10 +94,11 @@ def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tup
 def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
     """The subject's accelerations at ``states``, timed, held against each other and compared with the truth there."""
     try:
-        model, may_lose_digits = load_audited(assignment), factorises(assignment)
+        model = load_audited(assignment)
+        factorises = may_lose_digits(assignment, model)
         answers, seconds = timed_accelerations(model, states)
-        require_repeatable(model, states, answers, reference, may_lose_digits)
-        comparison = compare(reference, answers[0], may_lose_digits)
+        require_repeatable(model, states, answers, reference, factorises)
+        comparison = compare(reference, answers[0], factorises)
         disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
         return Answers(comparison, seconds, remark=precision_of(model, states, answers[0]) if disagrees else "")
     except Exception as error:

@@ -42,7 +42,7 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Assignment:
-    """One subject on one mechanism; ``model`` is None for an engine that takes equations."""
+    """One subject on one mechanism; ``model`` is None for an engine that is handed the mechanism itself."""
 
     library: Library
     subject: Subject
@@ -56,9 +56,8 @@ class Assignment:
         Raises:
             InvalidInput: the system or its model cannot be used.
         """
-        model = None
-        if subject.format != EQUATIONS:
-            model = read_model(path or library.model_path(name, subject.format), subject.format)
+        file = path or library.validated_models(name).get(subject.format)
+        model = None if subject.format == EQUATIONS or file is None else read_model(file, subject.format)
         return cls(library, subject, load_mechanism(library, name), model)
 
 
@@ -98,12 +97,18 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
-    return compare(reference, accelerations(load_audited(assignment), states), factorises(assignment))
+    model = load_audited(assignment)
+    return compare(reference, accelerations(model, states), may_lose_digits(assignment, model))
 
 
 def factorises(assignment: Assignment) -> bool:
     """True if the subject's engine declares that it factorises M."""
     return factorises_mass_matrix(load_engine(assignment.library, assignment.subject.engine))
+
+
+def may_lose_digits(assignment: Assignment, model: Model) -> bool:
+    """True if the subject's engine factorises M, or declares it of the model that it has loaded."""
+    return factorises(assignment) or factorises_mass_matrix(model)
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

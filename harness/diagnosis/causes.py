@@ -6,6 +6,7 @@ all the same: the engine answers, and its answers show what is wrong.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,7 +30,7 @@ from harness.library import MODEL_SUFFIXES, Library, member_of
 from harness.models.model_file import ModelFile
 from harness.results.cross_check import Cause
 from harness.results.records import Record
-from harness.study import Part, Rounds, run_study
+from harness.study import Part, Rounds, Study, run_study
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task, Workers
 
@@ -141,6 +142,15 @@ class Diagnoses(Rounds):
             yield Part(f"{cause.system} {cause.subject}", self._causes[-1])
 
 
+@functools.singledispatch
+def diagnoses_of(library: Library, settings: Settings, records: Sequence[Record], **options: Any) -> Study:
+    """The study that finds the causes of a cross-check's records; its result is a list of ``Cause``, and ``options`` are of ``Diagnoses``.
+
+    A kind of library whose records have other causes registers its own study.
+    """
+    return Diagnoses(settings, records, **options)
+
+
 def _states_of(record: Record) -> list[dict[str, list[float]]]:
     """The states that are known to show a verdict."""
     shown = record.representative
@@ -148,11 +158,12 @@ def _states_of(record: Record) -> list[dict[str, list[float]]]:
 
 
 def find_causes(settings: Settings, records: Sequence[Record], workers: Workers, **options: Any) -> list[Cause]:
-    """The result of ``Diagnoses`` on workers whose context the caller has entered, by system and subject."""
-    study = Diagnoses(settings, records, **options)
+    """The result of ``diagnoses_of`` on workers whose context the caller has entered, by system and subject."""
+    study = diagnoses_of(settings.library, settings, records, **options)
     for _ in run_study(study, workers):
         pass
-    return study.result()
+    causes: list[Cause] = study.result()
+    return causes
 
 
 def find_differences(settings: Settings, name: str, workers: Workers) -> list[Difference]:

@@ -42,6 +42,7 @@ EQUATIONS = "equations"
 FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
 # Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
 LOADING_SECONDS = 600.0
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 class Unsupported(Exception):
@@ -126,8 +127,7 @@ class EngineFile:
 
 def engine_paths(library: Library) -> dict[str, Path]:
     """Every engine file by name, sorted: those of the harness and those of the library, which win."""
-    folders = Library.built_in().engines, library.engines
-    found = {path.stem: path for folder in folders for path in folder.glob("*.py") if not path.stem.startswith("_")}
+    found = {path.stem: path for folder in library.engine_folders() for path in folder.glob("*.py") if not path.stem.startswith("_")}
     return dict(sorted(found.items()))
 
 
@@ -163,7 +163,11 @@ def engine_files(library: Library) -> Mapping[str, EngineFile]:
 
 
 def _is_own(path: Path) -> bool:
-    return path.parent == Library.built_in().engines
+    return path.is_relative_to(_PACKAGE)
+
+
+def _module_name(path: Path) -> str:
+    return ".".join([_PACKAGE.name, *path.relative_to(_PACKAGE).with_suffix("").parts])
 
 
 def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
@@ -192,7 +196,7 @@ def load_engine(library: Library, name: str) -> Engine:
     if name not in paths:
         raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
     path = paths[name]
-    module = importlib.import_module(f"harness.engines.{name}") if _is_own(path) else run_file(path, f"_harness_engine_{name}")
+    module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
     if problem := _problem_of(engine):
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -255,8 +259,8 @@ def linear_velocity_in_body(engine: Engine) -> bool:
     return bool(getattr(engine, "linear_velocity_in_body", False))
 
 
-def factorises_mass_matrix(engine: Engine) -> bool:
-    """True where the engine declares that it solves for accelerations by a factorisation of M, which may lose digits."""
+def factorises_mass_matrix(engine: Engine | Model) -> bool:
+    """True where an engine or a model declares that accelerations are solved for by a factorisation of M, which may lose digits."""
     return bool(getattr(engine, "factorises_mass_matrix", False))
 
 
@@ -283,7 +287,7 @@ def asked_of(library: Library, name: str, among: Sequence[Subject], more: Collec
 
 def is_native(library: Library, subject: Subject) -> bool:
     """True where the format is the engine's own; a question about engines, and not about readers, goes to such subjects."""
-    return engine_files(library)[subject.engine].formats[0] == subject.format
+    return subject.format in library.native(engine_files(library)[subject.engine].formats)
 
 
 def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:

@@ -6,11 +6,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import DEFAULT_ACCELERATION, DEFAULT_RATES
-from harness.equations.system import TIME, System
+
+if TYPE_CHECKING:
+    from harness.equations.system import System
 
 # (w, x, y, z) at which no chart is singular.
 ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
@@ -30,6 +33,9 @@ class AppliedForces:
 
 def applied_forces(program: StraightLineProgram, system: System) -> AppliedForces:
     """``forces_of`` a system's program, within the ranges of its coordinates."""
+    # Imported late: a robot's program has no system, and SymPy takes most of a second.
+    from harness.equations.system import TIME
+
     positions = [system.ranges.get(q) for q in system.coordinates]
     rates = [system.ranges.get(q.diff(TIME)) or DEFAULT_RATES for q in system.coordinates]
     attitudes = [list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes]

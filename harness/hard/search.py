@@ -24,7 +24,7 @@ from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
-from harness.engines import EQUATIONS, Subject, Unsupported, engine_files, installed_version, load_engine, select_subjects
+from harness.engines import Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
@@ -106,10 +106,14 @@ class Search(Rounds):
 
     def rounds(self) -> Iterator[list[Task]]:
         library = self.settings.library
-        formats = sorted({subject.format for subject in self._subjects} - {EQUATIONS})
+        formats = {subject.format for subject in self._subjects}
         yield [
             Task((self._load, MECHANISM), tasks.derive, (library, self.name)),
-            *(Task((self._load, one), tasks.read, (library.model_path(self.name, one), one)) for one in formats),
+            *(
+                Task((self._load, one), tasks.read, (path, one))
+                for one, path in sorted(library.validated_models(self.name).items())
+                if one in formats
+            ),
         ]
         assignments = {
             subject: tasks.Assignment(library, subject, self._loaded[MECHANISM], self._loaded.get(subject.format))
@@ -137,7 +141,13 @@ class Search(Rounds):
     def _select(self) -> list[Subject]:
         """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
         library, chosen = self.settings.library, []
-        for subject in select_subjects(library, self.settings.subjects, native_only=True):
+        selected = select_subjects(library, self.settings.subjects, native_only=True)
+        asked = asked_of(library, self.name, selected)
+        for subject in selected if self.settings.subjects else ():
+            if subject not in asked:
+                formats = " and ".join(library.formats_of(self.name))
+                raise InvalidRequest(f"{subject} cannot be searched on {self.name}: it has a model in {formats} alone")
+        for subject in asked:
             reason = why_no_model(library, self.name, subject, self._expectations)
             file = engine_files(library)[subject.engine]
             if failure := self.failure(file.outcome):
@@ -214,7 +224,7 @@ class Search(Rounds):
         settings, result = self.settings, self._result
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
-            expectation = self._expectations.get((self.name, one.subject), AGREES)
+            expectation = self._expectations.get((settings.library.label(self.name), one.subject), AGREES)
             replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit

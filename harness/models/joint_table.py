@@ -5,6 +5,7 @@ Texts are the file's own; what it leaves out and its reader then assumes stands 
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -12,6 +13,8 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.errors import InvalidModel
+from harness.library import Library
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
@@ -61,6 +64,25 @@ def moving_joints(path: Path, model_format: str) -> frozenset[str]:
     """
     document = read_document(path, ROOT_TAGS[model_format])
     return frozenset(element.get("name", "") for element in _joints(document, model_format) if _moves_by_itself(element))
+
+
+def systems_with_joints_of(library: Library, path: Path, model_format: str) -> list[str]:
+    """The systems whose own model in that format has moving joints of the same names as a file; none for a file without any.
+
+    Raises:
+        InvalidModel: as ``moving_joints`` of the file.
+    """
+    joints = moving_joints(path, model_format)
+    return [name for name in library.system_names() if joints and joints == _joints_of(library, name, model_format)]
+
+
+def _joints_of(library: Library, name: str, model_format: str) -> frozenset[str]:
+    """The moving joints of a system's own model; none where it has no file that can be read."""
+    path = library.model_path(name, model_format)
+    with contextlib.suppress(InvalidModel):
+        if path.is_file():
+            return moving_joints(path, model_format)
+    return frozenset()
 
 
 def _moves_by_itself(joint: etree._Element) -> bool:

@@ -61,7 +61,7 @@ class Taylor:
         self._type = floating_point
         self._tolerance = tolerance
         self._parameters: Array = np.array(mechanism.parameter_values, dtype=floating_point)
-        self._systems = [FirstOrderSystem(mechanism, chart) for chart in range(len(mechanism.energy_programs))]
+        self._systems = [FirstOrderSystem(mechanism, chart) for chart in range(len(mechanism.charts(False)))]
         self._compiled: dict[int, Any] = {}
         self._charts = Charts(mechanism.charts(linear_velocity_in_body=False))
 
@@ -111,7 +111,9 @@ class Taylor:
             system = self._systems[chart]
             q, v = system.variables()
             work = heyoka.expression("work")
-            rates = [*system.position_rates(q, v), *system.accelerations(q, v, heyoka.time), system.energies(q, v, heyoka.time)["power"]]
+            # Without energies it is not known which forces are conservative, and no work is counted.
+            power = system.energies(q, v, heyoka.time)["power"] if self.mechanism.energy_programs else heyoka.expression(0.0)
+            rates = [*system.position_rates(q, v), *system.accelerations(q, v, heyoka.time), power]
             self._compiled[chart] = heyoka.taylor_adaptive(
                 list(zip([*q, *v, work], rates, strict=True)),
                 np.zeros(len(rates), dtype=self._type),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.results.comparison import (
@@ -39,16 +39,26 @@ class Section:
 
 def sections(found: Comparison) -> Iterator[Section]:
     """What there is to say, in the order in which a person asks."""
-    yield Section("1. What the file is" if len(found.files) == 1 else "1. What the files are", [*_descriptions(found.files)])
-    yield Section("2. What no body can have", [*_impossible(found)] or ["nothing: every inertia is one that a body can have"])
+    yield from file_sections(found)
     for file in found.files:
         own = found.of(file.path)
         if own:
             yield Section(f"3. The engines on {file.name}", [subjects_table(own), *_readings(own)])
     yield Section("4. The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
-    if len(found.files) > 1:
-        for pair in found.pairs:
-            yield Section(f"5. {Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
+    for section in pair_sections(found):
+        yield replace(section, title=f"5. {section.title}")
+
+
+def file_sections(found: Comparison) -> Iterator[Section]:
+    """The files as they are, without any engine."""
+    yield Section("1. What the file is" if len(found.files) == 1 else "1. What the files are", [*_descriptions(found.files)])
+    yield Section("2. What no body can have", [*_impossible(found)] or ["nothing: every inertia is one that a body can have"])
+
+
+def pair_sections(found: Comparison) -> Iterator[Section]:
+    """The files held against the first of them."""
+    for pair in found.pairs:
+        yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
 
 
 def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = None, on_page: bool = False) -> Iterator[Section]:

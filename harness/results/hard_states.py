@@ -72,7 +72,7 @@ class FoundState:
 
 def path_of(library: Library, system: str) -> Path:
     """The file of a system's hard states."""
-    return library.hard_states / f"{system}.json"
+    return library.hard_states / f"{library.label(system)}.json"
 
 
 def load_found(library: Library, system: str) -> list[FoundState]:

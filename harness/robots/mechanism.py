@@ -7,6 +7,9 @@ each decimal as it does for the parameters of a system.
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Hashable
+from dataclasses import dataclass
 
 from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
@@ -23,11 +26,28 @@ _COORDINATES = {"hinge": ("",), "slide": ("",), "planar": (" x", " y", " turn"),
 _COORDINATES["free"] = (*(f" {axis}" for axis in "xyz"), *(f" about {axis}" for axis in "xyz"))
 
 
-def mechanism_of(robot: Robot) -> Mechanism:
+@dataclass(frozen=True, kw_only=True)
+class RobotMechanism(Mechanism):
+    """A mechanism with the robot whose equations it has, which engines that read robots' files are handed.
+
+    Attributes:
+        digest: of the file's content, which an engine may make more of than its equations hold; "" where no engine reads it.
+    """
+
+    robot: Robot
+    digest: str = ""
+
+    @property
+    def key(self) -> Hashable:
+        return super().key, self.digest
+
+
+def mechanism_of(robot: Robot) -> RobotMechanism:
     """The mechanism whose joints are ``robot.joints`` in this order; positions are sampled within the limits of joints that have some.
 
     Its q holds a quaternion for each ball or free joint, as of ``recursion_program``; it has no energies and no text.
     """
+    started = time.perf_counter()
     joints = [robot.joint(name) for name in robot.joints]
     recursion = recursion_program(robot.tree, robot.joints)
     has_free = any(joint.kind == "free" for joint in joints)
@@ -41,7 +61,7 @@ def mechanism_of(robot: Robot) -> Mechanism:
         attitudes += [first + velocities - 3] if joint.kind in ("ball", "free") else []
         first += velocities
     values = [float(value) for value in recursion.parameters]
-    return Mechanism(
+    return RobotMechanism(
         name=robot.path.stem,
         description=f"The robot of {robot.path.name}.",
         source="",
@@ -59,7 +79,8 @@ def mechanism_of(robot: Robot) -> Mechanism:
         program=recursion.program,
         equations_text="",
         equations_mathml="",
-        derivation_seconds=0.0,
+        derivation_seconds=time.perf_counter() - started,
+        robot=robot,
     )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -22,6 +23,9 @@ from harness.robots.mjcf_expansion import expand
 from harness.robots.nodes import SIZES
 from harness.robots.source import Source
 from harness.robots.tree import Joint, Tree
+
+if TYPE_CHECKING:
+    from lxml import etree
 
 __all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "tree_of"]
 
@@ -40,6 +44,7 @@ class Robot:
         format: "urdf" or "mjcf", as its root element says.
         joints: names of the joints that move by themselves, in the order of the file.
         total_mass: of all bodies but the world [kg].
+        floating_base: name of the free joint that was put under the root of a URDF; "" for none.
     """
 
     path: Path
@@ -49,6 +54,7 @@ class Robot:
     left_out: tuple[LeftOut, ...]
     impossible: tuple[Impossible, ...]
     total_mass: float
+    floating_base: str = ""
 
     @property
     def bodies(self) -> int:
@@ -79,6 +85,22 @@ def read_robot(path: Path, *, floating_base: bool = False, gravity: float = 9.81
     return _read(read_any(path, _EXPECTED), floating_base, gravity)
 
 
+def format_of(path: Path) -> str:
+    """The format of a robot's file, "urdf" or "mjcf", by its root element.
+
+    Raises:
+        InvalidModel: the file cannot be read, or is no robot.
+    """
+    source = Source()
+    return _format(source, source.add(read_any(path, _EXPECTED)))
+
+
+def _format(source: Source, root: etree._Element) -> str:
+    if root.tag not in _FORMATS:
+        source.refuse(root, f"the root element is {describe(root)}; expected {_EXPECTED}")
+    return _FORMATS[root.tag]
+
+
 def tree_of(model: ModelFile, gravity: float) -> Tree:
     """The tree of a validated model file; ``gravity`` as of ``read_robot``."""
     return _read(parse_any(model.path, model.text, _EXPECTED), False, gravity).tree
@@ -87,9 +109,8 @@ def tree_of(model: ModelFile, gravity: float) -> Tree:
 def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
     source = Source()
     root = source.add(document)
-    if root.tag not in _FORMATS:
-        source.refuse(root, f"the root element is {describe(root)}; expected {_EXPECTED}")
-    if _FORMATS[root.tag] == "urdf":
+    model_format = _format(source, root)
+    if model_format == "urdf":
         tree, left_out = urdf.read_tree(source, root, gravity, floating_base), urdf_left_out.left_out(source, root)
     elif floating_base:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
@@ -99,12 +120,13 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         left_out = mjcf_left_out.left_out(source, root, tree)
     robot = Robot(
         path=document.path,
-        format=_FORMATS[root.tag],
+        format=model_format,
         tree=tree,
-        joints=_moving(tree, _FORMATS[root.tag]),
+        joints=_moving(tree, model_format),
         left_out=left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
+        floating_base=urdf.FLOATING_BASE if floating_base else "",
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"

@@ -150,7 +150,7 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
     failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
-    monkeypatch.setattr("harness.bench.study.select_methods", lambda names: [planted])
+    monkeypatch.setattr("harness.bench.study.select_methods", lambda names, of: [planted])
     settings = BenchmarkSettings(library=Library.built_in())
     assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
     with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from support import harness, make_library
 
+from harness.comparison.robot_library import RobotLibrary
 from harness.library import Library
 
 BUILT_IN = Library.built_in()
@@ -31,14 +32,19 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("check", "robot.urdf"), ("check", "--urdf", "robot.urdf"), ("check", "robot.urdf", "--states", "9"), ("show", "robot.urdf")],
-)
-def test_a_robot_without_a_mechanism_is_answered_with_what_to_do(folder: Path, arguments: tuple[str, ...]) -> None:
-    done = harness(*arguments, cwd=folder)
+def test_a_robot_is_checked_by_itself(folder: Path) -> None:
+    done = harness("check", "robot.urdf", "--states", "8", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    for subject in ("mujoco/urdf", "pinocchio/urdf"):
+        assert re.search(rf"^robot.urdf +{subject} +8 +agrees", done.stdout, re.MULTILINE)
+        assert f"{subject}, aided: " in done.stdout
+
+
+def test_a_file_that_stands_in_for_nothing_is_answered_with_what_to_do(folder: Path) -> None:
+    done = harness("check", "--urdf", "robot.urdf", cwd=folder)
     assert done.returncode == 2 and done.stdout == ""
-    for words in ("robot.urdf is a model file", "harness check NAME --urdf robot.urdf", "harness list", "harness new NAME"):
+    ways = ("harness check NAME --urdf robot.urdf", "harness check robot.urdf", "harness list", "harness new NAME")
+    for words in ("robot.urdf is a model file", *ways):
         assert words in done.stderr
     # Not with the whole catalogue.
     assert sum(name in done.stderr for name in BUILT_IN.system_names()) == 0
@@ -53,9 +59,10 @@ def test_a_robot_without_a_mechanism_is_answered_with_what_to_do(folder: Path, a
     ],
 )
 def test_a_mechanism_whose_joints_have_the_names_of_the_file_is_named(folder: Path, file: str, command: str) -> None:
-    for arguments in ([file], ["--mjcf" if file.endswith("xml") else "--urdf", file]):
-        done = harness("check", *arguments, cwd=folder)
-        assert done.returncode == 2 and command in done.stderr
+    done = harness("check", "--mjcf" if file.endswith("xml") else "--urdf", file, cwd=folder)
+    assert done.returncode == 2 and command in done.stderr
+    (likeness,) = [remark for remark in RobotLibrary.of([str(folder / file)]).remarks() if "to hold it against their energies" in remark]
+    assert likeness.endswith(command.replace(file, str(folder / file)))
 
 
 def test_both_files_of_a_mechanism_are_kept(folder: Path) -> None:
@@ -64,10 +71,10 @@ def test_both_files_of_a_mechanism_are_kept(folder: Path) -> None:
     assert re.search(r"harness check (cart|double)_pendulum --mjcf own.xml --urdf own.urdf$", done.stderr, re.MULTILINE), done.stderr
 
 
-def test_the_library_and_the_command_of_the_user_are_kept(folder: Path) -> None:
+def test_the_library_of_the_user_is_kept(folder: Path) -> None:
     make_library(folder / "mine", ["double_pendulum"])
-    done = harness("diagnose", "own.urdf", "--library", "mine", cwd=folder)
-    assert done.returncode == 2 and "harness diagnose double_pendulum --library mine --urdf own.urdf" in done.stderr
+    done = harness("check", "--urdf", "own.urdf", "--library", "mine", cwd=folder)
+    assert done.returncode == 2 and "harness check double_pendulum --library mine --urdf own.urdf" in done.stderr
 
 
 @pytest.mark.parametrize("file", ["nowhere.urdf", "torn.urdf", "own.xml"])

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from harness.comparison.callers import find_callers
 from harness.comparison.judgement import judge
-from harness.comparison.study import Settings, question_of
+from harness.comparison.questions import ask
+from harness.comparison.study import question_of
 from harness.comparison.truth import Meant, meant
 from harness.results.comparison import SubjectRecord
 from harness.robots.robot import read_robot
@@ -23,8 +24,7 @@ def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool 
     """The record of a subject, asked in this process."""
     found = meant_by(path, floating_base)
     caller = find_callers()[engine]
-    question = question_of(found, Settings([path], STATES, floating_base=floating_base), aided)
-    return judge(found, caller.ask(question), caller, aided)
+    return judge(found, ask(caller, question_of(found, aided)), caller, aided)
 
 
 def edited(source: Path, folder: Path, *changes: tuple[str, str]) -> Path:

@@ -50,10 +50,17 @@ def test_one_number_that_explains_the_rest_is_named(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-@pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "massless_foot.urdf", "impossible.urdf"])
+@pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "massless_foot.urdf", "impossible.urdf", "planar.urdf"])
 def test_an_aided_engine_agrees_with_the_file(name: str, engine: str) -> None:
     record = record_of(FILES / name, engine, aided=True)
     assert (record.verdict, record.readings) == (Verdict.AGREES, [])
+
+
+def test_a_plane_that_a_reader_passes_over_is_a_reading(tmp_path: Path) -> None:
+    path = edited(FILES / "planar.urdf", tmp_path, ('<axis xyz="0 0 1"/>', '<axis xyz="0.6 0 0.8"/>'))
+    record = record_of(path, "pinocchio", aided=True)
+    assert record.explained and record.verdict == Verdict.DISAGREES and [reading.name for reading in record.readings] == ["planar axis"]
+    assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])

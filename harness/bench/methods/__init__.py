@@ -18,6 +18,7 @@ from harness.crosscheck.scene import Scene
 from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.library import nearest
+from harness.motion.integrators import MECHANISMS
 
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
@@ -50,6 +51,7 @@ class Method:
             the reader: "1", "up to 3".
         linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame.
         most_states: how many it is given at most, where more would only take time; None for as many as there are.
+        of: what it computes: mechanisms with their energies and models, robots' files, or both.
     """
 
     name: str
@@ -59,22 +61,23 @@ class Method:
     growth: str = ""
     linear_velocity_in_body: bool = False
     most_states: int | None = None
+    of: tuple[str, ...] = (MECHANISMS,)
 
 
-def find_methods() -> list[Method]:
-    """Every method that a module of this package holds, sorted by name."""
+def find_methods(of: str = MECHANISMS) -> list[Method]:
+    """Every method of mechanisms, or of robots, that a module of this package holds, sorted by name."""
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Method)}
+    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Method) and of in value.of}
     return [found[name] for name in sorted(found)]
 
 
-def select_methods(names: Sequence[str]) -> list[Method]:
-    """The methods called ``names``, or all of them for none.
+def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:
+    """The methods of mechanisms, or of robots, called ``names``, or all of them for none.
 
     Raises:
         InvalidRequest: a name no method has; the message gives the nearest one.
     """
-    known = {method.name: method for method in find_methods()}
+    known = {method.name: method for method in find_methods(of)}
     for name in names:
         if name not in known:
             raise InvalidRequest(f"no method is called {name!r}; {nearest(name, known)}")

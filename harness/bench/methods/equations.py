@@ -26,6 +26,7 @@ from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
+from harness.motion.integrators import MECHANISMS, ROBOTS
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000
@@ -138,4 +139,4 @@ BATCH = Method("lambdify, numpy batch", "equations", _batch, loop="NumPy", growt
 FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), loop="machine code", growth="up to 3")
 FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), loop="machine code", growth="up to 3")
 LONG_DOUBLE = Method("heyoka long double", "equations", partial(_machine_code, np.longdouble), loop="machine code", growth="up to 3")
-BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW)
+BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW, of=(MECHANISMS, ROBOTS))

@@ -1,6 +1,9 @@
 """Engines as their users call them, one a module here that defines ``CALLER``, a ``harness.comparison.questions.Caller``.
 
 What is particular to an engine's conventions and readers stays in its module. No list is kept: a module is found by its name.
+
+Each also defines ``ENGINE``, the same engine aided, so that the modules are the engine files of robots' files; see
+``harness.comparison.robot_library``.
 """
 
 from __future__ import annotations

@@ -17,71 +17,81 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.comparison.questions import Aid, Answers, Asked, BodyInertia, Question, by_joint, projected
+from harness.comparison.aided import AidedEngine
+from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, projected
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 
 _ELEMENT = re.compile(r"Element name '([^']*)'")
 
+# Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
+_PARTS = {"planar": 3}
+
 
 class MujocoCaller:
     engine = "mujoco"
-    formats = ("urdf", "mjcf")
+    formats: tuple[str, ...] = ("urdf", "mjcf")
+    requires = ("mujoco", "mujoco")
+    factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": "gravity, springs and rotor inertias of joints are supplied from the file, and each link keeps its own inertia",
+        "mjcf": "its reader takes what the file holds; nothing is supplied",
+    }
     takes_inertias_about_tree = True
     call: Mapping[str, str] = dict.fromkeys(
         formats,
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
     )
 
-    def ask(self, question: Question) -> Answers:
+    def load(self, request: Request) -> LoadedRobot:
         import mujoco
 
         # The default handler writes a log file into the current directory.
         mujoco.set_mju_user_warning(lambda message: None)
         try:
-            model, notes = _plain(question) if question.aid is None else _aided(question, question.aid)
+            model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         except ValueError as error:
             words = " ".join(str(error).split())
             named = _ELEMENT.search(words)
-            return Answers(refusal=words, element=named[1] if named else "")
-        return _asked(model, question, notes)
+            raise Refused(words, named[1] if named else "") from error
+        return LoadedRobot(model, request, notes)
 
 
-def _spec(question: Question) -> Any:
+def _spec(request: Request) -> Any:
     import mujoco
 
-    if not question.floating_base:
-        return mujoco.MjSpec.from_file(str(question.path))
-    return mujoco.MjSpec.from_string(_floating(question))
+    if not request.floating_base:
+        return mujoco.MjSpec.from_file(str(request.path))
+    return mujoco.MjSpec.from_string(_floating(request))
 
 
-def _floating(question: Question) -> str:
+def _floating(request: Request) -> str:
     """The text of a URDF with a link that the root floats from; MuJoCo fixes the root of a URDF to the world."""
-    root = etree.fromstring(question.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
+    root = etree.fromstring(request.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
     carried = {child.get("link") for child in root.iterfind("joint/child")}
     bases = [link.get("name") for link in root.iterfind("link") if link.get("name") not in carried]
     # A link of this name is MuJoCo's world itself, so that the joint is at the top.
-    ground = "world" if root.find("link[@name='world']") is None else f"{question.floating_base} ground"
+    ground = "world" if root.find("link[@name='world']") is None else f"{request.floating_base} ground"
     etree.SubElement(root, "link", name=ground)
-    joint = etree.SubElement(root, "joint", name=question.floating_base, type="floating")
+    joint = etree.SubElement(root, "joint", name=request.floating_base, type="floating")
     etree.SubElement(joint, "parent", link=ground)
     etree.SubElement(joint, "child", link=bases[0])
     return str(etree.tostring(root, encoding="unicode"))
 
 
-def _plain(question: Question) -> tuple[Any, list[str]]:
+def _plain(request: Request) -> tuple[Any, list[str]]:
     """The model as MuJoCo compiles it; without meshes where it finds them not."""
     import mujoco
 
     try:
-        if question.floating_base:
-            return _spec(question).compile(), []
-        return mujoco.MjModel.from_xml_path(str(question.path)), []
+        if request.floating_base:
+            return _spec(request).compile(), []
+        return mujoco.MjModel.from_xml_path(str(request.path)), []
     except ValueError as error:
         if not _MISSING.search(str(error)):
             raise
-        spec = _spec(question)
+        spec = _spec(request)
         return (_without_meshes(spec)).compile(), [_note(spec, error)]
 
 
@@ -98,15 +108,15 @@ def _without_meshes(spec: Any) -> Any:
     return spec
 
 
-def _aided(question: Question, aid: Aid) -> tuple[Any, list[str]]:
+def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
     """The model with the inertias of the file written into it; a URDF's links stay apart and have no geoms."""
     import mujoco
 
-    if question.format == "mjcf":
-        model, notes = _plain(question)
+    if request.format == "mjcf":
+        model, notes = _plain(request)
         model.opt.gravity[:] = aid.gravity
         return model, notes
-    spec = _spec(question)
+    spec = _spec(request)
     for part in [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]:
         spec.delete(part)
     spec.compiler.fusestatic = False
@@ -122,8 +132,8 @@ def _aided(question: Question, aid: Aid) -> tuple[Any, list[str]]:
         body = model.body(name)
         body.mass[0], body.inertia[:] = mass, moments
     model.opt.gravity[:] = aid.gravity
-    for asked, joint in _places(model, question.joints).items():
-        model.dof_armature[joint.dofadr[0]] += aid.armature[next(one.velocities[0] for one in question.joints if one.name == asked)]
+    for asked, joint in _places(model, request.joints).items():
+        model.dof_armature[joint.dofadr[0]] += aid.armature[next(one.velocities[0] for one in request.joints if one.name == asked)]
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model, []
 
@@ -143,35 +153,72 @@ def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Seq
     return inertia.mass, inertia.centre.tolist(), moments.tolist(), quaternion.tolist()
 
 
-def _asked(model: Any, question: Question, notes: list[str]) -> Answers:
-    import mujoco
+class LoadedRobot:
+    """An ``MjModel`` with the joints of a request."""
 
-    flags = mujoco.mjtDisableBit
-    for flag in (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
-        model.opt.disableflags |= flag
-    model.opt.density = model.opt.viscosity = 0.0
-    places = _places(model, question.joints)
-    found = [joint for joint in question.joints if joint.name in places]
-    own = [(joint, int(places[joint.name].qposadr[0]), int(places[joint.name].dofadr[0])) for joint in found]
-    positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
-    velocities = [place + k for joint, _, place in own for k in range(len(joint.velocities))]
-    q_columns = [column for joint in found for column in joint.positions]
-    v_columns = [column for joint in found for column in joint.velocities]
-    tau = question.tau if question.aid is None or question.format == "mjcf" else question.tau + question.aid.forces["stiffness"]
-    data, couplings = mujoco.MjData(model), None if question.aid is None else question.aid.couplings
-    accelerations = np.empty((len(question.q), len(v_columns) if couplings is None else couplings.shape[1]))
-    for state in range(len(question.q)):
-        mujoco.mj_resetData(model, data)
-        data.qpos[positions], data.qvel[velocities] = question.q[state, q_columns], question.v[state, v_columns]
-        data.qfrc_applied[velocities] = tau[state, v_columns]
-        mujoco.mj_forward(model, data)
-        if couplings is None:
-            accelerations[state] = data.qacc[velocities]
-        else:
-            accelerations[state] = _coupled(model, data, velocities, couplings[v_columns])
-    further = [f"joint {number}" for number in range(model.njnt) if number not in {places[joint.name].id for joint in found}]
-    answered = found if question.aid is None or couplings is None else question.aid.leaders
-    return Answers(by_joint(answered, accelerations), notes=tuple(notes), further=tuple(further))
+    def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
+        import mujoco
+
+        flags = mujoco.mjtDisableBit
+        for flag in (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
+            model.opt.disableflags |= flag
+        model.opt.density = model.opt.viscosity = 0.0
+        self.model, self.notes, self._request = model, tuple(notes), request
+        places = _places(model, request.joints)
+        found = tuple(joint for joint in request.joints if joint.name in places)
+        self._own = {joint.name: (joint, int(places[joint.name].qposadr[0]), int(places[joint.name].dofadr[0])) for joint in found}
+        self.positions, self.velocities = self.addresses([joint.name for joint in found])
+        self.q_columns = [column for joint in found for column in joint.positions]
+        self.v_columns = [column for joint in found for column in joint.velocities]
+        read = {places[joint.name].id + k for joint in found for k in range(_PARTS.get(joint.kind, 1))}
+        self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
+        self.couplings = None if request.couplings is None else request.couplings[self.v_columns]
+        self.joints = found if request.aid is None or self.couplings is None else request.aid.leaders
+
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        aid = self._request.aid
+        return aid is not None and self._request.format == "urdf" and bool(aid.forces.springs)
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        own = [self._own[name] for name in names]
+        positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
+        return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
+        aid = self._request.aid
+        if aid is not None and self.is_supplied_with_forces:
+            tau = tau + aid.forces.of_springs(q)
+        return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
+
+
+class _Run:
+    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state."""
+
+    def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
+        import mujoco
+
+        model = loaded.model
+        self._loaded, self._data = loaded, mujoco.MjData(model)
+        configuration = np.tile(self._data.qpos, (len(q), 1))
+        velocity, force = np.zeros((len(q), model.nv)), np.zeros((len(q), model.nv))
+        configuration[:, loaded.positions], velocity[:, loaded.velocities], force[:, loaded.velocities] = q, v, tau
+        self._rows = list(zip(configuration, velocity, force, strict=True))
+        couplings = loaded.couplings
+        self._found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
+
+    def compute(self) -> None:
+        import mujoco
+
+        model, data, found, couplings = self._loaded.model, self._data, self._found, self._loaded.couplings
+        qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
+        for state, (q, v, force) in enumerate(self._rows):
+            qpos[:], qvel[:], applied[:] = q, v, force
+            mujoco.mj_forward(model, data)
+            found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
+
+    def accelerations(self) -> Array:
+        return self._found[:, self._loaded.velocities] if self._loaded.couplings is None else self._found
 
 
 def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array) -> Array:
@@ -185,9 +232,10 @@ def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array)
 
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
-    """MuJoCo's joint for each of the question's by name; those that have none there by their place in the file."""
+    """MuJoCo's joint for each of the request's by name, the first of several; those that have none there by their place in the file."""
     by_name = {model.joint(number).name: model.joint(number) for number in range(model.njnt)}
-    found = {joint.name: by_name[joint.name] for joint in joints if joint.name in by_name}
+    own = {joint.name: f"{joint.name}_TX" if joint.kind == "planar" else joint.name for joint in joints}
+    found = {name: by_name[own_name] for name, own_name in own.items() if own_name in by_name}
     if model.njnt == len(joints):
         found |= {
             joint.name: model.joint(number)
@@ -198,3 +246,4 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
 
 
 CALLER = MujocoCaller()
+ENGINE = AidedEngine(CALLER)

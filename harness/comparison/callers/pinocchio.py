@@ -12,108 +12,159 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.questions import Answers, Asked, Question, by_joint, projected
+from harness.comparison.aided import AidedEngine
+from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines._standard_error import captured_standard_error
+
+# Linear velocities of a joint whose frame turns with them.
+_LINEAR = {"planar": 2, "free": 3}
 
 
 class PinocchioCaller:
     engine = "pinocchio"
-    formats = ("urdf", "mjcf")
+    formats: tuple[str, ...] = ("urdf", "mjcf")
+    requires = ("pinocchio", "pin")
+    factorises_mass_matrix = False
+    supplied: Mapping[str, str] = dict.fromkeys(
+        formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
+    )
     takes_inertias_about_tree = False
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
     }
 
-    def ask(self, question: Question) -> Answers:
+    def load(self, request: Request) -> LoadedRobot:
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:
-                model = _read(question)
+                model = _read(request)
             except Exception as error:
-                return Answers(refusal=" ".join((captured() or str(error)).split()))
-        if question.aid is not None:
-            model.gravity.linear = question.aid.gravity
-        return _Asked(model, question).answers()
+                raise Refused(" ".join((captured() or str(error)).split())) from error
+        return LoadedRobot(model, request)
 
 
-def _read(question: Question) -> Any:
+def _read(request: Request) -> Any:
     import pinocchio
 
-    path = str(question.path)
-    if question.format == "mjcf":
+    path = str(request.path)
+    if request.format == "mjcf":
         return pinocchio.buildModelFromMJCF(path)
-    if question.floating_base:
-        return pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer(), question.floating_base)
+    if request.floating_base:
+        return pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer(), request.floating_base)
     return pinocchio.buildModelFromUrdf(path)
 
 
-class _Asked:
-    """A loaded model with the joints of a question."""
+class LoadedRobot:
+    """A ``pinocchio.Model`` with the joints of a request."""
 
-    def __init__(self, model: Any, question: Question) -> None:
-        self.model, self.question = model, question
-        self.places = _places(model, question.joints)
-        self.found = [joint for joint in question.joints if joint.name in self.places]
+    notes: tuple[str, ...] = ()
 
-    def answers(self) -> Answers:
-        import pinocchio
+    def __init__(self, model: Any, request: Request) -> None:
+        self.model, self.request = model, request
+        self.places = _places(model, request.joints)
+        self.found = tuple(joint for joint in request.joints if joint.name in self.places)
+        self.own = [number for joint in self.found for number in self.places[joint.name][1]]
+        self.known = [column for joint in self.found for column in joint.velocities]
+        self.further = tuple(name for number, name in enumerate(model.names) if number and name not in _names(self.places))
+        self.couplings = None if request.couplings is None else request.couplings[self.known]
+        self.joints = self.found if request.aid is None or self.couplings is None else request.aid.leaders
+        if request.aid is not None:
+            model.gravity.linear = request.aid.gravity
+            model.armature[self.own] = request.aid.armature[self.known]
 
-        model, question, aid = self.model, self.question, self.question.aid
-        configuration, velocity, force = self._columns()
-        own = [number for joint in self.found for number in self.places[joint.name][1]]
-        known = [column for joint in self.found for column in joint.velocities]
-        if aid is not None:
-            force[:, own] += sum(aid.forces.values(), np.zeros_like(question.tau))[:, known]
-            model.armature[own] = aid.armature[known]
-        data, found = model.createData(), np.empty((len(question.q), model.nv))
-        if aid is None or aid.couplings is None:
-            for state, inputs in enumerate(zip(configuration, velocity, force, strict=True)):
-                found[state] = pinocchio.aba(model, data, *inputs)
-            accelerations = found[:, own]
-            self._to_frame_of_parent(accelerations)
-        else:
-            accelerations = np.empty((len(question.q), aid.couplings.shape[1]))
-            for state, (position, rate, applied) in enumerate(zip(configuration, velocity, force, strict=True)):
-                upper = np.triu(pinocchio.crba(model, data, position))
-                mass = (upper + np.triu(upper, 1).T)[np.ix_(own, own)]
-                terms = applied[own] - pinocchio.nonLinearEffects(model, data, position, rate)[own]
-                accelerations[state] = projected(mass, terms, aid.couplings[known])
-        further = [name for number, name in enumerate(model.names) if number and name not in _names(self.places)]
-        answered = self.found if aid is None or aid.couplings is None else aid.leaders
-        return Answers(by_joint(answered, accelerations), further=tuple(further))
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        aid = self.request.aid
+        return aid is not None and (bool(aid.forces.springs) or bool(aid.forces.damping.any()))
 
-    def _columns(self) -> tuple[Array, Array, Array]:
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        positions: list[int] = []
+        for name in names:
+            own = list(self.places[name][0])
+            if len(own) in (4, 7):
+                own[-4:] = [own[-1], *own[-4:-1]]
+            positions += own
+        return positions, [number for name in names for number in self.places[name][1]]
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
+        return _Run(self, q, v, tau)
+
+    def columns(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Pinocchio's own q, v and tau, one row a state."""
         import pinocchio
 
-        question, n = self.question, len(self.question.q)
-        configuration = np.tile(pinocchio.neutral(self.model), (n, 1))
-        velocity, force = np.zeros((n, self.model.nv)), np.zeros((n, self.model.nv))
+        configuration = np.tile(pinocchio.neutral(self.model), (len(q), 1))
+        velocity, force = np.zeros((len(q), self.model.nv)), np.zeros((len(q), self.model.nv))
+        if self.request.aid is not None:
+            supplied = self.request.aid.forces
+            tau = tau + (supplied.of_dampers(v) + supplied.of_springs(q))
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
-            q, v, tau = question.q[:, joint.positions], question.v[:, joint.velocities], question.tau[:, joint.velocities]
-            if len(positions) == 2:
-                q = np.hstack([np.cos(q), np.sin(q)])
+            own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
+            if joint.kind in _LINEAR:
+                turn, k = _turn(joint, own_q), _LINEAR[joint.kind]
+                own_v = np.hstack([_turned(turn, own_v[:, :k], back=True), own_v[:, k:]])
+                own_tau = np.hstack([_turned(turn, own_tau[:, :k], back=True), own_tau[:, k:]])
+            if len(positions) in (2, 4) and joint.kind != "ball":
+                own_q = np.hstack([own_q[:, :-1], np.cos(own_q[:, -1:]), np.sin(own_q[:, -1:])])
             elif joint.kind in ("ball", "free"):
-                q = np.hstack([q[:, :-4], q[:, -3:], q[:, -4:-3]])
-            if joint.kind == "free":
-                turn = _rotations(question.q[:, joint.positions[3:]])
-                v = np.hstack([_turned_back(turn, v[:, :3]), v[:, 3:]])
-                tau = np.hstack([_turned_back(turn, tau[:, :3]), tau[:, 3:]])
-            configuration[:, positions], velocity[:, velocities], force[:, velocities] = q, v, tau
+                own_q = np.hstack([own_q[:, :-4], own_q[:, -3:], own_q[:, -4:-3]])
+            configuration[:, positions], velocity[:, velocities], force[:, velocities] = own_q, own_v, own_tau
         return configuration, velocity, force
 
-    def _to_frame_of_parent(self, accelerations: Array) -> None:
-        """Linear accelerations of free joints, given as rates of components in the body's frame, in that of the parent instead."""
+    def to_frame_of_parent(self, accelerations: Array, q: Array, v: Array) -> None:
+        """Linear accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent."""
         start = 0
         for joint in self.found:
-            if joint.kind == "free":
-                turn = _rotations(self.question.q[:, joint.positions[3:]])
-                v = self.question.v[:, joint.velocities]
-                own = accelerations[:, start : start + 3] + np.cross(v[:, 3:], _turned_back(turn, v[:, :3]))
-                accelerations[:, start : start + 3] = np.einsum("nij,nj->ni", turn, own)
+            if joint.kind in _LINEAR:
+                k, turn, own_v = _LINEAR[joint.kind], _turn(joint, q[:, joint.positions]), v[:, joint.velocities]
+                rates, linear = np.zeros((2, len(q), 3))
+                rates[:, 3 - own_v[:, k:].shape[1] :], linear[:, :k] = own_v[:, k:], _turned(turn, own_v[:, :k], back=True)
+                own = accelerations[:, start : start + k] + np.cross(rates, linear)[:, :k]
+                accelerations[:, start : start + k] = _turned(turn, own)
             start += len(joint.velocities)
+
+
+class _Run:
+    """States in Pinocchio's own q, v and tau."""
+
+    def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
+        self._loaded, self._q, self._v = loaded, q, v
+        self._data = loaded.model.createData()
+        # Rows cost half of what columns cost.
+        self._rows = list(zip(*loaded.columns(q, v, tau), strict=True))
+        couplings = loaded.couplings
+        self._found = np.full((len(q), loaded.model.nv if couplings is None else couplings.shape[1]), np.nan)
+
+    def compute(self) -> None:
+        import pinocchio
+
+        model, data, found = self._loaded.model, self._data, self._found
+        if self._loaded.couplings is None:
+            for state, (configuration, velocity, force) in enumerate(self._rows):
+                found[state] = pinocchio.aba(model, data, configuration, velocity, force)
+        else:
+            for state, row in enumerate(self._rows):
+                found[state] = _coupled(self._loaded, data, self._loaded.couplings, *row)
+
+    def accelerations(self) -> Array:
+        loaded = self._loaded
+        if loaded.couplings is not None:
+            return self._found
+        accelerations = self._found[:, loaded.own]
+        loaded.to_frame_of_parent(accelerations, self._q, self._v)
+        return accelerations
+
+
+def _coupled(loaded: LoadedRobot, data: Any, couplings: Array, configuration: Array, velocity: Array, force: Array) -> Array:
+    """Accelerations of the joints that move by themselves, from Pinocchio's own M and forces; ``aba`` refuses such a model."""
+    import pinocchio
+
+    upper = np.triu(pinocchio.crba(loaded.model, data, configuration))
+    mass = (upper + np.triu(upper, 1).T)[np.ix_(loaded.own, loaded.own)]
+    terms = force[loaded.own] - pinocchio.nonLinearEffects(loaded.model, data, configuration, velocity)[loaded.own]
+    return projected(mass, terms, couplings)
 
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
@@ -157,8 +208,19 @@ def _rotations(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _turned_back(turn: Array, vectors: Array) -> Array:
-    return np.asarray(np.einsum("nji,nj->ni", turn, vectors))
+def _turn(joint: Asked, q: Array) -> Array:
+    """(n, 3, 3) rotation of a free or planar joint at its own positions."""
+    if joint.kind == "free":
+        return _rotations(q[:, 3:])
+    half = q[:, 2] / 2
+    return _rotations(np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1))
+
+
+def _turned(turn: Array, vectors: Array, back: bool = False) -> Array:
+    """Vectors (n, 3), or (n, 2) in the plane, turned or turned back."""
+    size = vectors.shape[1]
+    return np.asarray(np.einsum("nji,nj->ni" if back else "nij,nj->ni", turn[:, :size, :size], vectors))
 
 
 CALLER = PinocchioCaller()
+ENGINE = AidedEngine(CALLER)

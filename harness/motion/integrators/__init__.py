@@ -24,6 +24,8 @@ from harness.library import nearest
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
+# What an integrator integrates.
+MECHANISMS, ROBOTS = "mechanisms", "robots"
 # From a start, in steps of so many seconds, so many of them, of which every so-many-th is kept. An adaptive
 # integrator is given its relative tolerance, and the number of equal intervals of the horizon to keep.
 Advance = Callable[[Start, float, int, int], Path]
@@ -45,6 +47,7 @@ class Integrator:
         adaptive: whether it chooses its steps by a tolerance.
         long_run: what theory says of its energy on a conservative system over many steps: "bounded",
             "secular", or "" where it is silent.
+        of: what it integrates: mechanisms with their energies and models, robots' files, or both.
         explain: says, from runs on a scene with a step [s], where the method is not what its name promises; "" if it is.
     """
 
@@ -55,21 +58,22 @@ class Integrator:
     adaptive: bool = False
     long_run: str = ""
     explain: Callable[[Scene, Start, float], str] | None = None
+    of: tuple[str, ...] = (MECHANISMS,)
 
 
-def integrators() -> list[Integrator]:
-    """All integrators, by module and in the order of their declaration."""
+def integrators(of: str = MECHANISMS) -> list[Integrator]:
+    """All integrators of mechanisms, or of robots, by module and in the order of their declaration."""
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    return [value for module in modules for value in vars(module).values() if isinstance(value, Integrator)]
+    return [value for module in modules for value in vars(module).values() if isinstance(value, Integrator) and of in value.of]
 
 
-def select_integrators(names: Iterable[str]) -> list[Integrator]:
-    """The integrators called ``names``, or all for none.
+def select_integrators(names: Iterable[str], of: str = MECHANISMS) -> list[Integrator]:
+    """The integrators of mechanisms, or of robots, called ``names``, or all for none.
 
     Raises:
         InvalidRequest: a name none has; the message gives the nearest one.
     """
-    known = {integrator.name: integrator for integrator in integrators()}
+    known = {integrator.name: integrator for integrator in integrators(of)}
     chosen = list(dict.fromkeys(names))
     for name in chosen:
         if name not in known:

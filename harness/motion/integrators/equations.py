@@ -22,7 +22,7 @@ from harness.crosscheck.scene import Scene
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
-from harness.motion.integrators import Advance, Integrator, keep
+from harness.motion.integrators import MECHANISMS, ROBOTS, Advance, Integrator, keep
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import Start
 
@@ -60,7 +60,7 @@ class Steps:
         self._mechanism = scene.mechanism
         self._scheme = scheme
         self._stages = stages
-        self._systems = [FirstOrderSystem(scene.mechanism, chart) for chart in range(len(scene.mechanism.energy_programs))]
+        self._systems = [FirstOrderSystem(scene.mechanism, chart) for chart in range(len(scene.mechanism.charts(False)))]
         self._charts = Charts(scene.mechanism.charts(linear_velocity_in_body=False))
         self._compiled: dict[tuple[int, int], Any] = {}
         room = MOST_INSTRUCTIONS // (stages * len(scene.mechanism.program.instructions))
@@ -149,7 +149,7 @@ def _dormand_prince(scene: Scene) -> Advance:
     nq = mechanism.nq
     functions, charts = [], Charts(mechanism.charts(linear_velocity_in_body=False))
     now = heyoka.expression("now")
-    for chart in range(len(mechanism.energy_programs)):
+    for chart in range(len(mechanism.charts(False))):
         system = FirstOrderSystem(mechanism, chart)
         q, v = system.variables()
         functions.append(system.compiled([*system.position_rates(q, v), *system.accelerations(q, v, now)], [*q, *v, now]))
@@ -189,10 +189,21 @@ def _taylor(scene: Scene) -> Advance:
 
 # Symplectic, with an energy that stays bounded, only where M is constant: else theory is silent on its energy.
 EULER_CROMER = Integrator(
-    name="equations Euler-Cromer", format="equations", order=1, prepare=lambda scene: Steps(scene, _euler_cromer, 1).advance
+    name="equations Euler-Cromer",
+    format="equations",
+    order=1,
+    prepare=lambda scene: Steps(scene, _euler_cromer, 1).advance,
+    of=(MECHANISMS, ROBOTS),
 )
 RUNGE_KUTTA = Integrator(
-    name="equations RK4", format="equations", order=4, prepare=lambda scene: Steps(scene, _runge_kutta, 4).advance, long_run="secular"
+    name="equations RK4",
+    format="equations",
+    order=4,
+    prepare=lambda scene: Steps(scene, _runge_kutta, 4).advance,
+    long_run="secular",
+    of=(MECHANISMS, ROBOTS),
 )
-DORMAND_PRINCE = Integrator(name="equations DOP853", format="equations", order=None, prepare=_dormand_prince, adaptive=True)
-TAYLOR = Integrator(name="equations Taylor", format="equations", order=None, prepare=_taylor, adaptive=True)
+DORMAND_PRINCE = Integrator(
+    name="equations DOP853", format="equations", order=None, prepare=_dormand_prince, adaptive=True, of=(MECHANISMS, ROBOTS)
+)
+TAYLOR = Integrator(name="equations Taylor", format="equations", order=None, prepare=_taylor, adaptive=True, of=(MECHANISMS, ROBOTS))

@@ -6,6 +6,8 @@ for ``implicit`` also with the velocity terms. ``discrete`` solves with M + h D 
 springs in joints and tendons: the linearly implicit Euler method. All of them are of first order. Automatic reset is
 off, or a motion that breaks down would start anew in silence.
 
+A robot is integrated on its own file, URDF too.
+
 Source: MuJoCo documentation, Computation, Numerical integration; MuJoCo 3.13.0 release notes, ``discrete``.
 """
 
@@ -17,7 +19,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.motion.integrators import Advance, Integrator, keep
+from harness.motion.integrators import MECHANISMS, ROBOTS, Advance, Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
@@ -83,8 +85,9 @@ def explain_euler(scene: Scene, start: Start, step: float) -> str:
     )
 
 
-EULER = Integrator(name="mujoco Euler", format="mjcf", order=1, prepare=prepare("EULER"), explain=explain_euler)
-RUNGE_KUTTA = Integrator(name="mujoco RK4", format="mjcf", order=4, prepare=prepare("RK4", RUNGE_KUTTA_STAGES), long_run="secular")
-IMPLICIT = Integrator(name="mujoco implicit", format="mjcf", order=1, prepare=prepare("IMPLICIT"))
-IMPLICIT_FAST = Integrator(name="mujoco implicitfast", format="mjcf", order=1, prepare=prepare("IMPLICITFAST"))
-DISCRETE = Integrator(name="mujoco discrete", format="mjcf", order=1, prepare=prepare("DISCRETE"))
+_OF = (MECHANISMS, ROBOTS)
+EULER = Integrator(name="mujoco Euler", format="mjcf", order=1, prepare=prepare("EULER"), explain=explain_euler, of=_OF)
+RUNGE_KUTTA = Integrator(name="mujoco RK4", format="mjcf", order=4, prepare=prepare("RK4", RUNGE_KUTTA_STAGES), long_run="secular", of=_OF)
+IMPLICIT = Integrator(name="mujoco implicit", format="mjcf", order=1, prepare=prepare("IMPLICIT"), of=_OF)
+IMPLICIT_FAST = Integrator(name="mujoco implicitfast", format="mjcf", order=1, prepare=prepare("IMPLICITFAST"), of=_OF)
+DISCRETE = Integrator(name="mujoco discrete", format="mjcf", order=1, prepare=prepare("DISCRETE"), of=_OF)

@@ -1,0 +1,191 @@
+"""Robots' files as a library: what makes whatever works on a mechanism work on a robot.
+
+A file is a system of this library under its path as it was given, so that what is printed can be typed again. Its mechanism is what the
+harness reads in the file, and its engines are those that read it, aided; see ``harness.comparison.callers``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from harness.comparison.callers import find_callers
+from harness.comparison.truth import joints_without_inertia
+from harness.crosscheck.settings import Settings
+from harness.diagnosis.causes import diagnoses_of
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.errors import InvalidModel, InvalidRequest
+from harness.library import FILE_SUFFIXES, Library, nearest
+from harness.models.joint_table import systems_with_joints_of
+from harness.results.records import Record
+from harness.robots.mechanism import mechanism_of
+from harness.robots.robot import format_of, read_robot
+from harness.study import Study
+
+
+@dataclass(frozen=True)
+class RobotLibrary(Library):
+    """Robots' files, each a system with a model in one format.
+
+    Attributes:
+        formats: {path as it was given: "urdf" or "mjcf"}. floating_base: whether a free joint is put under the roots of URDFs.
+    """
+
+    formats: Mapping[str, str] = field(default_factory=dict)
+    floating_base: bool = False
+
+    @classmethod
+    def of(cls, paths: Iterable[str], floating_base: bool = False) -> RobotLibrary:
+        """The library of the files at ``paths``.
+
+        Raises:
+            InvalidModel: a file cannot be read, or is no robot.
+            InvalidRequest: they lie in several folders.
+        """
+        formats = {path: format_of(Path(path)) for path in dict.fromkeys(paths)}
+        folders = {Path(path).resolve().parent: Path(path).parent for path in formats}
+        if len(folders) > 1:
+            where = ", ".join(str(folder) for folder in folders.values())
+            raise InvalidRequest(
+                f"the files lie in {where}; name those of one folder in a run, for what is expected of them stands beside them"
+            )
+        (folder,) = folders.values()
+        names = ", ".join(Path(path).name for path in formats)
+        callers = Path(__file__).parent / "callers"
+        return cls(names, folder, folder, callers, folder / "expected_verdicts.toml", folder / "hard_states", formats, floating_base)
+
+    def __hash__(self) -> int:
+        return hash((tuple(self.formats), self.floating_base))
+
+    def system_names(self) -> list[str]:
+        return list(self.formats)
+
+    def select(self, names: Iterable[str], with_variants: bool = False) -> list[str]:
+        chosen = list(dict.fromkeys(names))
+        for name in chosen:
+            if name not in self.formats:
+                raise InvalidRequest(f"no file of this run is called {name!r}; {nearest(name, self.formats)}")
+        return chosen or self.system_names()
+
+    def matching(self, names: Iterable[str]) -> list[str]:
+        """The names as they are: a shell has filled patterns of files in."""
+        return list(names)
+
+    def variant_names(self) -> list[str]:
+        return []
+
+    def is_variant(self, name: str) -> bool:
+        return False
+
+    def system_of(self, name: str) -> str:
+        return name
+
+    def system_path(self, name: str) -> Path:
+        return Path(name)
+
+    def model_path(self, name: str, model_format: str) -> Path:
+        return Path(name)
+
+    def formats_of(self, name: str) -> list[str]:
+        return [self.formats[name]]
+
+    def has_model(self, name: str, model_format: str) -> bool:
+        return self.formats[name] == model_format
+
+    def expectable_names(self) -> list[str]:
+        """Every robot of the folder, as a run need not be about all of them."""
+        return sorted(path.name for path in self.systems.iterdir() if path.suffix in FILE_SUFFIXES or str(path) in self.formats)
+
+    def label(self, name: str) -> str:
+        return Path(name).name
+
+    def validated_models(self, name: str) -> dict[str, Path]:
+        """None: a robot's file holds much that a model of a mechanism may not, and each engine reads it by itself."""
+        return {}
+
+    @property
+    def is_of_robots(self) -> bool:
+        return True
+
+    def engine_folders(self) -> list[Path]:
+        return [self.engines]
+
+    def native(self, formats: Sequence[str]) -> Sequence[str]:
+        """All: a user has one file, and asks about every engine that reads it."""
+        return formats
+
+    def orphaned_models(self) -> list[Path]:
+        return []
+
+    def remarks(self) -> list[str]:
+        """What each subject is aided with, and the mechanisms that the files may be models of."""
+        return [*self._supplied(), *self._likenesses()]
+
+    def _supplied(self) -> Iterator[str]:
+        for model_format in dict.fromkeys(self.formats.values()):
+            for engine, caller in find_callers().items():
+                if model_format in caller.formats:
+                    yield f"{engine}/{model_format}, aided: {caller.supplied[model_format]}"
+
+    def _likenesses(self) -> Iterator[str]:
+        for path, model_format in self.formats.items():
+            similar: list[str] = []
+            # A robot's file need not be one that a model of a mechanism may be.
+            with contextlib.suppress(InvalidModel):
+                similar = systems_with_joints_of(Library.built_in(), Path(path), model_format)
+            if similar:
+                command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
+                yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
+
+
+@load_mechanism.register
+def _(library: RobotLibrary, name: str) -> Mechanism:
+    """The mechanism of a robot's file.
+
+    Raises:
+        InvalidModel: the file has no meaning, or nothing in it has an acceleration.
+    """
+    robot = read_robot(Path(name), floating_base=library.floating_base)
+    if not robot.joints:
+        raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
+    if idle := joints_without_inertia(robot.tree):
+        first = idle[0].place
+        named = ", ".join(joint.name for joint in idle)
+        what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
+        raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
+    digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
+    return replace(mechanism_of(robot), name=library.label(name), digest=digest)
+
+
+@diagnoses_of.register
+def _(library: RobotLibrary, settings: Settings, records: Sequence[Record], **options: Any) -> Study:
+    """Of robots the causes are found without ``options``, which are about changed models."""
+    # Imported late: a worker process knows the library alone.
+    from harness.comparison.causes import RobotDiagnoses
+
+    return RobotDiagnoses(settings, records, library.floating_base)
+
+
+def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:
+    """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
+
+    Raises:
+        InvalidModel: a file cannot be read, or is no robot.
+        InvalidRequest: some names are of files and others are not, or the library is not the built-in one.
+    """
+    files = [name for name in names if library.is_file(name)]
+    if not files and floating_base:
+        raise InvalidRequest("a floating base is put under the root of a robot's file; name a URDF")
+    if not files:
+        return library
+    if others := [name for name in names if name not in files]:
+        raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
+    if library != Library.built_in():
+        raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
+    return RobotLibrary.of(files, floating_base)

@@ -1,0 +1,121 @@
+"""Cost and error on a robot's file: every way gives the file's accelerations and motions, and what a file cannot give is named."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import InThisProcess, completed, harness
+
+from harness.arrays import Array
+from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.methods import find_methods, select_methods
+from harness.bench.motion_cost import motion_costs
+from harness.bench.study import BenchmarkSettings, BenchmarkStudy
+from harness.comparison.questions import JointForces
+from harness.comparison.robot_library import RobotLibrary
+from harness.crosscheck.scene import Scene
+from harness.engines import Unsupported
+from harness.errors import InvalidRequest
+from harness.library import Library
+from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, select_integrators
+from harness.results.benchmark import AccelerationCost
+from harness.verdict import AGREEMENT
+
+FILES = Path(__file__).parent.parent / "comparison" / "files"
+ARM, MIMIC, LEG = FILES / "arm.urdf", FILES / "mimic.urdf", FILES / "massless_foot.urdf"
+# A ball joint, and an angle in degrees at which a spring is relaxed.
+BALL = """<mujoco><worldbody><body name="a">
+  <joint name="ball" type="ball" damping="0.125"/><inertial pos="0 0 -0.25" mass="2" diaginertia="0.125 0.25 0.1875"/>
+  <body name="b" pos="0 0 -0.5"><joint name="pin" axis="1 0 0" stiffness="2" springref="20"/>
+    <inertial pos="0 0.125 -0.25" mass="1" diaginertia="0.03125 0.03125 0.03125"/></body>
+</body></worldbody></mujoco>"""
+COUNT = 24
+
+
+@functools.cache
+def scene(path: Path) -> Scene:
+    return Scene.of(RobotLibrary.of([str(path)]), str(path))
+
+
+def costs(path: Path) -> dict[str, AccelerationCost]:
+    found = acceleration_costs(scene(path), find_methods(ROBOTS), COUNT, 3, 0.0, lambda text: None)
+    return {cost.method: cost for cost in found}
+
+
+@pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "ball.xml"])
+def test_every_way_gives_the_accelerations_of_the_file(name: str, tmp_path: Path) -> None:
+    (tmp_path / "ball.xml").write_text(BALL)
+    found = costs(tmp_path / name if name == "ball.xml" else FILES / name)
+    ways = {"certified balls", "mujoco on the file, aided", "pinocchio on the file, aided", "recursion float64"}
+    assert found.keys() == ways and not any(cost.failed for cost in found.values())
+    assert all(cost.states == COUNT and cost.backward_error is not None and cost.backward_error < AGREEMENT for cost in found.values())
+    assert all(("eliminated in Python" in cost.note) == (name == "mimic.urdf") for way, cost in found.items() if "aided" in way)
+
+
+def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(forces: JointForces, v: Array) -> Array:
+        return np.zeros_like(v)
+
+    monkeypatch.setattr(JointForces, "of_dampers", none)
+    found = costs(ARM)
+    wrong = found.pop("pinocchio on the file, aided")
+    assert (wrong.backward_error or 0.0) > 1e9 and all((cost.backward_error or 0.0) < AGREEMENT for cost in found.values())
+
+
+def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
+    truth, costs, orders = motion_costs(
+        scene(LEG), ["mujoco RK4", "equations RK4", "equations Taylor"], (1e-2, 1e-3), 0.5, 10.0, lambda text: None
+    )
+    assert truth.error < 1e-15 and {order.integrator: order.verdict for order in orders} == dict.fromkeys(
+        ("mujoco RK4", "equations RK4"), "as expected"
+    )
+    best = {cost.integrator: cost.state_error for cost in costs if cost.state_error is not None}
+    assert best.keys() == {"mujoco RK4", "equations RK4", "equations Taylor"} and all(error < 1e-10 for error in best.values())
+    assert all(cost.energy_error is None for cost in costs)
+
+
+def test_what_an_engine_s_own_steps_do_not_feel_is_not_integrated(tmp_path: Path) -> None:
+    [own] = select_integrators(["mujoco RK4"], ROBOTS)
+    with pytest.raises(Unsupported, match="mimic"):
+        own.prepare(scene(MIMIC))
+    spring = '<gazebo reference="hip"><springStiffness>2</springStiffness><springReference>0</springReference></gazebo></robot>'
+    (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
+    with pytest.raises(Unsupported, match="springs or dampers"):
+        own.prepare(scene(tmp_path / "sprung.urdf"))
+
+
+def test_parts_that_need_energies_are_left_out_and_named() -> None:
+    library = RobotLibrary.of([str(ARM)])
+    study = BenchmarkStudy(BenchmarkSettings(library=library, names=[str(ARM)], motion=True))
+    assert study.left_out == ["long runs", "stationary action"] and study.steps == 1 + 2
+    assert BenchmarkStudy(BenchmarkSettings(library=library, names=[str(ARM)])).left_out == []
+    assert BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=["collar"], motion=True)).left_out == []
+
+
+def test_a_motion_that_would_take_hours_to_certify_is_refused_with_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.bench.study.MOST_INSTRUCTIONS_OF_MOTION", 10)
+    settings = BenchmarkSettings(library=RobotLibrary.of([str(LEG)]), names=[str(LEG)], motion=True, methods=["equations RK4"])
+    found = completed(BenchmarkStudy(settings), InThisProcess())
+    (problem,) = found.problems
+    assert "massless_foot.urdf" in problem and "expected at most 10" in problem and not found.truths
+
+
+def test_each_way_says_what_it_is_of() -> None:
+    assert {"lambdify, numpy batch", "mujoco batch"}.isdisjoint(method.name for method in find_methods(ROBOTS))
+    assert {"recursion float64"}.isdisjoint(method.name for method in find_methods(MECHANISMS))
+    assert {"pinocchio RK4"}.isdisjoint(one.name for one in integrators(ROBOTS))
+    assert [method.name for method in select_methods(["certified balls"], ROBOTS)] == ["certified balls"]
+    with pytest.raises(InvalidRequest, match="is for mechanisms"):
+        BenchmarkStudy(BenchmarkSettings(library=RobotLibrary.of([str(ARM)]), names=[str(ARM)], methods=["mujoco batch"]))
+    with pytest.raises(InvalidRequest, match="is for robots"):
+        BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=["collar"], methods=["recursion float64"]))
+
+
+def test_the_command_prints_a_table_and_leaves_the_report(tmp_path: Path) -> None:
+    (tmp_path / "leg.urdf").write_text(LEG.read_text())
+    done = harness("bench", "leg.urdf", "--methods", "recursion float64", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "leg.urdf  recursion float64" in done.stdout and not (tmp_path / "reports" / "index.html").exists()

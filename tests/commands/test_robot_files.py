@@ -1,0 +1,215 @@
+"""A robot's file where a mechanism's name may stand: check, search, diagnose and show."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import Done, harness
+
+import harness as public
+from harness.arrays import Array
+from harness.comparison.questions import JointForces
+from harness.errors import InvalidRequest
+from harness.robots.robot import read_robot
+
+HERE = Path(__file__).parent.parent
+TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "comparison" / "files" / "mimic.urdf"
+ARM = HERE / "robots" / "files" / "arm.urdf"
+# Pinocchio's reader passes over the frame with all that it holds.
+FRAMED = """<mujoco>
+  <worldbody>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0"/><inertial pos="0 0 -0.25" mass="2" diaginertia="0.0625 0.0625 0.03125"/>
+      <frame pos="0 0 -0.5">
+        <body name="fore"><joint name="elbow" axis="0 1 0"/><inertial pos="0 0 -0.25" mass="1" diaginertia="0.0625 0.0625 0.03125"/></body>
+      </frame>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+REPLAY = re.compile(r"replay: harness (.*)$", re.MULTILINE)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for path in (TWO_LINKS, MIMIC):
+        shutil.copy(path, tmp_path)
+    (tmp_path / "framed.xml").write_text(FRAMED)
+    return tmp_path
+
+
+def rows(done: Done) -> dict[str, list[str]]:
+    """The cells of a table by subject."""
+    cells = [re.split(r"\s{2,}", line) for line in done.stdout.splitlines()]
+    return {row[1]: row for row in cells if len(row) > 3 and "/" in row[1]}
+
+
+def without_dampers(forces: JointForces, v: Array) -> Array:
+    return np.zeros_like(v)
+
+
+@pytest.fixture
+def undamped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pinocchio is not supplied with dampers, as if its reader took them."""
+    monkeypatch.setattr(JointForces, "of_dampers", without_dampers)
+
+
+def test_the_engines_that_read_a_file_are_checked_at_sampled_and_searched_states(folder: Path) -> None:
+    done = harness("check", "arm.urdf", "mimic.urdf", "--states", "12", "--json", "found.json", cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = json.loads((folder / "found.json").read_text())
+    records, remarks = found["records"], found["remarks"]
+    assert any(remark.startswith("pinocchio/urdf, aided: ") for remark in remarks)
+    systems = ("arm.urdf", "mimic.urdf")
+    assert [(one["system"], one["subject"]) for one in records] == [
+        (system, subject) for system in systems for subject in ("mujoco/urdf", "pinocchio/urdf")
+    ]
+    assert all(one["verdict"] == "agrees" and one["backward_error"] < 64 for one in records)
+    assert all(one["origins"] == {"stored": 0, "sampled": 6, "searched": 6, "simplest": 0} for one in records)
+    assert "pinocchio/urdf, aided: " in done.stdout and "12" in rows(done)["pinocchio/urdf"]
+    # Nothing else stands beside the files.
+    assert {path.name for path in folder.iterdir()} == {"arm.urdf", "mimic.urdf", "framed.xml", "found.json"}
+
+
+def test_an_engine_that_is_wrong_is_red_with_the_number_it_is_wrong_by(folder: Path, undamped: None) -> None:
+    done = harness("check", "arm.urdf", "--states", "12", cwd=folder)
+    assert done.returncode == 1
+    assert rows(done)["mujoco/urdf"][3] == "agrees" and rows(done)["pinocchio/urdf"][3].startswith("disagrees")
+    assert "the file is the truth, and pinocchio/urdf differs from it" in done.stdout
+    assert "harness diagnose arm.urdf --states 12" in done.stdout
+    words = REPLAY.search(done.stdout)
+    assert words is not None
+    command, _, state = words[1].partition(" --state ")
+    again = harness(*command.split(), "--state", state.strip("'"), cwd=folder)
+    assert again.returncode == 1 and rows(again).keys() == {"pinocchio/urdf"}
+
+
+def test_what_a_folder_expects_of_a_robot_holds(folder: Path, undamped: None) -> None:
+    entry = (
+        '[[expected]]\nsystem = "{}"\nsubject = "pinocchio/urdf"\nverdict = "disagrees"\nbackward_error = 1e30\nreason = "r"\nlink = "l"\n'
+    )
+    expected = folder / "expected_verdicts.toml"
+    expected.write_text(entry.format("arm.urdf"))
+    assert harness("check", "arm.urdf", "--states", "4", cwd=folder).returncode == 0
+    # Of another robot of the folder it says nothing here; of none it is refused.
+    assert harness("check", "mimic.urdf", "--states", "4", "--subject", "mujoco/urdf", cwd=folder).returncode == 0
+    expected.write_text(entry.format("gone.urdf"))
+    assert "gone.urdf" in harness("check", "arm.urdf", cwd=folder).stderr
+
+
+def test_what_a_reader_leaves_out_is_said_of_an_engine_that_has_too_few_joints(folder: Path) -> None:
+    done = harness("diagnose", "framed.xml", "--states", "4", cwd=folder)
+    assert done.returncode == 1
+    assert rows(done)["mujoco/mjcf"][3] == "agrees" and rows(done)["pinocchio/mjcf"][3].startswith("unsupported")
+    assert "passes over <frame> and <replicate> with all that they hold (lines 6)" in done.stdout
+
+
+def test_an_engine_that_refuses_the_file_costs_its_own_record(folder: Path) -> None:
+    """MuJoCo takes no height field without rows, which bears on no acceleration."""
+    text = FRAMED.replace("<mujoco>", '<mujoco><asset><hfield name="h" nrow="0" ncol="0" size="1 1 1 1"/></asset>')
+    (folder / "framed.xml").write_text(text)
+    done = harness("check", "framed.xml", "--states", "4", cwd=folder)
+    assert done.returncode == 1 and done.stderr == ""
+    assert rows(done)["mujoco/mjcf"][3].startswith("unsupported") and "mujoco refuses the file" in done.stdout
+    assert "the file is the truth, and mujoco/mjcf refuses it" in done.stdout
+
+
+def test_a_suspected_file_has_its_line_named(folder: Path) -> None:
+    (folder / "other.urdf").write_text((folder / "arm.urdf").read_text().replace('<mass value="1"/>', '<mass value="1.01"/>'))
+    done = harness("diagnose", "arm.urdf", "--urdf", "other.urdf", "--states", "8", cwd=folder)
+    assert done.returncode == 1 and "not the same robot" in done.stdout
+    assert "mass of link fore" in done.stdout and "other.urdf:30" in done.stdout
+    same = harness("diagnose", "arm.urdf", "--urdf", "arm.urdf", "--states", "8", cwd=folder)
+    assert same.returncode == 0 and "the same robot" in same.stdout
+    for option, value in (("--subject", "mujoco/urdf"), ("--evaluations", "9")):
+        chosen = harness("diagnose", "arm.urdf", "--urdf", "other.urdf", option, value, cwd=folder)
+        assert chosen.returncode == 2 and option in chosen.stderr
+
+
+def test_a_search_stores_hard_states_beside_the_file_and_a_check_takes_them(folder: Path, undamped: None) -> None:
+    done = harness("search", "arm.urdf", "--subject", "pinocchio/urdf", "--budget", "40", cwd=folder)
+    assert done.returncode == 1 and "stored in hard_states/arm.urdf.json" in done.stdout
+    checked = harness("check", "arm.urdf", "--states", "4", "--subject", "pinocchio/urdf", "--json", "found.json", cwd=folder)
+    assert checked.returncode == 1
+    (record,) = json.loads((folder / "found.json").read_text())["records"]
+    assert record["origins"]["stored"] == 1
+
+
+def test_a_search_asks_every_engine_that_reads_the_file(folder: Path) -> None:
+    done = harness("search", "mimic.urdf", "--budget", "16", "--no-keep", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert all(f"{subject}: 1" in done.stdout for subject in ("mujoco/urdf", "pinocchio/urdf"))
+    assert not (folder / "hard_states").exists()
+
+
+def test_a_file_is_shown(folder: Path) -> None:
+    done = harness("show", "framed.xml", "--html", "page.html", cwd=folder)
+    assert done.returncode == 0 and "2 bodies, 2 joints, 2 degrees of freedom" in done.stdout
+    assert "What the file is" in (folder / "page.html").read_text() and "engine" not in done.stdout.partition("2. ")[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("check", "nowhere.urdf"), "nowhere.urdf: there is no such file"),
+        (("check", "nothing"), "(there is no file of this name either)"),
+        (("check", "text.urdf"), "text.urdf:1: is not well-formed XML"),
+        (("check", "page.xml"), "page.xml:1: the root element is <html>; expected a robot"),
+        (("check", "fixed.urdf"), "fixed.urdf: no joint moves"),
+        (("check", "idle.urdf"), "idle.urdf:1: no acceleration is determined, for nothing with mass or inertia moves with pin"),
+        (("check", "arm.urdf", "double_pendulum"), "arm.urdf is a file and double_pendulum is not"),
+        (("check", "arm.urdf", "sub/arm.urdf"), "name those of one folder"),
+        (("check", "arm.urdf", "--urdf", "mimic.urdf"), "harness diagnose arm.urdf --urdf mimic.urdf"),
+        (("check", "arm.urdf", "--subject", "mujoco/mjcf"), "arm.urdf has a model in urdf alone"),
+        (("search", "arm.urdf", "--subject", "mujoco/mjcf"), "mujoco/mjcf cannot be searched on arm.urdf"),
+        (("check", "double_pendulum", "--floating-base"), "a floating base is put under the root of a robot's file"),
+        (("check", "arm.urdf", "--library", "library"), "no library has to do with"),
+        (("check", "arm.urdf", "--state", '{"q": [0], "v": [0], "tau": [0]}'), "--state has 1 numbers for q"),
+        (("diagnose", "arm.urdf", "--urdf", "nowhere.urdf"), "nowhere.urdf: there is no such file"),
+    ],
+)
+def test_what_cannot_be_used_is_named_with_what_to_do(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    (folder / "text.urdf").write_text("no XML")
+    (folder / "page.xml").write_text("<html/>")
+    (folder / "fixed.urdf").write_text('<robot name="fixed"><link name="base"/></robot>')
+    joint = '<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/></joint>'
+    (folder / "idle.urdf").write_text(f'<robot name="idle"><link name="base"/><link name="rod"/>{joint}</robot>')
+    for name in ("sub", "library/systems"):
+        (folder / name).mkdir(parents=True)
+    shutil.copy(TWO_LINKS, folder / "sub")
+    done = harness(*arguments, cwd=folder)
+    assert done.returncode == 2 and words in done.stderr, done.stderr
+
+
+def test_a_floating_base_has_six_more_degrees_of_freedom(folder: Path) -> None:
+    # A base without mass could turn about the first joint at no cost.
+    inertial = '<inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    text = (folder / "arm.urdf").read_text()
+    (folder / "arm.urdf").write_text(text.replace('<link name="ground"/>', f'<link name="ground">{inertial}</link>'))
+    done = harness("check", "arm.urdf", "--floating-base", "--states", "4", "--json", "found.json", cwd=folder)
+    assert done.returncode == 0, done.stdout
+    records = json.loads((folder / "found.json").read_text())["records"]
+    assert {len(one["worst_state"]["v"]) for one in records} == {8} and all("--floating-base" in one["replay"] for one in records)
+
+
+def test_a_robot_in_a_namespace_is_like_no_mechanism(folder: Path) -> None:
+    """Models of mechanisms have none, so that their reader refuses it."""
+    text = (folder / "mimic.urdf").read_text()
+    (folder / "mimic.urdf").write_text(re.sub(r"<robot ", '<robot xmlns="http://www.ros.org/urdf" ', text, count=1))
+    done = harness("check", "mimic.urdf", "--states", "4", cwd=folder)
+    assert done.returncode == 0 and done.stderr == "" and "named like" not in done.stdout
+
+
+def test_a_script_evaluates_a_robot() -> None:
+    robot = public.load(ARM)
+    truth = robot.accelerations(q=[0.1] * 8, v=[0.2] * 8)
+    assert truth.certified.all() and read_robot(ARM).degrees_of_freedom == truth.value.shape[1] == 8
+    assert robot.compare([0.1] * 8, [0.2] * 8, truth.value).verdicts.tolist() == ["agrees"]
+    assert robot._repr_latex_() is None
+    with pytest.raises(InvalidRequest, match="by recursion over its bodies"):
+        robot.equations  # noqa: B018
