@@ -15,6 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.robot import Robot
 from harness.robots.spatial import Matrix, Three
@@ -77,13 +78,13 @@ class _Writer(BodyWriter):
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(())
-        self.tree = robot.tree
-        self.scale_to(robot.tree)
+        self.tree = bounded(robot.tree)
+        self.scale_to(self.tree)
         self._outputs: list[int] = []
         # Of each body, the joint that moves it, and its frame in the world.
         self._frames: dict[str, tuple[str, Matrix, Three]] = {WORLD: ("", self.identity, self.still)}
         self._joints: dict[str, tuple[str, Joint, Body, Three, Three]] = {}
-        for body in robot.tree.bodies:
+        for body in self.tree.bodies:
             self._frames[body.name] = self._grow(body)
 
     def _grow(self, body: Body) -> tuple[str, Matrix, Three]:

@@ -15,6 +15,7 @@ from harness.certify.sampling import sample
 from harness.comparison.questions import Asked
 from harness.comparison.states import asked_joints, spread
 from harness.equations.states import States
+from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
 from harness.robots.tree import Joint, Tree
 from harness.storage import Kept
@@ -69,6 +70,7 @@ def meant(robot: Robot, count: int, seed: int) -> Meant:
 def joints_without_inertia(tree: Tree) -> list[Joint]:
     """The joints that carry neither mass nor inertia nor an armature, so that M is singular in every state."""
     loaded: set[str] = set()
+    tree = bounded(tree)
     heavy = [body.name for body in tree.bodies if not body.is_massless or (body.inertia is not None and any(body.inertia.moments))]
     above = {body.name: body.parent for body in tree.bodies}
     for name in heavy:

@@ -233,6 +233,20 @@ class Body(_Placed):
 
 
 @dataclass(frozen=True)
+class Bounds:
+    """What is done about bodies that weigh too little, or that no body can be; see ``harness.robots.bounds``.
+
+    Attributes:
+        mass, moment: least mass [kg] of each body, and least principal moment of inertia [kg m^2].
+        balances: whether principal moments of which one is more than the sum of the others all become their mean.
+    """
+
+    mass: Fraction = Fraction(0)
+    moment: Fraction = Fraction(0)
+    balances: bool = False
+
+
+@dataclass(frozen=True)
 class Coupling(_Placed):
     """A spring and damper on a sum of multiples of joint positions, from which the generalised force of each joint is its multiple.
 
@@ -266,7 +280,8 @@ class Spring(_Placed):
 class Tree(_Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
 
-    With ``total_mass`` [kg] all masses and inertias are scaled by one factor, so that the masses of all bodies sum to it.
+    With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
+    factor, so that the masses of all bodies sum to it.
     """
 
     bodies: tuple[Body, ...]
@@ -275,6 +290,7 @@ class Tree(_Placed):
     couplings: tuple[Coupling, ...] = ()
     total_mass: Fraction | None = None
     place: Place | None = None
+    bounds: Bounds | None = None
 
     @property
     def joints(self) -> tuple[Joint, ...]:
