@@ -18,6 +18,7 @@ from harness.comparison.readings import Reading, find_readings
 from harness.comparison.rest import single_numbers, unexplained, why_refused
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
 from harness.results.comparison import Effect, SubjectRecord
+from harness.robots.robot import Robot
 from harness.verdict import Verdict
 
 EXPLAINED = (Verdict.AGREES, Verdict.UNSTABLE)
@@ -31,15 +32,11 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = [
-        one
-        for one in find_readings(caller.engine, meant.robot.format)
-        if not (aided and one.supplied) and one.read(meant.robot) is not meant.robot
-    ]
-    effects = [_effect(meant, reading) for reading in readings]
-    robot = meant.robot
-    for reading in readings:
-        robot = reading.read(robot)
+    robot, effects = meant.robot, []
+    for reading in find_readings(caller.engine, meant.robot.format):
+        if not (aided and reading.supplied) and (changed := reading.read(robot)) is not robot:
+            effects.append(_effect(meant, reading, robot))
+            robot = changed
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
     record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects)
@@ -49,7 +46,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     if read.undetermined:
         return replace(record, explained=True)
     after = compared if read is meant and compared is not None else _compare(read, answers)
-    record = replace(record, explained=_is_explained(after), left=_worst(after) if readings else None)
+    record = replace(record, explained=_is_explained(after), left=_worst(after) if effects else None)
     if record.explained:
         return record
     if caller.takes_inertias_about_tree and _lost_far_away(read, answers):
@@ -108,9 +105,10 @@ def _is_explained(compared: Comparison) -> bool:
     return bool(verdicts & set(EXPLAINED)) and verdicts <= {*EXPLAINED, Verdict.UNDECIDED.value}
 
 
-def _effect(meant: Meant, reading: Reading) -> Effect:
+def _effect(meant: Meant, reading: Reading, robot: Robot) -> Effect:
+    """What a reading does alone, and the lines of what it changes in ``robot``, which the readings before it have read."""
     first = np.arange(min(STATES_OF_EFFECTS, len(meant.states)))
     few = Meant(meant.robot, meant.states[first], meant.truth[first])
-    lines = tuple(place.line for place in reading.places(meant.robot))
+    lines = tuple(place.line for place in reading.places(robot))
     alone = change(few, read_as(few, reading.read(meant.robot)))
     return Effect(name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source)

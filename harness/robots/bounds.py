@@ -101,7 +101,9 @@ def _moments(weight: _Weight, bounds: Bounds) -> tuple[Fraction, ...]:
         return weight.moments
     if len(set(after)) == 1:
         return (*after, *ORIGIN)
-    return _six([[sum((value * axes[k][i] * axes[k][j] for k, value in enumerate(after)), Fraction(0)) for j in range(3)] for i in range(3)])
+    return _six(
+        [[sum((value * axes[k][i] * axes[k][j] for k, value in enumerate(after)), Fraction(0)) for j in range(3)] for i in range(3)]
+    )
 
 
 def _balanced(moments: tuple[Fraction, ...], bounds: Bounds) -> tuple[Fraction, ...]:

@@ -39,9 +39,7 @@ def read_tree(source: Source, root: etree._Element) -> Tree:
     springs, couplings = read_tendons(
         source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
     )
-    return Tree(
-        bodies, _gravity(source, root), springs, couplings, reader.inertias.total_mass, source.place(root), reader.inertias.bounds
-    )
+    return Tree(bodies, _gravity(source, root), springs, couplings, reader.inertias.total_mass, source.place(root), reader.inertias.bounds)
 
 
 def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
