@@ -9,9 +9,10 @@ documented; it is that of MuJoCo 4.0, user/user_objects.cc, mjCBody::Compile.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
@@ -63,7 +64,7 @@ def _of_solids(body: Body) -> _Weight:
     parts = replace(body, solids=(replace(heavy[0], pose=()),)) if alone else body
     mass, first, second = _evaluated(parts)
     centre = vector([component / mass for component in first]) if mass else ORIGIN
-    squared = sum((component * component for component in centre), Fraction(0))
+    squared = _sum(component * component for component in centre)
     about = [[second[i][j] - mass * ((squared if i == j else 0) - centre[i] * centre[j]) for j in range(3)] for i in range(3)]
     return _Weight(heavy[0].pose if alone else (Placement(centre),), mass, _six(about))
 
@@ -83,10 +84,8 @@ def _evaluated(body: Body) -> tuple[Fraction, Vector, Rows]:
     return mass, vector((x, y, z)), [second[3 * row : 3 * row + 3] for row in range(3)]
 
 
-def _middle(ball: object) -> Fraction:
-    import flint
-
-    mantissa, exponent = flint.arb(ball).mid().man_exp()
+def _middle(ball: Any) -> Fraction:
+    mantissa, exponent = ball.mid().man_exp()
     return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
 
 
@@ -101,13 +100,15 @@ def _moments(weight: _Weight, bounds: Bounds) -> tuple[Fraction, ...]:
         return weight.moments
     if len(set(after)) == 1:
         return (*after, *ORIGIN)
-    return _six(
-        [[sum((value * axes[k][i] * axes[k][j] for k, value in enumerate(after)), Fraction(0)) for j in range(3)] for i in range(3)]
-    )
+    return _six([[_sum(value * axis[i] * axis[j] for value, axis in zip(after, axes, strict=True)) for j in range(3)] for i in range(3)])
 
 
 def _balanced(moments: tuple[Fraction, ...], bounds: Bounds) -> tuple[Fraction, ...]:
-    return (sum(moments, Fraction(0)) / 3,) * 3 if bounds.balances and _violates(moments) else moments
+    return (_sum(moments) / 3,) * 3 if bounds.balances and _violates(moments) else moments
+
+
+def _sum(values: Iterable[Fraction]) -> Fraction:
+    return sum(values, Fraction(0))
 
 
 def _violates(moments: Sequence[Fraction]) -> bool:
