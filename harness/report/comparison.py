@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harness.results.comparison import (
     Comparison,
+    Effect,
     FileRecord,
     ImpossibleInertia,
     PairRecord,
@@ -110,6 +111,9 @@ def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
         elif file.degrees_of_freedom:
             undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
             yield f"  certified accelerations at {counted(file.states, 'state')}{undecided}"
+        if file.meshes:
+            count = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
+            yield f"  inertia of {count} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged"
         for part in file.left_out:
             bearing = "would move it, and is off in every engine" if part.bears_on_motion else "bears on no acceleration"
             yield f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {bearing}"
@@ -145,12 +149,17 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield from (f"  {sentence}" for sentence in subject.rest[:MOST_LINES])
         yield from (f"  {note}" for note in subject.notes)
         for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0)):
-            count = counted(len(reading.lines), reading.concerns.removesuffix("s"))
-            yield f"  {reading.sentence}: {count}, {lines_text(reading.lines)}; {reading.moves}"
+            yield f"  {reading.sentence}: {_count(reading)}, {lines_text(reading.lines)}; {reading.moves}"
             yield f"    {reading.source}"
         if subject.readings and subject.left is not None:
             these = "these readings" if len(subject.readings) > 1 else "this reading"
             yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
+
+
+def _count(reading: Effect) -> str:
+    number, nouns = len(reading.lines), reading.concerns
+    one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
+    return f"{number} {one if number == 1 else nouns}"
 
 
 def subject_lines(subject: SubjectRecord) -> list[str]:

@@ -47,6 +47,7 @@ class FileRecord:
     Attributes:
         problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
         undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
+        meshes: lines of geoms whose inertia is that of a mesh as MuJoCo compiled it.
     """
 
     path: str
@@ -61,6 +62,7 @@ class FileRecord:
     states: int = 0
     undecided: int = 0
     remark: str = ""
+    meshes: tuple[int, ...] = ()
     left_out: list[OmittedPart] = field(default_factory=list)
     impossible: list[ImpossibleInertia] = field(default_factory=list)
 

@@ -14,6 +14,7 @@ from lxml import etree
 from harness.models.mjcf_defaults import resolved, resolved_text
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import describe
+from harness.robots.meshes import Meshes
 from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
 from harness.robots.source import Source
 from harness.robots.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
@@ -27,8 +28,8 @@ _OF_WATER = 1000.0
 class Inertias:
     """Reads them by what the ``compiler`` elements say."""
 
-    def __init__(self, source: Source, root: etree._Element, attributes: Attributes) -> None:
-        self._source, self._attributes = source, attributes
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+        self._source, self._attributes, self._meshes = source, attributes, meshes
         self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
         least_mass, least_moment = (self._number(root, name) for name in ("boundmass", "boundinertia"))
         balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
@@ -88,6 +89,9 @@ class Inertias:
         is_massless = not (density if mass is None else mass)
         # A massless solid adds nothing, and stays for those that read its mass otherwise.
         if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
+            return
+        if self._meshes is not None and self._is_mesh(geom):
+            yield self._meshes.solid(source, geom)
             return
         if kind not in _SIZES:
             source.refuse(

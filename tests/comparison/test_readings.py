@@ -120,3 +120,15 @@ def test_mass_of_collision_geometry_is_a_reading_of_mujoco(shape: str, tmp_path:
     assert record.explained and [reading.name for reading in record.readings] == ["mass of collision geometry"]
     assert record.readings[0].lines == (line_of(path, '<link name="tool">'),)
     assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
+
+
+def test_a_position_of_a_default_class_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "class.xml"
+    path.write_text("""<mujoco>
+    <default><default class="off"><joint pos="0.25 0 0.125"/></default></default>
+    <worldbody><body name="one"><joint name="near" axis="0 1 0"/><geom size="0.125" pos="0.5 0 0"/>
+      <body name="two" pos="0 0 1"><joint name="far" class="off" axis="1 1 0"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.explained and record.verdict == Verdict.DISAGREES
+    assert [(reading.name, reading.lines) for reading in record.readings] == [("position of a default class", (2,))]

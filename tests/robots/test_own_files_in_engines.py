@@ -65,6 +65,25 @@ def test_the_quadruped_is_that_of_mujoco(tmp_path: Path, changes: dict[str, str]
     assert compare(truth, by_mujoco(model, states)).backward_error.max() < 64
 
 
+@pytest.mark.parametrize("flag", ["", '<option><flag spring="disable"/></option>', '<option><flag damper="disable"/></option>'])
+def test_a_time_constant_and_damping_ratio_are_those_of_mujoco(flag: str, tmp_path: Path) -> None:
+    """Of a class too, at a reference position, on a joint that moves others, and instead of what stands beside it."""
+    path = tmp_path / "spring_dampers.xml"
+    path.write_text(
+        f"""<mujoco>{flag}
+        <default><default class="slow"><joint springdamper="0.5 0.75" stiffness="3"/></default></default>
+        <worldbody><body><freejoint/><geom type="box" size="0.1 0.2 0.3"/>
+        <body pos="0.3 0 0"><joint class="slow" axis="0 1 0" ref="30" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.05"/>
+        <body pos="0.5 0 0"><joint class="slow" axis="0 1 1" springref="20"/><joint type="slide" springdamper="0.1 1" stiffness="2"/>
+        <geom size="0.1" pos="0 0.1 0.2"/></body></body></body></worldbody></mujoco>"""
+    )
+    robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
+    reference = RobotReference(robot)
+    states = sample(reference.mechanism, STATES, SEED)
+    assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
+
+
 # Bodies of which least values change much, little, or nothing; and the moments that none can have, for a mean.
 BODIES = {
     "principal": '<inertial pos="0.1 0.2 0.3" mass="0.05" diaginertia="0.002 0.003 0.004" euler="10 20 30"/>',
