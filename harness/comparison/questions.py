@@ -3,7 +3,7 @@
 A state of a question names positions and velocities of every joint of the file, those that mimic another among them: an engine
 that passes over ``<mimic>`` has them as joints of their own. Conventions are those of ``harness.engines.Model``: a rotation stands in
 q as (w, x, y, z), its velocity in v in the body's frame, both behind the position of a free joint, whose linear velocity is in the
-frame of its parent.
+frame of its parent. A planar joint has x, y and its turn in q, and their rates in v.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from harness.arrays import Array
 
 # Positions and velocities of a joint of each kind.
-SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+SIZES: Mapping[str, tuple[int, int]] = {"hinge": (1, 1), "slide": (1, 1), "planar": (3, 3), "ball": (4, 3), "free": (7, 6)}
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,17 @@ class Asked:
     """A joint of a question.
 
     Attributes:
-        kind: "hinge", "slide", "ball" or "free". positions, velocities: its columns in q and in v.
+        kind: "hinge", "slide", "planar", "ball" or "free". positions, velocities: its columns in q and in v.
+        turn, shift: orientation (4,), a unit quaternion (w, x, y, z), and origin (3,) [m], in the world, of the frame in which a free
+            joint of a URDF is measured; of all others none that matters.
     """
 
     name: str
     kind: str
     positions: tuple[int, ...]
     velocities: tuple[int, ...]
+    turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    shift: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
+from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Aid, Answers, Asked, BodyInertia, Question, by_joint, projected
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
@@ -48,25 +49,49 @@ class MujocoCaller:
         return _asked(model, question, notes)
 
 
-def _spec(question: Question) -> Any:
+def _spec(question: Question, at_the_top: bool = False) -> Any:
+    """The model; ``at_the_top`` takes the root link for the world where links float from it, so that these are at the top of the tree."""
     import mujoco
 
-    if not question.floating_base:
-        return mujoco.MjSpec.from_file(str(question.path))
-    return mujoco.MjSpec.from_string(_floating(question))
+    if question.floating_base:
+        return mujoco.MjSpec.from_string(_floating(question))
+    if at_the_top and any(joint.kind == "free" for joint in question.joints):
+        return mujoco.MjSpec.from_string(_from_the_root(question))
+    return mujoco.MjSpec.from_file(str(question.path))
+
+
+def _from_the_root(question: Question) -> str:
+    """The text of a URDF whose root link has the name of MuJoCo's world; its inertia moves nothing."""
+    root = _elements(question)
+    (base, *_) = _roots(root)
+    links = [*root.iterfind("link"), *root.iterfind("joint/parent"), *root.iterfind("joint/child")]
+    if any(link.get("name") == "world" for link in root.iterfind("link")):
+        return str(etree.tostring(root, encoding="unicode"))
+    for link in links:
+        attribute = "name" if link.tag == "link" else "link"
+        if link.get(attribute) == base:
+            link.set(attribute, "world")
+    return str(etree.tostring(root, encoding="unicode"))
+
+
+def _elements(question: Question) -> etree._Element:
+    return etree.fromstring(question.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
+
+
+def _roots(root: etree._Element) -> list[str]:
+    carried = {child.get("link") for child in root.iterfind("joint/child")}
+    return [str(link.get("name")) for link in root.iterfind("link") if link.get("name") not in carried]
 
 
 def _floating(question: Question) -> str:
     """The text of a URDF with a link that the root floats from; MuJoCo fixes the root of a URDF to the world."""
-    root = etree.fromstring(question.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
-    carried = {child.get("link") for child in root.iterfind("joint/child")}
-    bases = [link.get("name") for link in root.iterfind("link") if link.get("name") not in carried]
+    root = _elements(question)
     # A link of this name is MuJoCo's world itself, so that the joint is at the top.
     ground = "world" if root.find("link[@name='world']") is None else f"{question.floating_base} ground"
     etree.SubElement(root, "link", name=ground)
     joint = etree.SubElement(root, "joint", name=question.floating_base, type="floating")
     etree.SubElement(joint, "parent", link=ground)
-    etree.SubElement(joint, "child", link=bases[0])
+    etree.SubElement(joint, "child", link=_roots(root)[0])
     return str(etree.tostring(root, encoding="unicode"))
 
 
@@ -106,7 +131,7 @@ def _aided(question: Question, aid: Aid) -> tuple[Any, list[str]]:
         model, notes = _plain(question)
         model.opt.gravity[:] = aid.gravity
         return model, notes
-    spec = _spec(question)
+    spec = _spec(question, at_the_top=True)
     for part in [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]:
         spec.delete(part)
     spec.compiler.fusestatic = False
@@ -157,21 +182,47 @@ def _asked(model: Any, question: Question, notes: list[str]) -> Answers:
     velocities = [place + k for joint, _, place in own for k in range(len(joint.velocities))]
     q_columns = [column for joint in found for column in joint.positions]
     v_columns = [column for joint in found for column in joint.velocities]
-    tau = question.tau if question.aid is None or question.format == "mjcf" else question.tau + question.aid.forces["stiffness"]
+    q, v, tau = _in_the_world(question)
     data, couplings = mujoco.MjData(model), None if question.aid is None else question.aid.couplings
-    accelerations = np.empty((len(question.q), len(v_columns) if couplings is None else couplings.shape[1]))
-    for state in range(len(question.q)):
+    accelerations = np.empty((len(q), len(v_columns) if couplings is None else couplings.shape[1]))
+    for state in range(len(q)):
         mujoco.mj_resetData(model, data)
-        data.qpos[positions], data.qvel[velocities] = question.q[state, q_columns], question.v[state, v_columns]
+        data.qpos[positions], data.qvel[velocities] = q[state, q_columns], v[state, v_columns]
         data.qfrc_applied[velocities] = tau[state, v_columns]
         mujoco.mj_forward(model, data)
         if couplings is None:
             accelerations[state] = data.qacc[velocities]
         else:
             accelerations[state] = _coupled(model, data, velocities, couplings[v_columns])
-    further = [f"joint {number}" for number in range(model.njnt) if number not in {places[joint.name].id for joint in found}]
+    known = {places[joint.name].id + k for joint in found for k in range(len(joint.velocities) if joint.kind == "planar" else 1)}
+    further = [f"joint {number}" for number in range(model.njnt) if number not in known]
     answered = found if question.aid is None or couplings is None else question.aid.leaders
-    return Answers(by_joint(answered, accelerations), notes=tuple(notes), further=tuple(further))
+    own_accelerations = by_joint(answered, accelerations)
+    return Answers(
+        {joint.name: _from_the_world(joint, own_accelerations[joint.name]) for joint in answered},
+        notes=tuple(notes),
+        further=tuple(further),
+    )
+
+
+def _in_the_world(question: Question) -> tuple[Array, Array, Array]:
+    """q, v and tau with free joints measured in the world, wherever the file measures them from."""
+    q, v, tau = question.q.copy(), question.v.copy(), question.tau.copy()
+    if question.aid is not None and question.format == "urdf":
+        tau += question.aid.forces["stiffness"]
+    for joint in question.joints:
+        if joint.kind == "free":
+            turn, rotation = np.array(joint.turn), rotations(np.array([joint.turn]))[0]
+            position, orientation = joint.positions[:3], joint.positions[3:]
+            q[:, position] = np.array(joint.shift) + q[:, position] @ rotation.T
+            q[:, orientation] = multiplied(turn, q[:, orientation])
+            v[:, joint.velocities], tau[:, joint.velocities] = (of_linear(rotation, x[:, joint.velocities]) for x in (v, tau))
+    return q, v, tau
+
+
+def _from_the_world(joint: Asked, accelerations: Array) -> Array:
+    """Accelerations of a joint, those of a free joint measured as its file does."""
+    return of_linear(rotations(np.array([joint.turn]))[0].T, accelerations) if joint.kind == "free" else accelerations
 
 
 def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array) -> Array:
@@ -187,7 +238,9 @@ def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array)
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
     """MuJoCo's joint for each of the question's by name; those that have none there by their place in the file."""
     by_name = {model.joint(number).name: model.joint(number) for number in range(model.njnt)}
-    found = {joint.name: by_name[joint.name] for joint in joints if joint.name in by_name}
+    # Of a planar joint, MuJoCo makes two slides and a hinge.
+    names = {joint.name: f"{joint.name}_TX" if joint.kind == "planar" else joint.name for joint in joints}
+    found = {own: by_name[name] for own, name in names.items() if name in by_name}
     if model.njnt == len(joints):
         found |= {
             joint.name: model.joint(number)

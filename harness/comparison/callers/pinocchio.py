@@ -1,7 +1,7 @@
 """Pinocchio as its user calls it: ``pin.buildModelFromUrdf`` or ``pin.buildModelFromMJCF``, then ``pin.aba``.
 
-A continuous joint has two positions there, cosine and sine; a quaternion ends with w; the linear velocity of a free joint is in the
-body's frame. Source: Pinocchio 4 documentation, joints.
+A continuous joint has two positions there, cosine and sine, and so has the turn of a planar joint; a quaternion ends with w; the linear
+velocity of a free or planar joint is in the body's frame. Source: Pinocchio 4 documentation, joints.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Answers, Asked, Question, by_joint, projected
 from harness.engines._standard_error import captured_standard_error
 
@@ -70,17 +71,16 @@ class _Asked:
         if aid is None or aid.couplings is None:
             for state, inputs in enumerate(zip(configuration, velocity, force, strict=True)):
                 found[state] = pinocchio.aba(model, data, *inputs)
-            accelerations = found[:, own]
-            self._to_frame_of_parent(accelerations)
+            answered, accelerations = self.found, found[:, own]
         else:
-            accelerations = np.empty((len(question.q), aid.couplings.shape[1]))
+            answered, accelerations = [*aid.leaders], np.empty((len(question.q), aid.couplings.shape[1]))
             for state, (position, rate, applied) in enumerate(zip(configuration, velocity, force, strict=True)):
                 upper = np.triu(pinocchio.crba(model, data, position))
                 mass = (upper + np.triu(upper, 1).T)[np.ix_(own, own)]
                 terms = applied[own] - pinocchio.nonLinearEffects(model, data, position, rate)[own]
                 accelerations[state] = projected(mass, terms, aid.couplings[known])
+        self._to_frame_of_parent(answered, accelerations)
         further = [name for number, name in enumerate(model.names) if number and name not in _names(self.places)]
-        answered = self.found if aid is None or aid.couplings is None else aid.leaders
         return Answers(by_joint(answered, accelerations), further=tuple(further))
 
     def _columns(self) -> tuple[Array, Array, Array]:
@@ -93,27 +93,28 @@ class _Asked:
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
             q, v, tau = question.q[:, joint.positions], question.v[:, joint.velocities], question.tau[:, joint.velocities]
-            if len(positions) == 2:
-                q = np.hstack([np.cos(q), np.sin(q)])
+            if joint.kind in LINEAR:
+                turn = body_turn(joint.kind, q)
+                v, tau = to_body(turn, v), to_body(turn, tau)
+            if joint.kind == "planar":
+                q = np.hstack([q[:, :2], np.cos(q[:, 2:]), np.sin(q[:, 2:])])
             elif joint.kind in ("ball", "free"):
                 q = np.hstack([q[:, :-4], q[:, -3:], q[:, -4:-3]])
-            if joint.kind == "free":
-                turn = _rotations(question.q[:, joint.positions[3:]])
-                v = np.hstack([_turned_back(turn, v[:, :3]), v[:, 3:]])
-                tau = np.hstack([_turned_back(turn, tau[:, :3]), tau[:, 3:]])
+            elif len(positions) == 2:
+                q = np.hstack([np.cos(q), np.sin(q)])
             configuration[:, positions], velocity[:, velocities], force[:, velocities] = q, v, tau
         return configuration, velocity, force
 
-    def _to_frame_of_parent(self, accelerations: Array) -> None:
-        """Linear accelerations of free joints, given as rates of components in the body's frame, in that of the parent instead."""
-        start = 0
-        for joint in self.found:
-            if joint.kind == "free":
-                turn = _rotations(self.question.q[:, joint.positions[3:]])
-                v = self.question.v[:, joint.velocities]
-                own = accelerations[:, start : start + 3] + np.cross(v[:, 3:], _turned_back(turn, v[:, :3]))
-                accelerations[:, start : start + 3] = np.einsum("nij,nj->ni", turn, own)
-            start += len(joint.velocities)
+    def _to_frame_of_parent(self, joints: Sequence[Asked], accelerations: Array) -> None:
+        """Accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent instead."""
+        start, own = 0, {joint.name: joint for joint in self.found}
+        for joint in joints:
+            end = start + len(joint.velocities)
+            if joint.kind in LINEAR:
+                asked = own[joint.name]
+                turn, v = body_turn(joint.kind, self.question.q[:, asked.positions]), self.question.v[:, asked.velocities]
+                accelerations[:, start:end] = accelerations_from_body(turn, accelerations[:, start:end], v)
+            start = end
 
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
@@ -144,21 +145,6 @@ def _parts(joint: Any, name: str, joints: Sequence[Asked]) -> list[tuple[str, in
 
 def _names(places: Mapping[str, tuple[list[int], list[int], str]]) -> set[str]:
     return {name for _, _, name in places.values()}
-
-
-def _rotations(quaternions: Array) -> Array:
-    """(n, 3, 3) of unit quaternions (w, x, y, z), (n, 4)."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _turned_back(turn: Array, vectors: Array) -> Array:
-    return np.asarray(np.einsum("nji,nj->ni", turn, vectors))
 
 
 CALLER = PinocchioCaller()
