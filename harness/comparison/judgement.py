@@ -18,10 +18,11 @@ from harness.comparison.readings import Reading, find_readings
 from harness.comparison.rest import single_numbers, unexplained, why_refused
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
 from harness.results.comparison import Effect, SubjectRecord
+from harness.results.table import counted, error_text
 from harness.robots.robot import Robot
-from harness.verdict import Verdict
+from harness.verdict import AGREEMENT, Verdict
 
-EXPLAINED = (Verdict.AGREES, Verdict.UNSTABLE)
+ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
 
 
 def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> SubjectRecord:
@@ -46,18 +47,28 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     if read.undetermined:
         return replace(record, explained=True)
     after = compared if read is meant and compared is not None else _compare(read, answers)
-    record = replace(record, explained=_is_explained(after), left=_worst(after) if effects else None)
-    if record.explained:
-        return record
-    if caller.takes_inertias_about_tree and _lost_far_away(read, answers):
-        return replace(record, explained=True, notes=(*record.notes, FAR_LINKS))
-    return replace(record, rest=unexplained(read, answers))
+    record = replace(record, left=_worst(after) if effects else None)
+    if _are_all(after, Verdict.AGREES):
+        return replace(record, explained=True)
+    cause = _cause_of_lost_digits(read, answers, after, caller)
+    return replace(record, explained=True, lost_digits=_lost(after, cause)) if cause else replace(record, rest=unexplained(read, answers))
 
 
-def _lost_far_away(read: Meant, answers: Answers) -> bool:
-    """True where a light link's distance explains what is left, and no number of the file does."""
+def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Caller) -> str:
+    """Why digits are lost in what the readings leave; "" where they are not, or a number of the file explains it."""
     accelerations = answers.of(read.robot.joints)
-    return not any(single_numbers(read, accelerations)) and is_explained_by_distance(read, accelerations)
+    if any(single_numbers(read, accelerations)):
+        return ""
+    if _are_all(after, Verdict.AGREES, Verdict.UNSTABLE):
+        return ILL_CONDITIONED
+    return FAR_LINKS if caller.takes_inertias_about_tree and is_explained_by_distance(read, accelerations) else ""
+
+
+def _lost(after: Comparison, cause: str) -> str:
+    """The finding in a sentence."""
+    known = after.known("backward_error")
+    count = f"{int((known > AGREEMENT).sum())} of {counted(len(after), 'state')}"
+    return f"it loses digits at {count}, up to {error_text(float(known.max()))} data roundoffs: {cause}"
 
 
 def _of_undetermined(meant: Meant, answers: Answers) -> str:
@@ -99,10 +110,10 @@ def _worst(compared: Comparison) -> float | None:
     return float(known.max()) if len(known) else None
 
 
-def _is_explained(compared: Comparison) -> bool:
-    """True where no state with a certified truth disagrees, and one has such a truth."""
-    verdicts = set(compared.verdicts.tolist())
-    return bool(verdicts & set(EXPLAINED)) and verdicts <= {*EXPLAINED, Verdict.UNDECIDED.value}
+def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
+    """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
+    verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
+    return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
 
 
 def _effect(meant: Meant, reading: Reading, robot: Robot) -> Effect:

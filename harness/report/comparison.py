@@ -56,7 +56,9 @@ def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = N
     """A table of all robots, what is not explained, and what is other than in the survey ``before``."""
     compared = [subject for subject in found.subjects if not subject.aided]
     explained = sum(subject.explained for subject in compared)
+    losing = sum(bool(subject.lost_digits) for subject in compared)
     count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
+    count += f"; {losing} of them lose digits" if losing else ""
     yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     if before is not None:
@@ -140,7 +142,7 @@ def _stance(subject: SubjectRecord) -> str:
 
 def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for subject in subjects:
-        if not (subject.readings or subject.notes or subject.message):
+        if not (subject.readings or subject.notes or subject.message or subject.lost_digits):
             continue
         yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
         if subject.message:
@@ -154,6 +156,8 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
         if subject.readings and subject.left is not None:
             these = "these readings" if len(subject.readings) > 1 else "this reading"
             yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
+        if subject.lost_digits:
+            yield f"  {subject.lost_digits}"
 
 
 def _count(reading: Effect) -> str:

@@ -110,6 +110,8 @@ class SubjectRecord:
         left: worst backward error after the readings; None where nothing is compared.
         rest: what is known of what the readings leave, a sentence each. message: the engine's refusal, or why there is no answer.
         notes: what was taken out of the file before the engine read it.
+        lost_digits: at how many states, and why, the answer is beyond ``AGREEMENT`` though the engine and its readings hold the right
+            numbers; "" where it is not.
     """
 
     path: str
@@ -126,6 +128,7 @@ class SubjectRecord:
     rest: list[str] = field(default_factory=list)
     message: str = ""
     notes: tuple[str, ...] = ()
+    lost_digits: str = ""
 
     @property
     def subject(self) -> str:
@@ -143,12 +146,16 @@ class SubjectRecord:
 
     @property
     def outcome(self) -> str:
-        """The verdict in a word or two: "agrees", "explained", "refused", "unexplained"."""
+        """The verdict in a word or two: "agrees", "lost digits", "explained", "explained, digits lost", "refused", "unexplained"."""
         if self.verdict == Verdict.UNSUPPORTED:
             return "refused"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED, Verdict.ERROR):
             return self.verdict
-        return "lost digits" if self.verdict == Verdict.UNSTABLE else "explained" if self.explained else "unexplained"
+        if not self.explained:
+            return "unexplained"
+        if not self.lost_digits:
+            return "explained"
+        return "explained, digits lost" if self.readings else "lost digits"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +247,8 @@ def _tone(subject: SubjectRecord) -> str:
     """An explained answer looks like one that agrees; a refusal, lost digits and what is undecided look like what they are."""
     if not subject.explained:
         return "disagrees surprise"
+    if subject.lost_digits:
+        return f"{Verdict.UNSTABLE} expected"
     return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
 
 
