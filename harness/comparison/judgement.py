@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from harness.certify.compare import Comparison, compare
+from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
 from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
 from harness.comparison.questions import Answers, Caller
-from harness.comparison.readings import Reading, find_readings
+from harness.comparison.readings import find_readings
 from harness.comparison.rest import single_numbers, unexplained, why_refused
-from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
-from harness.results.comparison import Effect, SubjectRecord
+from harness.comparison.truth import Meant, read_as
+from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
-from harness.robots.robot import Robot
 from harness.verdict import AGREEMENT, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
@@ -33,25 +33,23 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    robot, effects = meant.robot, []
-    for reading in find_readings(caller.engine, meant.robot.format):
-        if not (aided and reading.supplied) and (changed := reading.read(robot)) is not robot:
-            effects.append(_effect(meant, reading, robot))
-            robot = changed
+    readings = find_readings(caller.engine, meant.robot.format)
+    folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
-    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects)
-    if unread := [name for name in lacking if name in robot.joints]:
+    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects(meant, folded))
+    if unread := [name for name in lacking if name in folded.robot.joints]:
         return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
-    read = read_as(meant, robot)
+    read = read_as(meant, folded.robot)
     if read.undetermined:
         return replace(record, explained=True)
     after = compared if read is meant and compared is not None else _compare(read, answers)
-    record = replace(record, left=_worst(after) if effects else None)
+    record = replace(record, left=_worst(after) if folded.applied else None)
     if _are_all(after, Verdict.AGREES):
         return replace(record, explained=True)
-    cause = _cause_of_lost_digits(read, answers, after, caller)
-    return replace(record, explained=True, lost_digits=_lost(after, cause)) if cause else replace(record, rest=unexplained(read, answers))
+    if cause := _cause_of_lost_digits(read, answers, after, caller):
+        return replace(record, explained=True, lost_digits=_lost(after, cause))
+    return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
 
 
 def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Caller) -> str:
@@ -114,12 +112,3 @@ def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
     """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
     verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
     return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
-
-
-def _effect(meant: Meant, reading: Reading, robot: Robot) -> Effect:
-    """What a reading does alone, and the lines of what it changes in ``robot``, which the readings before it have read."""
-    first = np.arange(min(STATES_OF_EFFECTS, len(meant.states)))
-    few = Meant(meant.robot, meant.states[first], meant.truth[first])
-    lines = tuple(place.line for place in reading.places(robot))
-    alone = change(few, read_as(few, reading.read(meant.robot)))
-    return Effect(name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source)

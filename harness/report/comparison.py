@@ -156,6 +156,8 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
         if subject.readings and subject.left is not None:
             these = "these readings" if len(subject.readings) > 1 else "this reading"
             yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
+        if subject.cancels:
+            yield "  together they cancel: the answer is that of the file"
         if subject.lost_digits:
             yield f"  {subject.lost_digits}"
 

@@ -13,6 +13,9 @@ from harness.results.study_result import StudyResult
 from harness.results.table import Cell, Column, Table, counted, error_text
 from harness.verdict import AGREEMENT, Verdict
 
+# The least relative change of accelerations that is one: less is rounding.
+FELT = 1e-12
+
 
 @dataclass(frozen=True, kw_only=True)
 class OmittedPart:
@@ -78,6 +81,7 @@ class Effect:
     Attributes:
         lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
             relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
+        beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
     """
 
     name: str
@@ -86,6 +90,7 @@ class Effect:
     lines: tuple[int, ...]
     alone: float | None
     source: str
+    beside: float | None = None
 
     @property
     def moves(self) -> str:
@@ -94,10 +99,16 @@ class Effect:
             return "with it alone the accelerations are not certain"
         if self.alone == math.inf:
             return "alone it takes joints out of the robot"
-        if self.alone == 0:
+        if self.alone > FELT:
+            return f"alone it moves qdd by {_size(self.alone)}"
+        if self.beside is None or self.beside <= FELT:
             return "alone it moves no acceleration"
-        size = f"{error_text(self.alone)} times" if self.alone >= 1 else f"{self.alone:.2g} of its size"
-        return f"alone it moves qdd by {size}"
+        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {_size(self.beside)}"
+        return f"alone it moves no acceleration, and beside the others it {felt}"
+
+
+def _size(change: float) -> str:
+    return f"{error_text(change)} times" if change >= 1 else f"{change:.2g} of its size"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +154,11 @@ class SubjectRecord:
         """The reading that moves qdd most; "" for none."""
         known = [reading for reading in self.readings if reading.alone]
         return max(known, key=lambda reading: reading.alone or 0.0).name if known else ""
+
+    @property
+    def cancels(self) -> bool:
+        """Whether readings that move qdd alone move nothing together: the answer agrees with the file."""
+        return self.verdict == Verdict.AGREES and self.explained and any((reading.alone or 0.0) > FELT for reading in self.readings)
 
     @property
     def outcome(self) -> str:
