@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
     Comparison,
     Effect,
@@ -18,10 +19,13 @@ from harness.results.comparison import (
     short_names,
     subjects_table,
     survey_table,
+    trends,
 )
 from harness.results.records import Run
-from harness.results.table import Table, counted, error_text
+from harness.results.table import Cell, Table, counted, error_text
 
+# Of which a trend is shown, this one among them.
+MOST_SURVEYS = 12
 # Of a reading or of a part that is left out; the JSON has all lines.
 MOST_LINES = 8
 
@@ -69,9 +73,28 @@ def _anchors(found: Comparison) -> dict[str, str]:
     return {file.path: f"robot-{number}" for number, file in enumerate(found.files, 1)}
 
 
-def survey_sections(found: Comparison, before: tuple[Run, Comparison] | None = None) -> Iterator[Section]:
-    """The overview, then each robot."""
+def _trend_table(earlier: Sequence[Comparison], found: Comparison) -> Table:
+    """A row for each robot, a line for each subject."""
+    values, names, anchors = trends(earlier, found), short_names(found), _anchors(found)
+    columns = sorted({(subject.engine, subject.kind) for subject in found.subjects}, key=lambda column: (column[0], column[1] == "aided"))
+    rows = []
+    for file in found.files:
+        own = {(subject.engine, subject.kind): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
+        if any(own.values()):
+            lines = [Sparkline(own[column]) if own.get(column) else "" for column in columns]
+            rows.append([Cell(names[file.path], link=f"#{anchors[file.path]}"), *lines])
+    heads = [engine if kind == "plain" else f"{engine} aided" for engine, kind in columns]
+    caption = f"The worst backward error after readings, in data roundoffs, over the last surveys, {len(earlier) + 1} with this one."
+    return Table(["robot", *heads], rows, caption)
+
+
+def survey_sections(
+    found: Comparison, before: tuple[Run, Comparison] | None = None, earlier: Sequence[Comparison] = ()
+) -> Iterator[Section]:
+    """The overview, the trend over the surveys ``earlier``, oldest first, then each robot."""
     yield from survey_overview(found, before, on_page=True)
+    if earlier:
+        yield Section("Trend", [_trend_table(earlier, found)])
     anchors, names = _anchors(found), short_names(found)
     for file in found.files:
         own = found.of(file.path)

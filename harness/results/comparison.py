@@ -156,6 +156,11 @@ class SubjectRecord:
         return max(known, key=lambda reading: reading.alone or 0.0).name if known else ""
 
     @property
+    def error(self) -> float | None:
+        """The worst backward error that is left where everything is accounted for, readings among it; None where nothing is compared."""
+        return self.backward_error if self.left is None else self.left
+
+    @property
     def cancels(self) -> bool:
         """Whether readings that move qdd alone move nothing together: the answer agrees with the file."""
         return self.verdict == Verdict.AGREES and self.explained and any((reading.alone or 0.0) > FELT for reading in self.readings)
@@ -266,6 +271,16 @@ def _tone(subject: SubjectRecord) -> str:
     if subject.lost_digits:
         return f"{Verdict.UNSTABLE} expected"
     return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
+
+
+def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:
+    """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
+    found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
+    for survey in (*earlier, now):
+        for one in survey.subjects:
+            if (values := found.get((one.path, one.subject, one.kind))) is not None and one.error is not None:
+                values.append(one.error)
+    return found
 
 
 def changes(before: Comparison, now: Comparison) -> Iterator[str]:
