@@ -7,6 +7,7 @@ The rates of components in a frame that turns miss the turning of the frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,24 @@ def multiplied(first: Array, second: Array) -> Array:
     return np.concatenate([real, w * other + other_w * vector + np.cross(vector, other)], axis=-1)
 
 
-def of_linear(turn: Array, values: Array) -> Array:
+def quaternion_of(turn: Array) -> Array:
+    """(w, x, y, z) of a rotation (3, 3)."""
+    x, y, z = np.diag(turn)
+    # Of the four squares the largest is 1/4 at least.
+    squares = np.array([1 + x + y + z, 1 + x - y - z, 1 - x + y - z, 1 - x - y + z])
+    largest = int(squares.argmax())
+    rows = np.array(
+        [
+            [squares[0], turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]],
+            [turn[2, 1] - turn[1, 2], squares[1], turn[1, 0] + turn[0, 1], turn[0, 2] + turn[2, 0]],
+            [turn[0, 2] - turn[2, 0], turn[1, 0] + turn[0, 1], squares[2], turn[2, 1] + turn[1, 2]],
+            [turn[1, 0] - turn[0, 1], turn[0, 2] + turn[2, 0], turn[2, 1] + turn[1, 2], squares[3]],
+        ]
+    )
+    return np.asarray(rows[largest] / (2 * np.sqrt(squares[largest])))
+
+
+def of_linear(turn: Array, values: Any) -> Any:
     """Velocities or forces with their linear components turned; ``turn`` is (n, 2, 2) or (n, 3, 3), or one for all."""
     count = turn.shape[-1]
     return np.hstack([np.einsum("...ij,nj->ni" if turn.ndim == 2 else "nij,nj->ni", turn, values[:, :count]), values[:, count:]])
@@ -51,7 +69,7 @@ def body_turn(kind: str, q: Array) -> Array:
 
 def to_body(turn: Array, values: Array) -> Array:
     """Velocities or forces whose linear components are in the frame of the parent, in that of the body."""
-    return of_linear(turn.transpose(0, 2, 1), values)
+    return np.asarray(of_linear(turn.transpose(0, 2, 1), values))
 
 
 def accelerations_from_body(turn: Array, accelerations: Array, v: Array) -> Array:
@@ -59,4 +77,4 @@ def accelerations_from_body(turn: Array, accelerations: Array, v: Array) -> Arra
     count = turn.shape[-1]
     linear, angular = to_body(turn, v)[:, :count], v[:, count:]
     turning = angular * np.column_stack([-linear[:, 1], linear[:, 0]]) if count == 2 else np.cross(angular, linear)
-    return of_linear(turn, np.hstack([accelerations[:, :count] + turning, accelerations[:, count:]]))
+    return np.asarray(of_linear(turn, np.hstack([accelerations[:, :count] + turning, accelerations[:, count:]])))

@@ -13,6 +13,7 @@ from harness.certify.reference import Flags, Reference, energy_norm
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
 from harness.comparison.questions import Asked
+from harness.comparison.same_states import SameStates
 from harness.comparison.states import asked_joints, spread
 from harness.equations.states import States
 from harness.robots.bounds import bounded
@@ -82,14 +83,15 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
     return [joint for joint, _ in of_body if not joint.follows and joint.name not in moved]
 
 
-def read_as(original: Meant, robot: Robot) -> Meant:
-    """The truth of another reading of a robot, ``robot``, at the states of the original."""
+def read_as(original: Meant, robot: Robot, same: SameStates | None = None) -> Meant:
+    """The truth of another reading of a robot, ``robot``, at the states of the original; ``same`` gives these in its coordinates."""
     if robot is original.robot:
         return original
     if not robot.joints:
         none = np.empty((len(original.states), 0))
         return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
     states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
+    states = states if same is None else same.of_second(states)
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
 
