@@ -4,5 +4,5 @@ May use ``certify``, ``robots``, ``engines`` and what is below them. Results are
 
 Start with ``study``, which asks everything of a file in worker processes. ``questions`` is what an engine is asked, ``callers`` are
 the engines as their users call them, ``readings`` what their readers make of an element, ``judgement`` explains an answer by readings,
-``sameness`` compares files.
+which ``accounting`` takes together; ``sameness`` compares files, at the same states (``same_states``).
 """
