@@ -132,3 +132,13 @@ def test_a_position_of_a_default_class_is_a_reading_of_pinocchio(tmp_path: Path)
     record = record_of(path, "pinocchio")
     assert record.explained and record.verdict == Verdict.DISAGREES
     assert [(reading.name, reading.lines) for reading in record.readings] == [("position of a default class", (2,))]
+
+
+def test_the_gravity_that_pinocchio_takes_is_rounded_like_that_of_a_file(tmp_path: Path) -> None:
+    """In free fall from rest nothing else says how far an acceleration may be off."""
+    path = tmp_path / "falls.xml"
+    path.write_text("""<mujoco><option gravity="0 0 0"/><worldbody><body name="one"><freejoint name="free"/>
+    <geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint name="pin" axis="1 2 3"/><geom size="0.1" pos="0.1 0.3 0"/></body></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and record.left is not None and record.left <= AGREEMENT

@@ -23,7 +23,7 @@ from lxml import etree
 from harness.models.xml import read_any
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Inertia, Joint, Place, Tree
+from harness.robots.tree import Body, Given, Inertia, Joint, Place, Tree
 
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
@@ -115,14 +115,16 @@ def element_at(place: Place | None) -> etree._Element | None:
     return _elements(place.path)[place.element]
 
 
-def mujoco_settings(robot: Robot, tag: str) -> Mapping[str, list[Fraction]]:
+def mujoco_settings(robot: Robot, tag: str) -> Mapping[str, list[Given]]:
     """The attributes of that part of a URDF's element ``<mujoco>`` that are numbers; MuJoCo takes one that is not finite for none."""
-    root = element_at(robot.tree.place)
-    part = None if root is None else root.find(f"mujoco/{tag}")
-    found = {}
-    for name, text in part.attrib.items() if part is not None else ():
+    place = robot.tree.place
+    root = element_at(place)
+    found: dict[str, list[Given]] = {}
+    if place is None or root is None or (part := root.find(f"mujoco/{tag}")) is None:
+        return found
+    for name, text in part.attrib.items():
         with contextlib.suppress(ValueError, OverflowError):
-            found[str(name)] = [Fraction(float(word)) for word in text.split()]
+            found[str(name)] = [Given(float(word), place, f"mujoco/{tag} {name}", index) for index, word in enumerate(text.split())]
     return found
 
 

@@ -1,18 +1,17 @@
 """MuJoCo damps each velocity of a floating or planar joint of a URDF, whose format speaks of revolute and prismatic joints alone."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 from harness.comparison.readings import Reading, element_at, with_joints
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
+from harness.robots.tree import Given, Joint, Tree
 
 
 def _read(joint: Joint) -> Joint:
     element = element_at(joint.place) if joint.kind in ("planar", "free") else None
     dynamics = None if element is None else element.find("dynamics")
     damping = 0.0 if dynamics is None else float(dynamics.get("damping", "0"))
-    return replace(joint, damping=Fraction(damping)) if damping else joint
+    return replace(joint, damping=Given(damping, joint.place, "damping")) if damping and joint.place else joint
 
 
 def _tree(robot: Robot) -> Tree:
