@@ -24,6 +24,8 @@ from harness.verdict import AGREEMENT, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
 
+_NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
+
 
 def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> SubjectRecord:
     """The record of a subject that returned something."""
@@ -42,8 +44,13 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     read = read_as(meant, folded.robot)
     if read.undetermined:
-        return replace(record, explained=True)
+        # Of a robot that has no accelerations any more, an engine may answer anything.
+        return replace(
+            record, verdict=Verdict.DISAGREES, explained=True, notes=(*answers.notes, f"as it reads the file, {read.undetermined}")
+        )
     after = compared if read is meant and compared is not None else _compare(read, answers)
+    if _are_all(after, Verdict.UNDECIDED):
+        return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)
     record = replace(record, left=_worst(after) if folded.applied else None)
     if _are_all(after, Verdict.AGREES):
         return replace(record, explained=True)

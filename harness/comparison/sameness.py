@@ -39,6 +39,8 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
     led, (first, second) = _mimics(first, second), _freed(first, second)
     same_states = SameStates(first.robot, second)
     other = read_as(first, second, same_states)
+    if other.undetermined:
+        return replace(record, problem=f"{second.path.name}: {other.undetermined}")
     columns = columns_of(other.joints, first.robot.joints)
     compared = compare(first.truth, same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())

@@ -62,10 +62,16 @@ def meant(robot: Robot, count: int, seed: int) -> Meant:
         return Meant(robot, States(none, none, none, np.empty(0)), None, "no joint moves, so that there is no acceleration")
     reference = reference_of(robot)
     states = sample(reference.mechanism, count, seed)
-    if idle := joints_without_inertia(robot.tree):
-        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
-        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
+    if undetermined := _undetermined(robot.tree):
+        return Meant(robot, states, None, undetermined)
     return Meant(robot, states, reference.evaluate(states))
+
+
+def _undetermined(tree: Tree) -> str:
+    """Why no acceleration is determined; "" where some are."""
+    idle = joints_without_inertia(tree)
+    named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+    return f"no acceleration is determined, for nothing with mass or inertia moves with {named}" if idle else ""
 
 
 def joints_without_inertia(tree: Tree) -> list[Joint]:
@@ -91,6 +97,8 @@ def read_as(original: Meant, robot: Robot, same: SameStates | None = None) -> Me
         none = np.empty((len(original.states), 0))
         return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
     states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
+    if undetermined := _undetermined(robot.tree):
+        return Meant(robot, states, None, undetermined)
     states = states if same is None else same.of_second(states)
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
@@ -108,6 +116,8 @@ def change(original: Meant, other: Meant) -> float | None:
     """
     if not set(original.robot.joints) <= set(other.robot.joints):
         return math.inf
+    if other.undetermined:
+        return None
     both = original.truth.certified & other.truth.certified
     if not both.any():
         return None

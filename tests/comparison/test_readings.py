@@ -142,3 +142,31 @@ def test_the_gravity_that_pinocchio_takes_is_rounded_like_that_of_a_file(tmp_pat
     <body name="two" pos="0 0.2 1"><joint name="pin" axis="1 2 3"/><geom size="0.1" pos="0.1 0.3 0"/></body></body></worldbody></mujoco>""")
     record = record_of(path, "pinocchio")
     assert record.outcome == "explained" and record.left is not None and record.left <= AGREEMENT
+
+
+def test_joints_without_names_are_found_in_pinocchio(tmp_path: Path) -> None:
+    """It calls them after their body and number."""
+    path = tmp_path / "unnamed.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><freejoint/><geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint axis="1 2 3"/><joint axis="0 1 0"/><geom size="0.1" pos="0.1 0.3 0"/>
+    <body name="three"><joint/><geom size="0.1" pos="0.5 0 0"/></body></body></body></worldbody></mujoco>""")
+    assert record_of(path, "pinocchio").verdict == Verdict.AGREES
+
+
+def test_a_robot_that_a_reading_leaves_without_mass_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "pictures.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><joint name="pin" axis="0 1 0"/>
+    <geom size="0.125" pos="0.3 0.1 0" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["geoms that cannot collide"]
+    assert "nothing with mass or inertia moves with pin (line 1)" in record.notes[0]
+
+
+def test_a_robot_without_a_certain_acceleration_is_undecided(tmp_path: Path) -> None:
+    """A ball joint in the centre of a free body that weighs nothing else."""
+    path = tmp_path / "ball.urdf"
+    text = (FILES / "impossible.urdf").read_text()
+    moments = text[text.index("<inertia ") : text.index("/>", text.index("<inertia "))]
+    path.write_text(text.replace(moments, '<inertia ixx="-1" ixy="0" ixz="0" iyy="-9" iyz="0" izz="-1"'))
+    record = record_of(path, "pinocchio")
+    assert (record.verdict, record.explained, "at no state" in record.message) == (Verdict.UNDECIDED, True, True)

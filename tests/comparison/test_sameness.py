@@ -131,6 +131,17 @@ def test_ball_joints_of_turned_bodies_are_the_same_joints(tmp_path: Path) -> Non
 
 
 LINK = '<inertial><origin xyz="0.1 0.2 0.05"/><mass value="2"/><inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def test_a_file_whose_joint_carries_nothing_is_said_so(tmp_path: Path) -> None:
+    text = (FILES / "impossible.urdf").read_text()
+    start, end = text.index("<inertial>"), text.index("</inertial>") + len("</inertial>")
+    copy = tmp_path / "idle.urdf"
+    copy.write_text(text[:start] + text[end:])
+    found = pair(FILES / "impossible.urdf", copy)
+    assert not found.same and found.problem.startswith("idle.urdf: no acceleration is determined")
+
+
 # On a slope, so that no acceleration is zero where nothing moves.
 FLOATING = """<robot name="r"><link name="ground"/><link name="base"/><link name="one">{inertial}</link><link name="two">{inertial}</link>
 <joint name="slope" type="fixed"><parent link="ground"/><child link="base"/><origin rpy="0.25 0.5 0"/></joint>

@@ -6,6 +6,7 @@ velocity of a free or planar joint is in the body's frame. Source: Pinocchio 4 d
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,9 @@ from harness.arrays import Array
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Answers, Asked, Question, by_joint, projected
 from harness.engines._standard_error import captured_standard_error
+
+# Several joints of one body; its first gives the name. A joint without name, as the tree names it.
+_COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
 class PinocchioCaller:
@@ -119,10 +123,10 @@ class _Asked:
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
     """Positions, velocities and Pinocchio's name of each joint that the model has; one of several in a body is part of a composite."""
-    places = {}
+    places, names = {}, _names_of_reader(joints)
     for number in range(1, model.njoints):
         joint, name = model.joints[number], model.names[number]
-        parts = _parts(joint, name, joints)
+        parts = _parts(joint, names.get(name.removeprefix(_COMPOSITE), name), name.startswith(_COMPOSITE), joints)
         q, v = joint.idx_q, joint.idx_v
         for part, nq, nv in parts:
             places[part] = list(range(q, q + nq)), list(range(v, v + nv)), name
@@ -130,14 +134,25 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], l
     return {joint.name: places[joint.name] for joint in joints if joint.name in places}
 
 
-def _parts(joint: Any, name: str, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
+def _names_of_reader(joints: Sequence[Asked]) -> dict[str, str]:
+    """Names of joints by those that the MJCF reader gives them: a joint without one is called after its body."""
+    found: dict[str, str] = {}
+    for joint in joints:
+        names = [joint.name]
+        if unnamed := _UNNAMED.fullmatch(joint.name):
+            number, body = unnamed.groups()
+            names = [f"{body}Joint_{int(number) - 1}", f"{body}_free"]
+        found |= dict.fromkeys(names, joint.name)
+    return found
+
+
+def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
     """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
-    if not name.startswith("Composite_"):
-        return [(name, joint.nq, joint.nv)]
     names = [one.name for one in joints]
-    first = names.index(name.removeprefix("Composite_"))
+    if not is_composite or name not in names:
+        return [(name, joint.nq, joint.nv)]
     found: list[tuple[str, int, int]] = []
-    for one in joints[first:]:
+    for one in joints[names.index(name) :]:
         if sum(nv for _, _, nv in found) < joint.nv:
             found.append((one.name, len(one.positions), len(one.velocities)))
     return found
