@@ -64,3 +64,20 @@ def test_the_report_says_that_meshes_are_not_judged() -> None:
     file = FileRecord(path="robot.xml", format="mjcf", meshes=(3, 5))
     lines = next(iter(sections(Comparison(files=[file])))).parts
     assert "  inertia of 2 meshes as MuJoCo compiled it (lines 3, 5): not judged" in lines
+
+
+def test_a_mesh_of_one_kilogram_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    """Whatever its size and density; one that cannot collide has no mass there."""
+    path = tmp_path / "mesh.xml"
+    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0 0.3 0 0 0 0.5 0 0.1 0 0.4"/></asset><worldbody>
+    <body name="one"><joint name="first" axis="0 1 0"/><geom name="felt" type="mesh" mesh="wedge" pos="0.1 0.2 0.3" euler="0 20 0"/>
+    <geom name="ball" size="0.1" pos="0.2 0 0"/>
+    <body name="two" pos="0 0 1"><joint name="second" axis="1 0 0"/><geom name="tip" size="0.1" pos="0 0.5 0"/>
+    <geom name="picture" type="mesh" mesh="wedge" contype="0" conaffinity="0"/></body></body></worldbody></mujoco>""")
+    assert record_of(path, "mujoco").verdict == Verdict.AGREES
+    record = record_of(path, "pinocchio", aided=True)
+    assert record.outcome == "explained"
+    assert [(reading.name, reading.lines) for reading in record.readings] == [
+        ("geoms that cannot collide", (5,)),
+        ("inertia of meshes", (2,)),
+    ]
