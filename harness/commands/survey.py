@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -19,7 +21,7 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
     every engine, the reading that explains most, and the links that no body can be.
     `harness compare FILE` shows one of them in full. A file without meaning is a row too.
-    Adds the page robots.html to the report, and says what changed since the last survey of the same places.
+    Adds the page robots.html to the report, with the trend of the last surveys of the same places, and says what changed since the last.
 
     \b
     Examples:
@@ -29,14 +31,18 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     from harness.comparison.collection import find_files
     from harness.comparison.study import RobotComparison, Settings
     from harness.report import write
-    from harness.report.comparison import render, survey_overview, survey_sections
+    from harness.report.comparison import MOST_SURVEYS, render, survey_overview, survey_sections
     from harness.results.comparison import Comparison
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
     profile = " ".join(["survey", *places, *(["with floating bases"] if bracket.floating_base else [])])
-    before = bracket.history.latest(Comparison, bracket.library.name, profile)
+    of_kind = Comparison, bracket.library.name, profile
+    before = bracket.history.latest(*of_kind)
+    earlier = [found for _, found in itertools.islice(bracket.history.recent(*of_kind, "subjects"), MOST_SURVEYS - 1)][::-1]
     bracket.begin(states, profile, Comparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
-    write(bracket.directory, {"robots.html": render(bracket.run, f"Robots of {', '.join(places)}", survey_sections(found, before))})
+    write(
+        bracket.directory, {"robots.html": render(bracket.run, f"Robots of {', '.join(places)}", survey_sections(found, before, earlier))}
+    )
     say("", f"page: {bracket.directory / 'robots.html'}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

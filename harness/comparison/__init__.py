@@ -4,6 +4,6 @@ May use ``diagnosis``, ``crosscheck``, ``certify`` and what is below them. Resul
 
 Start with ``study``, which asks everything of a file in worker processes. ``questions`` is what an engine is asked, ``callers`` are
 the engines as their users call them, ``readings`` what their readers make of an element, ``judgement`` explains an answer by readings,
-``sameness`` compares files. ``robot_library`` makes files a library, whose engines are the callers ``aided``, so that a cross-check, a
-search and a benchmark take them.
+which ``accounting`` takes together; ``sameness`` compares files, at the same states (``same_states``). ``robot_library`` makes files a
+library, whose engines are the callers ``aided``, so that a cross-check, a search and a benchmark take them.
 """

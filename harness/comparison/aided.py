@@ -65,6 +65,8 @@ class AidedModel:
         """
         if self.is_coupled:
             raise Unsupported("joints that mimic others are eliminated state by state, and no step of the engine's own does that")
+        if not all(joint.is_measured_in_the_world for joint in self._joints):
+            raise Unsupported("a free joint is measured in a frame of the file, which no step of the engine's own does")
         if self.loaded_robot.is_supplied_with_forces:
             raise Unsupported("springs or dampers are supplied as applied forces, which no step of the engine's own feels")
         return self.loaded_robot.model

@@ -15,10 +15,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.robot import Robot
 from harness.robots.spatial import Matrix, Three
-from harness.robots.tree import WORLD, Body, Joint
+from harness.robots.tree import WORLD, Body, Direction, Joint, Placement
 
 _BITS = 160
 
@@ -42,6 +43,8 @@ class Node:
     Attributes:
         parent: name of the joint before it, "" for none. body: that the file gives the joint to.
         anchor: (3,) from the parent's anchor, or from the world's origin [m]. axis: (3,), unit; zeros for ball and free joints.
+        frame: (3, 3) orientation of the axes in which a ball, free or planar joint has its velocity: x and y of a planar joint in its
+            plane, and its axis.
         bodies: each body that moves with it and not with a later joint. elements: these bodies in the file.
     """
 
@@ -50,6 +53,7 @@ class Node:
     body: Body
     anchor: Array
     axis: Array
+    frame: Array
     bodies: dict[str, Mass]
     elements: dict[str, Body]
 
@@ -77,13 +81,13 @@ class _Writer(BodyWriter):
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(())
-        self.tree = robot.tree
-        self.scale_to(robot.tree)
+        self.tree = bounded(robot.tree)
+        self.scale_to(self.tree)
         self._outputs: list[int] = []
         # Of each body, the joint that moves it, and its frame in the world.
         self._frames: dict[str, tuple[str, Matrix, Three]] = {WORLD: ("", self.identity, self.still)}
-        self._joints: dict[str, tuple[str, Joint, Body, Three, Three]] = {}
-        for body in robot.tree.bodies:
+        self._joints: dict[str, tuple[str, Joint, Body, Three, Three, Matrix]] = {}
+        for body in self.tree.bodies:
             self._frames[body.name] = self._grow(body)
 
     def _grow(self, body: Body) -> tuple[str, Matrix, Three]:
@@ -95,7 +99,8 @@ class _Writer(BodyWriter):
             anchor = self.added(shift, self.turned(turn, local))
             axis = self.turned(frame, self.direction(joint.axis)) if any(joint.axis) else self.still
             at_zero = self.difference(self.given(joint.offset), self.angle(joint.reference, joint.in_degrees))
-            self._joints[joint.name] = moved_by, joint, body, anchor, self.turned(turn, axis)
+            own = self.multiplied(turn, self.rotation(Placement(rotation=(Direction(joint.axis),)))) if joint.kind == "planar" else turn
+            self._joints[joint.name] = moved_by, joint, body, anchor, self.turned(turn, axis), own
             if joint.kind == "hinge":
                 turn = self.multiplied(turn, self.about(axis, at_zero)) if self._value(at_zero) != 0 else turn
                 shift = self.added(anchor, self.minus(self.turned(turn, local)))
@@ -109,8 +114,8 @@ class _Writer(BodyWriter):
 
     def nodes(self) -> dict[str, Node]:
         """Evaluated in balls."""
-        for _, _, _, anchor, axis in self._joints.values():
-            self._place([*anchor, *axis])
+        for _, _, _, anchor, axis, frame in self._joints.values():
+            self._place([*anchor, *axis, *(entry for row in frame for entry in row)])
         moving = [body for body in self.tree.bodies if self._frames[body.name][0]]
         for body in moving:
             name, turn, shift = self._frames[body.name]
@@ -122,10 +127,11 @@ class _Writer(BodyWriter):
         values = iter(self._evaluated())
         found: dict[str, Node] = {}
         anchors: dict[str, list[Any]] = {"": [0.0] * 3}
-        for name, (parent, joint, body, _, _) in self._joints.items():
+        for name, (parent, joint, body, *_) in self._joints.items():
             anchors[name] = [next(values) for _ in range(3)]
             arm = [float(one - other) for one, other in zip(anchors[name], anchors[parent], strict=True)]
-            found[name] = Node(parent, joint, body, np.array(arm), np.array([float(next(values)) for _ in range(3)]), {}, {})
+            own_axis, own_frame = (np.array([float(next(values)) for _ in range(count)]) for count in (3, 9))
+            found[name] = Node(parent, joint, body, np.array(arm), own_axis, own_frame.reshape(3, 3), {}, {})
         for body in moving:
             mass, first, second = next(values), [next(values) for _ in range(3)], [next(values) for _ in range(9)]
             node = found[self._frames[body.name][0]]

@@ -16,8 +16,8 @@ from harness.comparison.canonical import Node, canonical
 from harness.comparison.truth import Meant
 
 FAR_LINKS = (
-    "digits are lost at light links far from the centre of mass of their tree, about which the engine forms inertias: no error is beyond "
-    "what half ulps of m r^2 do"
+    "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
+    "inertias, and no number of the file explains them"
 )
 
 

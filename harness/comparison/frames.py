@@ -82,7 +82,7 @@ class _CanonicalRobot:
             key: _given(robot.path, line, quantity) for line, (key, quantity) in enumerate(all_of_them.items())
         }
         bodies = [body for name, node in canonical(robot).items() for body in self._bodies(name, node)]
-        tree = replace(robot.tree, bodies=tuple(bodies), gravity=self._three(("", "gravity")), total_mass=None)
+        tree = replace(robot.tree, bodies=tuple(bodies), gravity=self._three(("", "gravity")), total_mass=None, bounds=None)
         self.robot = replace(robot, tree=tree)
 
     def _three(self, key: Key) -> Vector:

@@ -12,15 +12,19 @@ from typing import Any
 import numpy as np
 
 from harness.certify.compare import Comparison, compare
+from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
 from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
 from harness.comparison.questions import Answers, Caller
-from harness.comparison.readings import Reading, find_readings
+from harness.comparison.readings import find_readings
 from harness.comparison.rest import single_numbers, unexplained, why_refused
-from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
-from harness.results.comparison import Effect, SubjectRecord
-from harness.verdict import Verdict
+from harness.comparison.truth import Meant, read_as
+from harness.results.comparison import SubjectRecord
+from harness.results.table import counted, error_text
+from harness.verdict import AGREEMENT, Verdict
 
-EXPLAINED = (Verdict.AGREES, Verdict.UNSTABLE)
+ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
+
+_NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
 
 
 def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> SubjectRecord:
@@ -31,36 +35,45 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = [
-        one
-        for one in find_readings(caller.engine, meant.robot.format)
-        if not (aided and one.supplied) and one.read(meant.robot) is not meant.robot
-    ]
-    effects = [_effect(meant, reading) for reading in readings]
-    robot = meant.robot
-    for reading in readings:
-        robot = reading.read(robot)
+    readings = find_readings(caller.engine, meant.robot.format)
+    folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
-    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects)
-    if unread := [name for name in lacking if name in robot.joints]:
+    record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects(meant, folded))
+    if unread := [name for name in lacking if name in folded.robot.joints]:
         return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
-    read = read_as(meant, robot)
+    read = read_as(meant, folded.robot)
     if read.undetermined:
-        return replace(record, explained=True)
+        # Of a robot that has no accelerations any more, an engine may answer anything.
+        return replace(
+            record, verdict=Verdict.DISAGREES, explained=True, notes=(*answers.notes, f"as it reads the file, {read.undetermined}")
+        )
     after = compared if read is meant and compared is not None else _compare(read, answers)
-    record = replace(record, explained=_is_explained(after), left=_worst(after) if readings else None)
-    if record.explained:
-        return record
-    if caller.takes_inertias_about_tree and _lost_far_away(read, answers):
-        return replace(record, explained=True, notes=(*record.notes, FAR_LINKS))
-    return replace(record, rest=unexplained(read, answers))
+    if _are_all(after, Verdict.UNDECIDED):
+        return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)
+    record = replace(record, left=_worst(after) if folded.applied else None)
+    if _are_all(after, Verdict.AGREES):
+        return replace(record, explained=True)
+    if cause := _cause_of_lost_digits(read, answers, after, caller):
+        return replace(record, explained=True, lost_digits=_lost(after, cause))
+    return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
 
 
-def _lost_far_away(read: Meant, answers: Answers) -> bool:
-    """True where a light link's distance explains what is left, and no number of the file does."""
+def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Caller) -> str:
+    """Why digits are lost in what the readings leave; "" where they are not, or a number of the file explains it."""
     accelerations = answers.of(read.robot.joints)
-    return not any(single_numbers(read, accelerations)) and is_explained_by_distance(read, accelerations)
+    if any(single_numbers(read, accelerations)):
+        return ""
+    if _are_all(after, Verdict.AGREES, Verdict.UNSTABLE):
+        return ILL_CONDITIONED
+    return FAR_LINKS if caller.takes_inertias_about_tree and is_explained_by_distance(read, accelerations) else ""
+
+
+def _lost(after: Comparison, cause: str) -> str:
+    """The finding in a sentence."""
+    known = after.known("backward_error")
+    count = f"{int((known > AGREEMENT).sum())} of {counted(len(after), 'state')}"
+    return f"it loses digits at {count}, up to {error_text(float(known.max()))} data roundoffs: {cause}"
 
 
 def _of_undetermined(meant: Meant, answers: Answers) -> str:
@@ -102,15 +115,7 @@ def _worst(compared: Comparison) -> float | None:
     return float(known.max()) if len(known) else None
 
 
-def _is_explained(compared: Comparison) -> bool:
-    """True where no state with a certified truth disagrees, and one has such a truth."""
-    verdicts = set(compared.verdicts.tolist())
-    return bool(verdicts & set(EXPLAINED)) and verdicts <= {*EXPLAINED, Verdict.UNDECIDED.value}
-
-
-def _effect(meant: Meant, reading: Reading) -> Effect:
-    first = np.arange(min(STATES_OF_EFFECTS, len(meant.states)))
-    few = Meant(meant.robot, meant.states[first], meant.truth[first])
-    lines = tuple(place.line for place in reading.places(meant.robot))
-    alone = change(few, read_as(few, reading.read(meant.robot)))
-    return Effect(name=reading.name, sentence=reading.sentence, concerns=reading.concerns, lines=lines, alone=alone, source=reading.source)
+def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
+    """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
+    verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
+    return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}

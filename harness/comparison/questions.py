@@ -25,12 +25,20 @@ class Asked:
 
     Attributes:
         kind: "hinge", "slide", "planar", "ball" or "free". positions, velocities: its columns in q and in v.
+        turn, shift: orientation (4,), a unit quaternion (w, x, y, z), and origin (3,) [m], in the world, of the frame in which a free
+            joint of a URDF is measured; of all others none that matters.
     """
 
     name: str
     kind: str
     positions: tuple[int, ...]
     velocities: tuple[int, ...]
+    turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    shift: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_measured_in_the_world(self) -> bool:
+        return (self.turn, self.shift) == (Asked.turn, Asked.shift)
 
 
 @dataclass(frozen=True)

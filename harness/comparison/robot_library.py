@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.comparison.callers import find_callers
+from harness.comparison.meshes import compiled_meshes
 from harness.comparison.truth import joints_without_inertia
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.causes import diagnoses_of
@@ -151,7 +152,7 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
     Raises:
         InvalidModel: the file has no meaning, or nothing in it has an acceleration.
     """
-    robot = read_robot(Path(name), floating_base=library.floating_base)
+    robot = read_robot(Path(name), floating_base=library.floating_base, compile_meshes=compiled_meshes)
     if not robot.joints:
         raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
     if idle := joints_without_inertia(robot.tree):

@@ -16,6 +16,7 @@ from harness.comparison.frames import differences_of_nodes
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.numbers import OtherShape, different_numbers, place_text, ranked
 from harness.comparison.readings import freed, with_joints, with_tree
+from harness.comparison.same_states import SameStates
 from harness.comparison.truth import Meant, change, columns_of, read_as
 from harness.results.comparison import Difference, PairRecord
 from harness.robots.robot import Robot
@@ -36,9 +37,12 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
         return replace(record, problem=matching.problem or first.undetermined)
     second = renamed_to(second, {other: one for one, other in matching.names.items()})
     led, (first, second) = _mimics(first, second), _freed(first, second)
-    other = read_as(first, second)
+    same_states = SameStates(first.robot, second)
+    other = read_as(first, second, same_states)
+    if other.undetermined:
+        return replace(record, problem=f"{second.path.name}: {other.undetermined}")
     columns = columns_of(other.joints, first.robot.joints)
-    compared = compare(first.truth, (other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
+    compared = compare(first.truth, same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
     same = verdicts == {Verdict.AGREES.value} and not led
     backward, relative = compared.known("backward_error"), compared.known("relative_error")

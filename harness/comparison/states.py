@@ -8,22 +8,53 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
+from harness.comparison.coordinates import multiplied, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
 from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Pose, Tree, Turn
+from harness.robots.tree import WORLD, Body, Pose, Tree, Turn
+
+# Orientation as a unit quaternion (w, x, y, z), and origin [m].
+Frame = tuple[tuple[float, ...], tuple[float, ...]]
+_OF_THE_WORLD: Frame = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked, ...]:
     """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
-    kinds = {joint.name: joint.kind for joint in tree.joints}
+    kinds, frames = {joint.name: joint.kind for joint in tree.joints}, _frames_of_free_joints(tree)
     found, q, v = [], 0, 0
     for name in names if names is not None else kinds:
         nq, nv = SIZES[kinds[name]]
-        found.append(Asked(name, kinds[name], tuple(range(q, q + nq)), tuple(range(v, v + nv))))
+        turn, shift = frames.get(name, _OF_THE_WORLD)
+        found.append(Asked(name, kinds[name], tuple(range(q, q + nq)), tuple(range(v, v + nv)), turn, shift))
         q, v = q + nq, v + nv
     return tuple(found)
+
+
+def _frames_of_free_joints(tree: Tree) -> dict[str, Frame]:
+    """Of the free joints of links that stand in a frame at rest; those of an MJCF are measured in the world."""
+    bodies = {body.name: body for body in tree.bodies}
+    found: dict[str, Frame] = {}
+    for body in tree.bodies:
+        pose, parent = body.pose, body.parent
+        for joint in body.joints if body.joints and body.joints[0].kind == "free" else ():
+            while parent != WORLD and not bodies[parent].joints:
+                pose, parent = bodies[parent].pose + pose, bodies[parent].parent
+            found[joint.name] = _placed(_OF_THE_WORLD, pose)
+    return found
+
+
+def _placed(frame: Frame, pose: Pose) -> Frame:
+    """A pose of a URDF in a frame, as that frame stands in the world."""
+    turn, shift = (np.array(part) for part in frame)
+    for placement in pose:
+        shift = shift + rotations(turn[None])[0] @ np.array([float(value) for value in placement.position])
+        for part in placement.rotation:
+            assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
+            half = float(part.angle) / 2
+            turn = multiplied(turn, np.array([math.cos(half), *(math.sin(half) * float(value) for value in part.axis)]))
+    return tuple(turn.tolist()), tuple(shift.tolist())
 
 
 def spread(robot: Robot, states: States, joints: Sequence[Asked]) -> States:

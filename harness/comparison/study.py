@@ -12,6 +12,7 @@ from pathlib import Path
 
 from harness.comparison.callers import find_callers
 from harness.comparison.judgement import judge, subject_of
+from harness.comparison.meshes import compiled_meshes
 from harness.comparison.questions import Answers, Question, ask
 from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
@@ -152,6 +153,7 @@ def _file_record(found: Meant) -> FileRecord:
         states=len(found.states),
         undecided=0 if found.certified is None else int((~found.certified.certified).sum()),
         remark=found.undetermined,
+        meshes=robot.meshes,
         left_out=[OmittedPart(what=one.what, lines=one.lines, bears_on_motion=one.bears_on_motion) for one in robot.left_out],
         impossible=[ImpossibleInertia(**vars(one)) for one in robot.impossible],
     )
@@ -161,7 +163,7 @@ def _file_record(found: Meant) -> FileRecord:
 
 
 def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Callable[[str], None]) -> Meant:
-    robot: Robot = read_robot(path, floating_base=floating_base)
+    robot: Robot = read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes)
     return meant(robot, count, seed)
 
 

@@ -13,8 +13,10 @@ from harness.certify.reference import Flags, Reference, energy_norm
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
 from harness.comparison.questions import Asked
+from harness.comparison.same_states import SameStates
 from harness.comparison.states import asked_joints, spread
 from harness.equations.states import States
+from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
 from harness.robots.tree import Joint, Tree
 from harness.storage import Kept
@@ -60,15 +62,22 @@ def meant(robot: Robot, count: int, seed: int) -> Meant:
         return Meant(robot, States(none, none, none, np.empty(0)), None, "no joint moves, so that there is no acceleration")
     reference = reference_of(robot)
     states = sample(reference.mechanism, count, seed)
-    if idle := joints_without_inertia(robot.tree):
-        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
-        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
+    if undetermined := _undetermined(robot.tree):
+        return Meant(robot, states, None, undetermined)
     return Meant(robot, states, reference.evaluate(states))
+
+
+def _undetermined(tree: Tree) -> str:
+    """Why no acceleration is determined; "" where some are."""
+    idle = joints_without_inertia(tree)
+    named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+    return f"no acceleration is determined, for nothing with mass or inertia moves with {named}" if idle else ""
 
 
 def joints_without_inertia(tree: Tree) -> list[Joint]:
     """The joints that carry neither mass nor inertia nor an armature, so that M is singular in every state."""
     loaded: set[str] = set()
+    tree = bounded(tree)
     heavy = [body.name for body in tree.bodies if not body.is_massless or (body.inertia is not None and any(body.inertia.moments))]
     above = {body.name: body.parent for body in tree.bodies}
     for name in heavy:
@@ -80,14 +89,17 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
     return [joint for joint, _ in of_body if not joint.follows and joint.name not in moved]
 
 
-def read_as(original: Meant, robot: Robot) -> Meant:
-    """The truth of another reading of a robot, ``robot``, at the states of the original."""
+def read_as(original: Meant, robot: Robot, same: SameStates | None = None) -> Meant:
+    """The truth of another reading of a robot, ``robot``, at the states of the original; ``same`` gives these in its coordinates."""
     if robot is original.robot:
         return original
     if not robot.joints:
         none = np.empty((len(original.states), 0))
         return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
     states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
+    if undetermined := _undetermined(robot.tree):
+        return Meant(robot, states, None, undetermined)
+    states = states if same is None else same.of_second(states)
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
 
@@ -104,6 +116,8 @@ def change(original: Meant, other: Meant) -> float | None:
     """
     if not set(original.robot.joints) <= set(other.robot.joints):
         return math.inf
+    if other.undetermined:
+        return None
     both = original.truth.certified & other.truth.certified
     if not both.any():
         return None

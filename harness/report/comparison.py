@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
     Comparison,
+    Effect,
     FileRecord,
     ImpossibleInertia,
     PairRecord,
@@ -17,10 +19,13 @@ from harness.results.comparison import (
     short_names,
     subjects_table,
     survey_table,
+    trends,
 )
 from harness.results.records import Run
-from harness.results.table import Table, counted, error_text
+from harness.results.table import Cell, Table, counted, error_text
 
+# Of which a trend is shown, this one among them.
+MOST_SURVEYS = 12
 # Of a reading or of a part that is left out; the JSON has all lines.
 MOST_LINES = 8
 
@@ -65,7 +70,9 @@ def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = N
     """A table of all robots, what is not explained, and what is other than in the survey ``before``."""
     compared = [subject for subject in found.subjects if not subject.aided]
     explained = sum(subject.explained for subject in compared)
+    losing = sum(bool(subject.lost_digits) for subject in compared)
     count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
+    count += f"; {losing} of them lose digits" if losing else ""
     yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     if before is not None:
@@ -76,9 +83,28 @@ def _anchors(found: Comparison) -> dict[str, str]:
     return {file.path: f"robot-{number}" for number, file in enumerate(found.files, 1)}
 
 
-def survey_sections(found: Comparison, before: tuple[Run, Comparison] | None = None) -> Iterator[Section]:
-    """The overview, then each robot."""
+def _trend_table(earlier: Sequence[Comparison], found: Comparison) -> Table:
+    """A row for each robot, a line for each subject."""
+    values, names, anchors = trends(earlier, found), short_names(found), _anchors(found)
+    columns = sorted({(subject.engine, subject.kind) for subject in found.subjects}, key=lambda column: (column[0], column[1] == "aided"))
+    rows = []
+    for file in found.files:
+        own = {(subject.engine, subject.kind): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
+        if any(own.values()):
+            lines = [Sparkline(own[column]) if own.get(column) else "" for column in columns]
+            rows.append([Cell(names[file.path], link=f"#{anchors[file.path]}"), *lines])
+    heads = [engine if kind == "plain" else f"{engine} aided" for engine, kind in columns]
+    caption = f"The worst backward error after readings, in data roundoffs, over the last surveys, {len(earlier) + 1} with this one."
+    return Table(["robot", *heads], rows, caption)
+
+
+def survey_sections(
+    found: Comparison, before: tuple[Run, Comparison] | None = None, earlier: Sequence[Comparison] = ()
+) -> Iterator[Section]:
+    """The overview, the trend over the surveys ``earlier``, oldest first, then each robot."""
     yield from survey_overview(found, before, on_page=True)
+    if earlier:
+        yield Section("Trend", [_trend_table(earlier, found)])
     anchors, names = _anchors(found), short_names(found)
     for file in found.files:
         own = found.of(file.path)
@@ -120,6 +146,9 @@ def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
         elif file.degrees_of_freedom:
             undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
             yield f"  certified accelerations at {counted(file.states, 'state')}{undecided}"
+        if file.meshes:
+            count = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
+            yield f"  inertia of {count} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged"
         for part in file.left_out:
             bearing = "would move it, and is off in every engine" if part.bears_on_motion else "bears on no acceleration"
             yield f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {bearing}"
@@ -146,7 +175,7 @@ def _stance(subject: SubjectRecord) -> str:
 
 def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for subject in subjects:
-        if not (subject.readings or subject.notes or subject.message):
+        if not (subject.readings or subject.notes or subject.message or subject.lost_digits):
             continue
         yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
         if subject.message:
@@ -155,12 +184,21 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield from (f"  {sentence}" for sentence in subject.rest[:MOST_LINES])
         yield from (f"  {note}" for note in subject.notes)
         for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0)):
-            count = counted(len(reading.lines), reading.concerns.removesuffix("s"))
-            yield f"  {reading.sentence}: {count}, {lines_text(reading.lines)}; {reading.moves}"
+            yield f"  {reading.sentence}: {_count(reading)}, {lines_text(reading.lines)}; {reading.moves}"
             yield f"    {reading.source}"
         if subject.readings and subject.left is not None:
             these = "these readings" if len(subject.readings) > 1 else "this reading"
             yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
+        if subject.cancels:
+            yield "  together they cancel: the answer is that of the file"
+        if subject.lost_digits:
+            yield f"  {subject.lost_digits}"
+
+
+def _count(reading: Effect) -> str:
+    number, nouns = len(reading.lines), reading.concerns
+    one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
+    return f"{number} {one if number == 1 else nouns}"
 
 
 def subject_lines(subject: SubjectRecord) -> list[str]:

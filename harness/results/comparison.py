@@ -13,6 +13,9 @@ from harness.results.study_result import StudyResult
 from harness.results.table import Cell, Column, Table, counted, error_text
 from harness.verdict import AGREEMENT, Verdict
 
+# The least relative change of accelerations that is one: less is rounding.
+FELT = 1e-12
+
 
 @dataclass(frozen=True, kw_only=True)
 class OmittedPart:
@@ -47,6 +50,7 @@ class FileRecord:
     Attributes:
         problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
         undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
+        meshes: lines of geoms whose inertia is that of a mesh as MuJoCo compiled it.
     """
 
     path: str
@@ -61,6 +65,7 @@ class FileRecord:
     states: int = 0
     undecided: int = 0
     remark: str = ""
+    meshes: tuple[int, ...] = ()
     left_out: list[OmittedPart] = field(default_factory=list)
     impossible: list[ImpossibleInertia] = field(default_factory=list)
 
@@ -76,6 +81,7 @@ class Effect:
     Attributes:
         lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
             relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
+        beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
     """
 
     name: str
@@ -84,6 +90,7 @@ class Effect:
     lines: tuple[int, ...]
     alone: float | None
     source: str
+    beside: float | None = None
 
     @property
     def moves(self) -> str:
@@ -92,10 +99,16 @@ class Effect:
             return "with it alone the accelerations are not certain"
         if self.alone == math.inf:
             return "alone it takes joints out of the robot"
-        if self.alone == 0:
+        if self.alone > FELT:
+            return f"alone it moves qdd by {_size(self.alone)}"
+        if self.beside is None or self.beside <= FELT:
             return "alone it moves no acceleration"
-        size = f"{error_text(self.alone)} times" if self.alone >= 1 else f"{self.alone:.2g} of its size"
-        return f"alone it moves qdd by {size}"
+        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {_size(self.beside)}"
+        return f"alone it moves no acceleration, and beside the others it {felt}"
+
+
+def _size(change: float) -> str:
+    return f"{error_text(change)} times" if change >= 1 else f"{change:.2g} of its size"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +121,8 @@ class SubjectRecord:
         left: worst backward error after the readings; None where nothing is compared.
         rest: what is known of what the readings leave, a sentence each. message: the engine's refusal, or why there is no answer.
         notes: what was taken out of the file before the engine read it.
+        lost_digits: at how many states, and why, the answer is beyond ``AGREEMENT`` though the engine and its readings hold the right
+            numbers; "" where it is not.
     """
 
     path: str
@@ -124,6 +139,7 @@ class SubjectRecord:
     rest: list[str] = field(default_factory=list)
     message: str = ""
     notes: tuple[str, ...] = ()
+    lost_digits: str = ""
 
     @property
     def subject(self) -> str:
@@ -140,13 +156,27 @@ class SubjectRecord:
         return max(known, key=lambda reading: reading.alone or 0.0).name if known else ""
 
     @property
+    def error(self) -> float | None:
+        """The worst backward error that is left where everything is accounted for, readings among it; None where nothing is compared."""
+        return self.backward_error if self.left is None else self.left
+
+    @property
+    def cancels(self) -> bool:
+        """Whether readings that move qdd alone move nothing together: the answer agrees with the file."""
+        return self.verdict == Verdict.AGREES and self.explained and any((reading.alone or 0.0) > FELT for reading in self.readings)
+
+    @property
     def outcome(self) -> str:
-        """The verdict in a word or two: "agrees", "explained", "refused", "unexplained"."""
+        """The verdict in a word or two: "agrees", "lost digits", "explained", "explained, digits lost", "refused", "unexplained"."""
         if self.verdict == Verdict.UNSUPPORTED:
             return "refused"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED, Verdict.ERROR):
             return self.verdict
-        return "lost digits" if self.verdict == Verdict.UNSTABLE else "explained" if self.explained else "unexplained"
+        if not self.explained:
+            return "unexplained"
+        if not self.lost_digits:
+            return "explained"
+        return "explained, digits lost" if self.readings else "lost digits"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,7 +268,19 @@ def _tone(subject: SubjectRecord) -> str:
     """An explained answer looks like one that agrees; a refusal, lost digits and what is undecided look like what they are."""
     if not subject.explained:
         return "disagrees surprise"
+    if subject.lost_digits:
+        return f"{Verdict.UNSTABLE} expected"
     return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
+
+
+def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:
+    """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
+    found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
+    for survey in (*earlier, now):
+        for one in survey.subjects:
+            if (values := found.get((one.path, one.subject, one.kind))) is not None and one.error is not None:
+                values.append(one.error)
+    return found
 
 
 def changes(before: Comparison, now: Comparison) -> Iterator[str]:

@@ -112,11 +112,14 @@ class History(AbstractContextManager["History"]):
 
     def latest(self, kind: type[_Result], library: str, profile: str | None = None) -> tuple[Run, _Result] | None:
         """The newest study of a kind, library and profile, or any profile, that found anything; None where there is none."""
+        return next(self.recent(kind, library, profile), None)
+
+    def recent(self, kind: type[_Result], library: str, profile: str | None = None, part: str = "%") -> Iterator[tuple[Run, _Result]]:
+        """The studies of a kind, library and profile, or any profile, that found anything, newest first; all of each, or one part."""
         for number, run in self.studies(kind, library).items():
-            found = self.read(number, kind) if profile in (None, run.profile) else kind()
+            found = self.read(number, kind, part) if profile in (None, run.profile) else kind()
             if any(found.stored_parts()):
-                return run, found
-        return None
+                yield run, found
 
     def earlier(self, study: int, limit: int = 30) -> list[tuple[Run, list[Record]]]:
         """Up to ``limit`` cross-checks before ``study`` of the same library and profile, newest first, with their records."""

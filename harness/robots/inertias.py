@@ -14,6 +14,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.robots.bounds import bounded
 from harness.robots.findings import Impossible
 from harness.robots.rigid import BodyWriter
 from harness.robots.tree import WORLD, Body, Inertia, Tree
@@ -32,7 +33,7 @@ def total_mass(tree: Tree) -> float:
     if tree.total_mass is not None:
         return float(tree.total_mass)
     writer = BodyWriter(())
-    place = writer.mass(tree)
+    place = writer.mass(bounded(tree))
     program = without_unused(writer.program({"mass": [place]}))
     with flint.ctx.workprec(_BITS):
         (mass,) = BallKernel(program, len(writer.parameters)).bind([float(value) for value in writer.parameters])()
@@ -40,7 +41,8 @@ def total_mass(tree: Tree) -> float:
 
 
 def impossible_inertias(tree: Tree) -> tuple[Impossible, ...]:
-    """The inertias of a tree that no body can have, in the order of its bodies."""
+    """The inertias of a tree that no body can have after its bounds, in the order of its bodies."""
+    tree = bounded(tree)
     found = [one for body in tree.bodies if body.inertia is not None for one in _of_inertia(body, body.inertia)]
     found += _of_moving_links(tree)
     order = {body.name: number for number, body in enumerate(tree.bodies)}

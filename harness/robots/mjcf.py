@@ -17,29 +17,35 @@ from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import GRAVITY, is_on
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import describe
+from harness.robots.meshes import Meshes
 from harness.robots.mjcf_inertias import Inertias
 from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
+from harness.robots.mjcf_spring_dampers import with_spring_dampers
 from harness.robots.mjcf_tendons import read_tendons
 from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, WORLD, Body, Joint, Tree, Vector, vector
+from harness.robots.tree import ORIGIN, WORLD, Body, Given, Joint, Tree, Vector, vector
 
 KINDS = ("hinge", "slide", "ball", "free")
 
 
-def read_tree(source: Source, root: etree._Element) -> Tree:
+def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> Tree:
     """The tree of an MJCF whose included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
+
+    ``meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
 
     Raises:
         InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
     """
     attributes = Attributes(source, root)
     _refuse_other_frames(source, root, attributes)
-    reader = _Reader(source, root, attributes)
+    reader = _Reader(source, root, attributes, meshes)
     bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
     springs, couplings = read_tendons(
         source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
     )
-    return Tree(bodies, _gravity(source, root), springs, couplings, reader.inertias.total_mass, source.place(root))
+    inertias = reader.inertias
+    tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
+    return with_spring_dampers(tree, reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
 
 
 def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
@@ -64,9 +70,11 @@ def _gravity(source: Source, root: etree._Element) -> Vector:
 class _Reader:
     """Bodies of one file."""
 
-    def __init__(self, source: Source, root: etree._Element, attributes: Attributes) -> None:
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
         self._source, self.attributes = source, attributes
-        self.inertias = Inertias(source, root, attributes)
+        self.inertias = Inertias(source, root, attributes, meshes)
+        # Time constant and damping ratio by joint.
+        self.spring_dampers: dict[str, tuple[Given, Given]] = {}
         self._names: dict[etree._Element, str] = {}
         self._taken: dict[str, etree._Element] = {}
 
@@ -122,10 +130,15 @@ class _Reader:
         )
         if joint.stiffness and kind in ("ball", "free"):
             self._source.refuse(element, f"{describe(element)} is a {kind} joint with stiffness, which is not read; remove it")
-        if resolved_text(element, "springdamper", "0 0").split() not in (["0", "0"], []):
-            self._source.refuse(
-                element, f"{describe(element)} has springdamper, which MuJoCo turns into stiffness and damping; write those"
-            )
+        time, ratio = attributes.numbers(element, "springdamper", (0, 0))
+        if time or ratio:
+            if min(time, ratio) <= 0:
+                self._source.refuse(
+                    element, f"{describe(element)} has springdamper {float(time):g} {float(ratio):g}; expected two positive numbers"
+                )
+            if kind in ("ball", "free"):
+                self._source.refuse(element, f"{describe(element)} is a {kind} joint with springdamper, which is not read; remove it")
+            self.spring_dampers[name] = time, ratio
         if kind == "free":
             return joint
         turned = replace(

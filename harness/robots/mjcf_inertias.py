@@ -14,9 +14,10 @@ from lxml import etree
 from harness.models.mjcf_defaults import resolved, resolved_text
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import describe
+from harness.robots.meshes import Meshes
 from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
 from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, Body, Inertia, Placement, Solid, vector
+from harness.robots.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
 
 # Sizes that each takes, and those that it takes beside two points.
 _SIZES = {"sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1)}
@@ -27,11 +28,12 @@ _OF_WATER = 1000.0
 class Inertias:
     """Reads them by what the ``compiler`` elements say."""
 
-    def __init__(self, source: Source, root: etree._Element, attributes: Attributes) -> None:
-        self._source, self._attributes = source, attributes
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+        self._source, self._attributes, self._meshes = source, attributes, meshes
         self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
-        self._balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
-        self._least_mass, self._least_moment = (self._number(root, name) for name in ("boundmass", "boundinertia"))
+        least_mass, least_moment = (self._number(root, name) for name in ("boundmass", "boundinertia"))
+        balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
+        self.bounds = Bounds(least_mass, least_moment, balances) if least_mass > 0 or least_moment > 0 or balances else None
         self._total = self._number(root, "settotalmass")
         self._groups = 0, 5
         for compiler in root.iterchildren("compiler"):
@@ -48,24 +50,14 @@ class Inertias:
         """The body with its masses."""
         inertial = element.find("inertial")
         if inertial is not None and self._from_geoms != "true":
-            return replace(body, inertia=self._bounded(inertial, self._explicit(inertial)))
+            return replace(body, inertia=self._explicit(inertial))
         if self._from_geoms == "false":
             return body
         geoms = list(inside(element, "geom"))
         if not self._total and not _moves(element):
             # No file needs to state the inertia of what stands still.
             geoms = [geom for geom in geoms if not self._is_mesh(geom)]
-        solids = tuple(solid for geom in geoms for solid in self._solid(geom))
-        if not all(solid.is_massless for solid in solids) and (self._least_mass or self._least_moment or self._balances):
-            word = next(
-                name
-                for name in ("boundmass", "boundinertia", "balanceinertia")
-                if self._attributes.compiler(name, "0") not in ("0", "false")
-            )
-            self._source.refuse(
-                element, f"{describe(element)} has its inertia from geoms, which <compiler {word}> may change; write an <inertial>"
-            )
-        return replace(body, solids=solids)
+        return replace(body, solids=tuple(solid for geom in geoms for solid in self._solid(geom)))
 
     def _number(self, root: etree._Element, attribute: str) -> Fraction:
         found = Fraction(0)
@@ -85,17 +77,6 @@ class Inertias:
             source.refuse(element, f"{describe(element)} has fullinertia and an orientation; expected one of them")
         return Inertia(pose, mass, source.numbers(element, "fullinertia", None, None, 6, 6), place)
 
-    def _bounded(self, element: etree._Element, inertia: Inertia) -> Inertia:
-        """The inertia after what ``boundmass``, ``boundinertia`` and ``balanceinertia`` make of it."""
-        first, others = inertia.moments[:3], inertia.moments[3:]
-        if (self._least_moment or self._balances) and any(others):
-            problem = "boundinertia or balanceinertia may change; write its principal moments as diaginertia"
-            self._source.refuse(element, f"{describe(element)} has fullinertia, which {problem}")
-        first = tuple(max(moment, self._least_moment) for moment in first)
-        if self._balances and 2 * max(first) > sum(first):
-            first = (sum(first, Fraction(0)) / 3,) * 3
-        return replace(inertia, mass=max(inertia.mass, self._least_mass), moments=(*first, *others))
-
     def _solid(self, geom: etree._Element) -> Iterator[Solid]:
         """What a geom adds to its body: one solid, or nothing."""
         source, attributes = self._source, self._attributes
@@ -108,6 +89,9 @@ class Inertias:
         is_massless = not (density if mass is None else mass)
         # A massless solid adds nothing, and stays for those that read its mass otherwise.
         if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
+            return
+        if self._meshes is not None and self._is_mesh(geom):
+            yield self._meshes.solid(source, geom)
             return
         if kind not in _SIZES:
             source.refuse(

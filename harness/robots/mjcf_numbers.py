@@ -72,12 +72,16 @@ class Attributes:
     def coefficient(self, element: etree._Element, attribute: str, stage: str) -> Fraction:
         """A stiffness or damping; 0 where that stage is switched off."""
         linear, *others = self.numbers(element, attribute, (0, 0, 0))
-        if not is_on(self._root, stage) or not is_on(self._root, "passive"):
+        if not self.acts(stage):
             return Fraction(0)
         if any(others):
             problem = f"{attribute} is a polynomial of the displacement or rate, which is not read; write one number"
             self._source.refuse(element, f"{describe(element)}: {problem}")
         return linear
+
+    def acts(self, stage: str) -> bool:
+        """Whether "spring" or "damper" forces are switched on."""
+        return is_on(self._root, stage) and is_on(self._root, "passive")
 
     def pose(self, element: etree._Element) -> Pose:
         """The placement of an element, behind those of the frames around it."""

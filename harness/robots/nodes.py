@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.spatial import Matrix, Three, transposed
 from harness.robots.tree import WORLD, Body, Direction, Joint, Placement, Pose, Tree
@@ -58,7 +59,7 @@ class NodeWriter(BodyWriter):
         for name, (positions, velocities) in zip(order, sizes, strict=True):
             self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
             q, v = q + positions, v + velocities
-        self.tree = tree
+        self.tree = tree = bounded(tree)
         self.scale_to(tree)
         self.nodes: list[Node] = []
         # Node, and the body's frame in that of the node.

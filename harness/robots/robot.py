@@ -19,6 +19,7 @@ from harness.models.xml import Document, describe, parse_any, read_any
 from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out
 from harness.robots.findings import Impossible, LeftOut
 from harness.robots.inertias import impossible_inertias, total_mass
+from harness.robots.meshes import CompileMeshes, Meshes
 from harness.robots.mjcf_expansion import expand
 from harness.robots.nodes import SIZES
 from harness.robots.source import Source
@@ -62,6 +63,12 @@ class Robot:
         return len(self.tree.bodies)
 
     @property
+    def meshes(self) -> tuple[int, ...]:
+        """The lines of geoms whose inertia is that of a mesh as an engine compiled it, of each once."""
+        solids = [solid for body in self.tree.bodies for solid in body.solids if solid.kind == "mesh"]
+        return tuple(dict.fromkeys(solid.place.line for solid in solids if solid.place))
+
+    @property
     def degrees_of_freedom(self) -> int:
         """Number of velocities."""
         kinds = {joint.name: joint.kind for joint in self.tree.joints}
@@ -72,17 +79,19 @@ class Robot:
         return {joint.name: joint for joint in self.tree.joints}[name]
 
 
-def read_robot(path: Path, *, floating_base: bool = False, gravity: float = 9.81) -> Robot:
+def read_robot(path: Path, *, floating_base: bool = False, gravity: float = 9.81, compile_meshes: CompileMeshes | None = None) -> Robot:
     """The robot in a file, URDF or MJCF as its root element says.
 
     ``floating_base`` puts a free joint between the world and the root link of a URDF, which holds no gravity either: ``gravity``
     [m/s^2] points along -z there.
 
+    ``compile_meshes`` gives what meshes of an MJCF weigh, which no file states. It is called for files that need it.
+
     Raises:
         InvalidModel: the file cannot be read, or something in it has no meaning: a number that is none, a joint without axis, links
             that are no tree, an element that makes bodies by the rules of one engine alone.
     """
-    return _read(read_any(path, _EXPECTED), floating_base, gravity)
+    return _read(read_any(path, _EXPECTED), floating_base, gravity, compile_meshes)
 
 
 def format_of(path: Path) -> str:
@@ -106,7 +115,7 @@ def tree_of(model: ModelFile, gravity: float) -> Tree:
     return _read(parse_any(model.path, model.text, _EXPECTED), False, gravity).tree
 
 
-def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
+def _read(document: Document, floating_base: bool, gravity: float, compile_meshes: CompileMeshes | None = None) -> Robot:
     source = Source()
     root = source.add(document)
     model_format = _format(source, root)
@@ -116,7 +125,7 @@ def _read(document: Document, floating_base: bool, gravity: float) -> Robot:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         expand(source, root, document.path)
-        tree = mjcf.read_tree(source, root)
+        tree = mjcf.read_tree(source, root, None if compile_meshes is None else Meshes(document.path, compile_meshes))
         left_out = mjcf_left_out.left_out(source, root, tree)
     robot = Robot(
         path=document.path,

@@ -28,6 +28,8 @@ class SolidWriter(SpatialWriter):
 
     def solid(self, solid: Solid) -> tuple[int, Three]:
         """Its mass and its principal moments of inertia."""
+        if solid.mass is not None and solid.moments:
+            return self.given(solid.mass), self.numbers(solid.moments)
         shape = (self._surface if solid.shell else self._volume)(solid.kind, self._sizes(solid))
         if solid.mass is not None:
             mass = self.given(solid.mass)

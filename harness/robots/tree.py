@@ -192,10 +192,11 @@ class Solid(_Placed):
     """A geometric body of even density, or an even surface where ``shell``, in the frame ``pose`` of a body, whose origin is its centre.
 
     Attributes:
-        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
+        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box"; "mesh" for what an engine compiled, see ``harness.robots.meshes``.
         size: radius; radius and half length along z without the half spheres; or half the extents along x, y and z [m].
         mass: [kg]; None where ``density`` [kg/m^3, or kg/m^2] gives it.
         ends: the two points between which it reaches, instead of all sizes but the first; None without.
+        moments: principal moments of inertia [kg m^2] of a mesh, which has no size here.
     """
 
     kind: str
@@ -206,6 +207,7 @@ class Solid(_Placed):
     shell: bool = False
     ends: tuple[Vector, Vector] | None = None
     place: Place | None = None
+    moments: tuple[Fraction, ...] = ()
 
     @property
     def is_massless(self) -> bool:
@@ -230,6 +232,20 @@ class Body(_Placed):
     @property
     def is_massless(self) -> bool:
         return all(solid.is_massless for solid in self.solids) and not (self.inertia and self.inertia.mass)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is done about bodies that weigh too little, or that no body can be; see ``harness.robots.bounds``.
+
+    Attributes:
+        mass, moment: least mass [kg] of each body, and least principal moment of inertia [kg m^2].
+        balances: whether principal moments of which one is more than the sum of the others all become their mean.
+    """
+
+    mass: Fraction = Fraction(0)
+    moment: Fraction = Fraction(0)
+    balances: bool = False
 
 
 @dataclass(frozen=True)
@@ -266,7 +282,8 @@ class Spring(_Placed):
 class Tree(_Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
 
-    With ``total_mass`` [kg] all masses and inertias are scaled by one factor, so that the masses of all bodies sum to it.
+    With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
+    factor, so that the masses of all bodies sum to it.
     """
 
     bodies: tuple[Body, ...]
@@ -275,6 +292,7 @@ class Tree(_Placed):
     couplings: tuple[Coupling, ...] = ()
     total_mass: Fraction | None = None
     place: Place | None = None
+    bounds: Bounds | None = None
 
     @property
     def joints(self) -> tuple[Joint, ...]:

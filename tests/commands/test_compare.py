@@ -90,7 +90,11 @@ def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
     survey = ("survey", str(robots), "--states", "8")
     first = harness(*survey, cwd=tmp_path)
     assert first.returncode == 0 and "Since the survey" not in first.stdout
+    assert '<svg class="trend"' not in (tmp_path / "reports" / "robots.html").read_text()
     assert "nothing changed" in harness(*survey, cwd=tmp_path).stdout
+    # Two robots, two engines, plain and aided.
+    page = (tmp_path / "reports" / "robots.html").read_text()
+    assert page.count('<svg class="trend"') == 8 and page.count("in 2 runs") == 16 and "2 with this one" in page
     (robots / "mimic.urdf").unlink()
     (robots / "arm.urdf").write_text(ARM.read_text().replace("<dynamics", "<was").replace("dynamics>", "was>"))
     told = harness(*survey, cwd=tmp_path).stdout.partition("Since the survey of")[2]

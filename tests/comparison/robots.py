@@ -6,6 +6,7 @@ from pathlib import Path
 
 from harness.comparison.callers import find_callers
 from harness.comparison.judgement import judge
+from harness.comparison.meshes import compiled_meshes
 from harness.comparison.questions import ask
 from harness.comparison.study import question_of
 from harness.comparison.truth import Meant, meant
@@ -17,7 +18,7 @@ STATES = 16
 
 
 def meant_by(path: Path, floating_base: bool = False) -> Meant:
-    return meant(read_robot(path, floating_base=floating_base), STATES, seed=0)
+    return meant(read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes), STATES, seed=0)
 
 
 def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool = False) -> SubjectRecord:

@@ -59,7 +59,7 @@ def test_an_aided_engine_agrees_with_the_file(name: str, engine: str) -> None:
 def test_a_plane_that_a_reader_passes_over_is_a_reading(tmp_path: Path) -> None:
     path = edited(FILES / "planar.urdf", tmp_path, ('<axis xyz="0 0 1"/>', '<axis xyz="0.6 0 0.8"/>'))
     record = record_of(path, "pinocchio", aided=True)
-    assert record.explained and record.verdict == Verdict.DISAGREES and [reading.name for reading in record.readings] == ["planar axis"]
+    assert record.explained and record.verdict == Verdict.DISAGREES and [reading.name for reading in record.readings] == ["axis of planar joints"]
     assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
 
 
@@ -110,7 +110,7 @@ def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Pa
     start, end = text.index('  <joint name="flange"'), text.index("</robot>")
     path.write_text(text[:start] + text[end:])
     record = record_of(path, "mujoco", aided=True)
-    assert record.explained
+    assert record.explained and record.outcome == "lost digits" and "half ulps of m r^2" in record.lost_digits
     found = meant_by(path)
     assert is_explained_by_distance(found, found.truth.high)
     assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))
@@ -127,3 +127,53 @@ def test_mass_of_collision_geometry_is_a_reading_of_mujoco(shape: str, tmp_path:
     assert record.explained and [reading.name for reading in record.readings] == ["mass of collision geometry"]
     assert record.readings[0].lines == (line_of(path, '<link name="tool">'),)
     assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
+
+
+def test_a_position_of_a_default_class_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "class.xml"
+    path.write_text("""<mujoco>
+    <default><default class="off"><joint pos="0.25 0 0.125"/></default></default>
+    <worldbody><body name="one"><joint name="near" axis="0 1 0"/><geom size="0.125" pos="0.5 0 0"/>
+      <body name="two" pos="0 0 1"><joint name="far" class="off" axis="1 1 0"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.explained and record.verdict == Verdict.DISAGREES
+    assert [(reading.name, reading.lines) for reading in record.readings] == [("position of a default class", (2,))]
+
+
+def test_the_gravity_that_pinocchio_takes_is_rounded_like_that_of_a_file(tmp_path: Path) -> None:
+    """In free fall from rest nothing else says how far an acceleration may be off."""
+    path = tmp_path / "falls.xml"
+    path.write_text("""<mujoco><option gravity="0 0 0"/><worldbody><body name="one"><freejoint name="free"/>
+    <geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint name="pin" axis="1 2 3"/><geom size="0.1" pos="0.1 0.3 0"/></body></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and record.left is not None and record.left <= AGREEMENT
+
+
+def test_joints_without_names_are_found_in_pinocchio(tmp_path: Path) -> None:
+    """It calls them after their body and number."""
+    path = tmp_path / "unnamed.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><freejoint/><geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint axis="1 2 3"/><joint axis="0 1 0"/><geom size="0.1" pos="0.1 0.3 0"/>
+    <body name="three"><joint/><geom size="0.1" pos="0.5 0 0"/></body></body></body></worldbody></mujoco>""")
+    assert record_of(path, "pinocchio").verdict == Verdict.AGREES
+
+
+def test_a_robot_that_a_reading_leaves_without_mass_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "pictures.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><joint name="pin" axis="0 1 0"/>
+    <geom size="0.125" pos="0.3 0.1 0" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["geoms that cannot collide"]
+    assert "nothing with mass or inertia moves with pin (line 1)" in record.notes[0]
+
+
+def test_a_robot_without_a_certain_acceleration_is_undecided(tmp_path: Path) -> None:
+    """A ball joint in the centre of a free body that weighs nothing else."""
+    path = tmp_path / "ball.urdf"
+    text = (FILES / "impossible.urdf").read_text()
+    moments = text[text.index("<inertia ") : text.index("/>", text.index("<inertia "))]
+    path.write_text(text.replace(moments, '<inertia ixx="-1" ixy="0" ixz="0" iyy="-9" iyz="0" izz="-1"'))
+    record = record_of(path, "pinocchio")
+    assert (record.verdict, record.explained, "at no state" in record.message) == (Verdict.UNDECIDED, True, True)

@@ -107,3 +107,73 @@ def test_a_joint_that_mimics_in_one_file_only_is_a_difference(tmp_path: Path) ->
     found = pair(FILES / "mimic.urdf", edited(FILES / "mimic.urdf", tmp_path, (mimic, "")))
     assert not found.same
     assert (found.differences[0].first, found.differences[0].second) == ("mimics left", "moves by itself")
+
+
+BALL = """<mujoco><compiler angle="radian"/><worldbody><body name="one" pos="0 0 1"{pose}>{joint}
+<inertial pos="{centre}" mass="2" diaginertia="0.25 0.5 0.375"{turned}/>
+<body name="two" pos="{arm}"{turned}><joint name="hinge" axis="0 1 0"/><inertial pos="0.1 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+</body></worldbody></mujoco>"""
+
+
+def test_ball_joints_of_turned_bodies_are_the_same_joints(tmp_path: Path) -> None:
+    """The body's frame is turned by a quarter about z, and what it holds is turned back."""
+    joint, names = '<joint name="ball" type="ball"/>', ("straight.xml", "turned.xml")
+    straight = BALL.format(joint=joint, pose="", centre="0.25 0 0", turned="", arm="0.5 0 0.125")
+    quarter, back = "0.7071067811865476 0 0 0.7071067811865476", "0.7071067811865476 0 0 -0.7071067811865476"
+    turned = BALL.format(joint=joint, pose=f' quat="{quarter}"', centre="0 -0.25 0", turned=f' quat="{back}"', arm="0 -0.5 0.125")
+    for name, text in zip(names, (straight, turned), strict=True):
+        (tmp_path / name).write_text(text)
+    found = pair(tmp_path / names[0], tmp_path / names[1])
+    assert found.same and found.backward_error is not None and found.backward_error < 16
+    (tmp_path / names[1]).write_text(turned.replace('mass="2"', 'mass="2.00002"'))
+    found = pair(tmp_path / names[0], tmp_path / names[1])
+    assert not found.same and found.differences[0].what == "mass of link one"
+
+
+LINK = '<inertial><origin xyz="0.1 0.2 0.05"/><mass value="2"/><inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def test_a_file_whose_joint_carries_nothing_is_said_so(tmp_path: Path) -> None:
+    text = (FILES / "impossible.urdf").read_text()
+    start, end = text.index("<inertial>"), text.index("</inertial>") + len("</inertial>")
+    copy = tmp_path / "idle.urdf"
+    copy.write_text(text[:start] + text[end:])
+    found = pair(FILES / "impossible.urdf", copy)
+    assert not found.same and found.problem.startswith("idle.urdf: no acceleration is determined")
+
+
+# On a slope, so that no acceleration is zero where nothing moves.
+FLOATING = """<robot name="r"><link name="ground"/><link name="base"/><link name="one">{inertial}</link><link name="two">{inertial}</link>
+<joint name="slope" type="fixed"><parent link="ground"/><child link="base"/><origin rpy="0.25 0.5 0"/></joint>
+<joint name="free" type="{kind}"><parent link="base"/><child link="one"/>{origin}{axis}</joint>
+<joint name="hinge" type="revolute"><parent link="one"/><child link="two"/>{child}<axis xyz="{hinge}"/></joint></robot>"""
+
+
+def test_a_floating_joint_is_the_same_wherever_its_frame_stands(tmp_path: Path) -> None:
+    child, names = '<origin xyz="0 0.5 0.2"/>', ("near.urdf", "away.urdf")
+    for name, origin in zip(names, ("", '<origin xyz="1 2 3" rpy="0.25 0.5 1"/>'), strict=True):
+        text = FLOATING.format(inertial=LINK, kind="floating", origin=origin, axis="", child=child, hinge="0 1 0")
+        (tmp_path / name).write_text(text)
+    found = pair(tmp_path / names[0], tmp_path / names[1])
+    assert found.same and found.backward_error is not None and found.backward_error < 16
+
+
+@pytest.mark.parametrize("turn", ["3.141592653589793 0 0", "0 0 1.5707963267948966"])
+def test_a_planar_joint_is_the_same_in_a_turned_frame(turn: str, tmp_path: Path) -> None:
+    """Half a turn about x turns its axis round, a quarter about z its directions; the link's frame is turned back behind it."""
+    angles = [float(angle) for angle in turn.split()]
+    straight = FLOATING.format(inertial=LINK, kind="planar", origin="", axis='<axis xyz="0 0 1"/>', child="", hinge="0 0 1")
+    axis = "0 0 -1" if angles[0] else "0 0 1"
+    back = f'<origin rpy="{-angles[0]} 0 {-angles[2]}"/>'
+    # What stands in the first link, by the turned link's axes.
+    centre = "0.1 -0.2 -0.05" if angles[0] else "0.2 -0.1 0.05"
+    moments = ('ixx="0.3" iyy="0.4"', 'ixx="0.3" iyy="0.4"' if angles[0] else 'ixx="0.4" iyy="0.3"')
+    own = LINK.replace("0.1 0.2 0.05", centre).replace(*moments)
+    turned = FLOATING.format(
+        inertial=LINK, kind="planar", origin=f'<origin rpy="{turn}"/>', axis=f'<axis xyz="{axis}"/>', child=back, hinge="0 0 1"
+    )
+    turned = turned.replace(f'<link name="one">{LINK}', f'<link name="one">{own}')
+    for name, text in (("straight.urdf", straight), ("turned.urdf", turned)):
+        (tmp_path / name).write_text(text)
+    found = pair(tmp_path / "straight.urdf", tmp_path / "turned.urdf")
+    assert found.same and found.backward_error is not None and found.backward_error < 16

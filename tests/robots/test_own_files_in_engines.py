@@ -65,25 +65,61 @@ def test_the_quadruped_is_that_of_mujoco(tmp_path: Path, changes: dict[str, str]
     assert compare(truth, by_mujoco(model, states)).backward_error.max() < 64
 
 
-def test_bounds_of_inertias_are_those_of_mujoco(tmp_path: Path) -> None:
-    body = '<body><joint axis="1 2 3"/><inertial pos="0.1 0.2 0.3" mass="{}" diaginertia="{}" euler="10 20 30"/></body>'
-    bodies = body.format("0.05", "0.002 0.003 0.004") + body.format("2", "0.5 0.01 0.02")
-    for options in (
-        'boundmass="0.1"',
-        'boundinertia="0.003"',
-        'balanceinertia="true"',
+@pytest.mark.parametrize("flag", ["", '<option><flag spring="disable"/></option>', '<option><flag damper="disable"/></option>'])
+def test_a_time_constant_and_damping_ratio_are_those_of_mujoco(flag: str, tmp_path: Path) -> None:
+    """Of a class too, at a reference position, on a joint that moves others, and instead of what stands beside it."""
+    path = tmp_path / "spring_dampers.xml"
+    path.write_text(
+        f"""<mujoco>{flag}
+        <default><default class="slow"><joint springdamper="0.5 0.75" stiffness="3"/></default></default>
+        <worldbody><body><freejoint/><geom type="box" size="0.1 0.2 0.3"/>
+        <body pos="0.3 0 0"><joint class="slow" axis="0 1 0" ref="30" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.05"/>
+        <body pos="0.5 0 0"><joint class="slow" axis="0 1 1" springref="20"/><joint type="slide" springdamper="0.1 1" stiffness="2"/>
+        <geom size="0.1" pos="0 0.1 0.2"/></body></body></body></worldbody></mujoco>"""
+    )
+    robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
+    reference = RobotReference(robot)
+    states = sample(reference.mechanism, STATES, SEED)
+    assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
+
+
+# Bodies of which least values change much, little, or nothing; and the moments that none can have, for a mean.
+BODIES = {
+    "principal": '<inertial pos="0.1 0.2 0.3" mass="0.05" diaginertia="0.002 0.003 0.004" euler="10 20 30"/>',
+    "heavy": '<inertial pos="0.1 0.2 0.3" mass="2" diaginertia="0.03 0.02 0.02" euler="10 20 30"/>',
+    "full": '<inertial pos="0.1 0.2 0.3" mass="2" fullinertia="0.014 0.1 0.11 0.001 0.002 0.003"/>',
+    "solid": '<geom type="capsule" fromto="0.1 0 0 0.2 0.3 0.1" size="0.02" density="100"/>',
+    "solids": '<geom size="0.05" pos="0.1 0 0"/><geom type="box" size="0.02 0.03 0.04" pos="-0.1 0.2 0" euler="10 20 30"/>',
+    "nothing": "",
+}
+OF_NO_BODY = {'"0.03 0.02 0.02"': '"0.5 0.01 0.02"', '"0.014 0.1 0.11': '"0.004 0.1 0.11'}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        'boundmass="0.1" boundinertia="1e-4"',
+        'boundmass="0.6" boundinertia="0.003"',
+        'boundmass="0.1" boundinertia="0.05"',
+        'balanceinertia="true" boundmass="0.1" boundinertia="1e-4"',
         'boundmass="0.1" boundinertia="0.05" balanceinertia="true"',
-    ):
-        path = tmp_path / "bounded.xml"
-        path.write_text(
-            f"<mujoco><compiler {options}/><worldbody>{bodies}</worldbody></mujoco>".replace(
-                "0.5 0.01 0.02", "0.5 0.01 0.02" if "balance" in options else "0.03 0.02 0.02"
-            )
-        )
-        robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
-        reference = RobotReference(robot)
-        states = sample(reference.mechanism, STATES, SEED)
-        assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
+        'boundmass="0.6" boundinertia="0.003" settotalmass="9"',
+    ],
+)
+def test_bounds_of_inertias_are_those_of_mujoco(options: str, tmp_path: Path) -> None:
+    path = tmp_path / "bounded.xml"
+    bodies = "".join(f'<body name="{name}"><joint axis="1 2 3"/>{inertia}</body>' for name, inertia in BODIES.items())
+    for old, new in OF_NO_BODY.items() if "balance" in options else ():
+        assert old in bodies
+        bodies = bodies.replace(old, new)
+    path.write_text(f"<mujoco><compiler {options}/><worldbody>{bodies}</worldbody></mujoco>")
+    robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
+    assert robot.impossible == ()
+    assert robot.total_mass == pytest.approx(mujoco.mj_getTotalmass(model), rel=1e-14)
+    reference = RobotReference(robot)
+    states = sample(reference.mechanism, STATES, SEED)
+    assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
 
 def test_the_humanoid_is_that_of_mujoco_and_of_pinocchio() -> None:

@@ -18,7 +18,8 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
-from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, projected
+from harness.comparison.coordinates import multiplied, of_linear, rotations
+from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -58,25 +59,49 @@ class MujocoCaller:
         return LoadedRobot(model, request, notes)
 
 
-def _spec(request: Request) -> Any:
+def _spec(request: Request, at_the_top: bool = False) -> Any:
+    """The model; ``at_the_top`` takes the root link for the world where links float from it, so that these are at the top of the tree."""
     import mujoco
 
-    if not request.floating_base:
-        return mujoco.MjSpec.from_file(str(request.path))
-    return mujoco.MjSpec.from_string(_floating(request))
+    if request.floating_base:
+        return mujoco.MjSpec.from_string(_floating(request))
+    if at_the_top and any(joint.kind == "free" for joint in request.joints):
+        return mujoco.MjSpec.from_string(_from_the_root(request))
+    return mujoco.MjSpec.from_file(str(request.path))
+
+
+def _from_the_root(request: Request) -> str:
+    """The text of a URDF whose root link has the name of MuJoCo's world; its inertia moves nothing."""
+    root = _elements(request)
+    (base, *_) = _roots(root)
+    links = [*root.iterfind("link"), *root.iterfind("joint/parent"), *root.iterfind("joint/child")]
+    if any(link.get("name") == "world" for link in root.iterfind("link")):
+        return str(etree.tostring(root, encoding="unicode"))
+    for link in links:
+        attribute = "name" if link.tag == "link" else "link"
+        if link.get(attribute) == base:
+            link.set(attribute, "world")
+    return str(etree.tostring(root, encoding="unicode"))
+
+
+def _elements(request: Request) -> etree._Element:
+    return etree.fromstring(request.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
+
+
+def _roots(root: etree._Element) -> list[str]:
+    carried = {child.get("link") for child in root.iterfind("joint/child")}
+    return [str(link.get("name")) for link in root.iterfind("link") if link.get("name") not in carried]
 
 
 def _floating(request: Request) -> str:
     """The text of a URDF with a link that the root floats from; MuJoCo fixes the root of a URDF to the world."""
-    root = etree.fromstring(request.path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
-    carried = {child.get("link") for child in root.iterfind("joint/child")}
-    bases = [link.get("name") for link in root.iterfind("link") if link.get("name") not in carried]
+    root = _elements(request)
     # A link of this name is MuJoCo's world itself, so that the joint is at the top.
     ground = "world" if root.find("link[@name='world']") is None else f"{request.floating_base} ground"
     etree.SubElement(root, "link", name=ground)
     joint = etree.SubElement(root, "joint", name=request.floating_base, type="floating")
     etree.SubElement(joint, "parent", link=ground)
-    etree.SubElement(joint, "child", link=bases[0])
+    etree.SubElement(joint, "child", link=_roots(root)[0])
     return str(etree.tostring(root, encoding="unicode"))
 
 
@@ -116,7 +141,7 @@ def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
         model, notes = _plain(request)
         model.opt.gravity[:] = aid.gravity
         return model, notes
-    spec = _spec(request)
+    spec = _spec(request, at_the_top=True)
     for part in [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]:
         spec.delete(part)
     spec.compiler.fusestatic = False
@@ -189,6 +214,7 @@ class LoadedRobot:
         aid = self._request.aid
         if aid is not None and self.is_supplied_with_forces:
             tau = tau + aid.forces.of_springs(q)
+        q, v, tau = _in_the_world(self._request.joints, q, v, tau)
         return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 
 
@@ -218,7 +244,29 @@ class _Run:
             found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
 
     def accelerations(self) -> Array:
-        return self._found[:, self._loaded.velocities] if self._loaded.couplings is None else self._found
+        found = self._found[:, self._loaded.velocities] if self._loaded.couplings is None else self._found
+        columns = by_joint(self._loaded.joints, found)
+        return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
+
+
+def _in_the_world(joints: Sequence[Asked], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+    """q, v and tau with free joints measured in the world, wherever the file measures them from."""
+    q, v, tau = q.copy(), v.copy(), tau.copy()
+    for joint in joints:
+        if joint.kind == "free":
+            turn, rotation = np.array(joint.turn), rotations(np.array([joint.turn]))[0]
+            position, orientation = joint.positions[:3], joint.positions[3:]
+            q[:, position] = np.array(joint.shift) + q[:, position] @ rotation.T
+            q[:, orientation] = multiplied(turn, q[:, orientation])
+            v[:, joint.velocities], tau[:, joint.velocities] = (of_linear(rotation, x[:, joint.velocities]) for x in (v, tau))
+    return q, v, tau
+
+
+def _from_the_world(joint: Asked, accelerations: Array) -> Array:
+    """Accelerations of a joint, those of a free joint measured as its file does."""
+    if joint.kind != "free":
+        return accelerations
+    return np.asarray(of_linear(rotations(np.array([joint.turn]))[0].T, accelerations))
 
 
 def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array) -> Array:

@@ -1,11 +1,12 @@
 """Pinocchio as its user calls it: ``pin.buildModelFromUrdf`` or ``pin.buildModelFromMJCF``, then ``pin.aba``.
 
-A continuous joint has two positions there, cosine and sine; a quaternion ends with w; the linear velocity of a free joint is in the
-body's frame. Source: Pinocchio 4 documentation, joints.
+A continuous joint has two positions there, cosine and sine, and so has the turn of a planar joint; a quaternion ends with w; the linear
+velocity of a free or planar joint is in the body's frame. Source: Pinocchio 4 documentation, joints.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,11 +14,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
+from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines._standard_error import captured_standard_error
 
-# Linear velocities of a joint whose frame turns with them.
-_LINEAR = {"planar": 2, "free": 3}
+# Several joints of one body; its first gives the name. A joint without name, as the tree names it.
+_COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
 class PinocchioCaller:
@@ -102,10 +104,9 @@ class LoadedRobot:
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
             own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
-            if joint.kind in _LINEAR:
-                turn, k = _turn(joint, own_q), _LINEAR[joint.kind]
-                own_v = np.hstack([_turned(turn, own_v[:, :k], back=True), own_v[:, k:]])
-                own_tau = np.hstack([_turned(turn, own_tau[:, :k], back=True), own_tau[:, k:]])
+            if joint.kind in LINEAR:
+                turn = body_turn(joint.kind, own_q)
+                own_v, own_tau = to_body(turn, own_v), to_body(turn, own_tau)
             if len(positions) in (2, 4) and joint.kind != "ball":
                 own_q = np.hstack([own_q[:, :-1], np.cos(own_q[:, -1:]), np.sin(own_q[:, -1:])])
             elif joint.kind in ("ball", "free"):
@@ -114,16 +115,15 @@ class LoadedRobot:
         return configuration, velocity, force
 
     def to_frame_of_parent(self, accelerations: Array, q: Array, v: Array) -> None:
-        """Linear accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent."""
-        start = 0
-        for joint in self.found:
-            if joint.kind in _LINEAR:
-                k, turn, own_v = _LINEAR[joint.kind], _turn(joint, q[:, joint.positions]), v[:, joint.velocities]
-                rates, linear = np.zeros((2, len(q), 3))
-                rates[:, 3 - own_v[:, k:].shape[1] :], linear[:, :k] = own_v[:, k:], _turned(turn, own_v[:, :k], back=True)
-                own = accelerations[:, start : start + k] + np.cross(rates, linear)[:, :k]
-                accelerations[:, start : start + k] = _turned(turn, own)
-            start += len(joint.velocities)
+        """Accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent instead."""
+        start, own = 0, {joint.name: joint for joint in self.found}
+        for joint in self.joints:
+            end = start + len(joint.velocities)
+            if joint.kind in LINEAR:
+                asked = own[joint.name]
+                turn = body_turn(joint.kind, q[:, asked.positions])
+                accelerations[:, start:end] = accelerations_from_body(turn, accelerations[:, start:end], v[:, asked.velocities])
+            start = end
 
 
 class _Run:
@@ -150,9 +150,7 @@ class _Run:
 
     def accelerations(self) -> Array:
         loaded = self._loaded
-        if loaded.couplings is not None:
-            return self._found
-        accelerations = self._found[:, loaded.own]
+        accelerations = self._found[:, loaded.own] if loaded.couplings is None else self._found.copy()
         loaded.to_frame_of_parent(accelerations, self._q, self._v)
         return accelerations
 
@@ -169,10 +167,10 @@ def _coupled(loaded: LoadedRobot, data: Any, couplings: Array, configuration: Ar
 
 def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
     """Positions, velocities and Pinocchio's name of each joint that the model has; one of several in a body is part of a composite."""
-    places = {}
+    places, names = {}, _names_of_reader(joints)
     for number in range(1, model.njoints):
         joint, name = model.joints[number], model.names[number]
-        parts = _parts(joint, name, joints)
+        parts = _parts(joint, names.get(name.removeprefix(_COMPOSITE), name), name.startswith(_COMPOSITE), joints)
         q, v = joint.idx_q, joint.idx_v
         for part, nq, nv in parts:
             places[part] = list(range(q, q + nq)), list(range(v, v + nv)), name
@@ -180,14 +178,25 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], l
     return {joint.name: places[joint.name] for joint in joints if joint.name in places}
 
 
-def _parts(joint: Any, name: str, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
+def _names_of_reader(joints: Sequence[Asked]) -> dict[str, str]:
+    """Names of joints by those that the MJCF reader gives them: a joint without one is called after its body."""
+    found: dict[str, str] = {}
+    for joint in joints:
+        names = [joint.name]
+        if unnamed := _UNNAMED.fullmatch(joint.name):
+            number, body = unnamed.groups()
+            names = [f"{body}Joint_{int(number) - 1}", f"{body}_free"]
+        found |= dict.fromkeys(names, joint.name)
+    return found
+
+
+def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
     """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
-    if not name.startswith("Composite_"):
-        return [(name, joint.nq, joint.nv)]
     names = [one.name for one in joints]
-    first = names.index(name.removeprefix("Composite_"))
+    if not is_composite or name not in names:
+        return [(name, joint.nq, joint.nv)]
     found: list[tuple[str, int, int]] = []
-    for one in joints[first:]:
+    for one in joints[names.index(name) :]:
         if sum(nv for _, _, nv in found) < joint.nv:
             found.append((one.name, len(one.positions), len(one.velocities)))
     return found
@@ -195,31 +204,6 @@ def _parts(joint: Any, name: str, joints: Sequence[Asked]) -> list[tuple[str, in
 
 def _names(places: Mapping[str, tuple[list[int], list[int], str]]) -> set[str]:
     return {name for _, _, name in places.values()}
-
-
-def _rotations(quaternions: Array) -> Array:
-    """(n, 3, 3) of unit quaternions (w, x, y, z), (n, 4)."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _turn(joint: Asked, q: Array) -> Array:
-    """(n, 3, 3) rotation of a free or planar joint at its own positions."""
-    if joint.kind == "free":
-        return _rotations(q[:, 3:])
-    half = q[:, 2] / 2
-    return _rotations(np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1))
-
-
-def _turned(turn: Array, vectors: Array, back: bool = False) -> Array:
-    """Vectors (n, 3), or (n, 2) in the plane, turned or turned back."""
-    size = vectors.shape[1]
-    return np.asarray(np.einsum("nji,nj->ni" if back else "nij,nj->ni", turn[:, :size, :size], vectors))
 
 
 CALLER = PinocchioCaller()

@@ -7,10 +7,12 @@ No list is kept: every ``READING`` of a module here is found. Nothing an engine 
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import graphlib
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -19,8 +21,9 @@ from typing import Any
 from lxml import etree
 
 from harness.models.xml import read_any
+from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Inertia, Joint, Place, Tree
+from harness.robots.tree import Body, Given, Inertia, Joint, Place, Tree
 
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
@@ -36,6 +39,7 @@ class Reading:
         source: the documentation or source that says so.
         tree: the tree that the engine computes with; the very tree where the reading does not apply.
         supplied: whether an aided engine gets from the harness what it leaves out.
+        after: names of the engine's readings whose tree this one reads; the others are read in the order of their names.
     """
 
     name: str
@@ -46,6 +50,7 @@ class Reading:
     source: str
     tree: Callable[[Robot], Tree]
     supplied: bool = False
+    after: tuple[str, ...] = ()
 
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
@@ -54,14 +59,16 @@ class Reading:
 
     def places(self, robot: Robot) -> list[Place]:
         """Where the elements stand that it concerns, in the order of the file."""
-        return changed_places(robot.tree, self.read(robot).tree)
+        return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
 
 
 def find_readings(engine: str, model_format: str) -> list[Reading]:
-    """The readings of an engine for a format, by name."""
+    """The readings of an engine for a format, in the order in which they are read."""
     modules = (importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__))
     found: Iterable[Reading] = (module.READING for module in modules)
-    return sorted((one for one in found if one.engine == engine and model_format in one.formats), key=lambda one: one.name)
+    named = {one.name: one for one in found if one.engine == engine and model_format in one.formats}
+    order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
+    return [named[name] for name in order.static_order() if name in named]
 
 
 def with_tree(robot: Robot, tree: Tree) -> Robot:
@@ -106,6 +113,19 @@ def element_at(place: Place | None) -> etree._Element | None:
     if place is None:
         return None
     return _elements(place.path)[place.element]
+
+
+def mujoco_settings(robot: Robot, tag: str) -> Mapping[str, list[Given]]:
+    """The attributes of that part of a URDF's element ``<mujoco>`` that are numbers; MuJoCo takes one that is not finite for none."""
+    place = robot.tree.place
+    root = element_at(place)
+    found: dict[str, list[Given]] = {}
+    if place is None or root is None or (part := root.find(f"mujoco/{tag}")) is None:
+        return found
+    for name, text in part.attrib.items():
+        with contextlib.suppress(ValueError, OverflowError):
+            found[str(name)] = [Given(float(word), place, f"mujoco/{tag} {name}", index) for index, word in enumerate(text.split())]
+    return found
 
 
 @functools.lru_cache(maxsize=4)

@@ -1,6 +1,7 @@
 """MuJoCo drops the inertia of a link without mass when it fuses it with its parent."""
 
 from harness.comparison.readings import Reading, with_inertias
+from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Inertia, Tree
 
@@ -13,7 +14,9 @@ def _tree(robot: Robot) -> Tree:
         is_dropped = not body.joints and body.inertia is not None and float(body.inertia.mass) < _LEAST and any(body.inertia.moments)
         return None if is_dropped else body.inertia
 
-    return with_inertias(robot.tree, kept)
+    tree = bounded(robot.tree)
+    read = with_inertias(tree, kept)
+    return robot.tree if read == tree else read
 
 
 READING = Reading(
@@ -25,4 +28,5 @@ READING = Reading(
     source="MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
     tree=_tree,
     supplied=True,
+    after=("least masses and inertias",),
 )

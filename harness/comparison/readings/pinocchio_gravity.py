@@ -5,14 +5,18 @@ from fractions import Fraction
 
 from harness.comparison.readings import Reading
 from harness.robots.robot import Robot
-from harness.robots.tree import Tree, vector
+from harness.robots.tree import Given, Tree, vector
 
 # pinocchio::Model::gravity981.
-_DEFAULT = vector((0, 0, Fraction(-9.81)))
+_DEFAULT = -9.81
 
 
 def _tree(robot: Robot) -> Tree:
-    return robot.tree if robot.tree.gravity == _DEFAULT else replace(robot.tree, gravity=_DEFAULT)
+    tree, place = robot.tree, robot.tree.place
+    # A decimal that the engine rounds, as the file's own is.
+    down = Fraction(_DEFAULT) if place is None else Given(_DEFAULT, place, "gravity of Pinocchio")
+    gravity = vector((0, 0, down))
+    return tree if tree.gravity == gravity else replace(tree, gravity=gravity)
 
 
 READING = Reading(

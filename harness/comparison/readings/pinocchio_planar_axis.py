@@ -1,35 +1,29 @@
-"""Pinocchio's reader of URDF passes over the axis of a planar joint."""
+"""Pinocchio passes over the axis of a planar joint."""
 
 from dataclasses import replace
 
-from harness.comparison.readings import Reading
+from harness.comparison.readings import Reading, with_joints
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Joint, Tree, vector
+from harness.robots.tree import Joint, Tree, vector
 
-_UP = vector((0, 0, 1))
-
-
-def _is_tilted(joint: Joint) -> bool:
-    return joint.kind == "planar" and tuple(joint.axis) != tuple(_UP)
+_UPWARD = vector((0, 0, 1))
 
 
-def _untilted(body: Body) -> Body:
-    joints = tuple(replace(joint, axis=_UP) if _is_tilted(joint) else joint for joint in body.joints)
-    return replace(body, joints=joints)
+def _read(joint: Joint) -> Joint:
+    x, y, z = joint.axis
+    return replace(joint, axis=_UPWARD) if joint.kind == "planar" and (x or y or z < 0) else joint
 
 
 def _tree(robot: Robot) -> Tree:
-    if not any(map(_is_tilted, robot.tree.joints)):
-        return robot.tree
-    return replace(robot.tree, bodies=tuple(_untilted(body) if any(map(_is_tilted, body.joints)) else body for body in robot.tree.bodies))
+    return with_joints(robot.tree, _read)
 
 
 READING = Reading(
-    name="planar axis",
+    name="axis of planar joints",
     engine="pinocchio",
     formats=("urdf",),
-    sentence="Pinocchio's URDF reader passes over the axis of a planar joint, whose plane it takes for the link's x and y",
+    sentence="Pinocchio moves a planar joint in the xy plane of the joint's frame, whatever axis the file gives it",
     concerns="joints",
-    source="Pinocchio 4.1, parsers/urdf/model.cpp, where JointModelPlanar is added without an axis",
+    source="Pinocchio 4.1, multibody/joint/joint-planar.hpp, which has no axis; parsers/urdf/model.cpp: planar, with normal axis along Z",
     tree=_tree,
 )

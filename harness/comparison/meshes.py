@@ -1,0 +1,49 @@
+"""What the meshes of an MJCF weigh by MuJoCo's own compile, for a file whose bodies have their inertia from them.
+
+Source: MuJoCo documentation, XML reference, ``asset/mesh`` and ``compiler``; mjCBody::InertiaFromGeom, by which a body with one geom
+has the mass and the principal moments of that.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from harness.robots.meshes import CompiledMesh, Number
+
+# What a geom weighs follows from these.
+_WEIGHED_BY = ("type", "size", "fromto", "meshname", "fitscale", "mass", "density", "typeinertia", "group")
+
+
+def compiled_meshes(path: Path) -> dict[Number, CompiledMesh]:
+    """The geoms of meshes by body and geom; raises ValueError with MuJoCo's words where it refuses the file."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    # What moves geoms to other bodies, drops some, or changes what they weigh.
+    spec.compiler.fusestatic = spec.compiler.discardvisual = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+    spec.compiler.settotalmass = -1.0
+    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+    meshes = [geom for geom in spec.geoms if (geom.meshname or geom.type in shapes) and geom.parent.name != "world"]
+    alone = [_alone(spec, geom) for geom in meshes]
+    model = spec.compile()
+    return {
+        (geom.parent.id - 1, geom.id - int(model.body_geomadr[geom.parent.id])): CompiledMesh(
+            name=geom.name,
+            mass=float(model.body_mass[body.id]),
+            moments=model.body_inertia[body.id].tolist(),
+            position=model.geom_pos[geom.id].tolist(),
+            orientation=model.geom_quat[geom.id].tolist(),
+        )
+        for geom, body in zip(meshes, alone, strict=True)
+    }
+
+
+def _alone(spec: Any, geom: Any) -> Any:
+    """A body behind all others that holds nothing but a copy of a geom."""
+    body = spec.worldbody.add_body()
+    copy = body.add_geom()
+    for name in _WEIGHED_BY:
+        setattr(copy, name, getattr(geom, name))
+    return body

@@ -1,0 +1,59 @@
+"""What readings explain, and what is lost beyond them: an answer with a thousand data roundoffs left is not simply explained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from comparison.robots import meant_by, record_of
+
+from harness.certify.compare import compare
+from harness.comparison.callers import find_callers
+from harness.comparison.judgement import judge
+from harness.comparison.questions import Answers
+from harness.comparison.truth import read_as
+from harness.report.comparison import subject_lines, survey_overview
+from harness.results.comparison import Comparison, FileRecord
+from harness.robots.robot import read_robot
+from harness.verdict import AGREEMENT, Verdict
+
+# Two wheels on one axis: of the light one that carries the other, ABA keeps what is left of a difference.
+TEXT = """<robot name="wheels"><link name="ground"/>
+<link name="light"><inertial><mass value="1e-6"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="{light}" iyz="0" izz="1e-6"/></inertial></link>
+<link name="heavy"><inertial><origin xyz="0.1 0 0.2"/><mass value="3"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="0.7" iyz="0" izz="1"/></inertial></link>
+<joint name="first" type="continuous"><parent link="ground"/><child link="light"/><axis xyz="0 1 0"/><dynamics damping="1e-6"/></joint>
+<joint name="second" type="continuous"><parent link="light"/><child link="heavy"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+
+def wheels(folder: Path, light: str) -> Path:
+    path = folder / "wheels.urdf"
+    path.write_text(TEXT.format(light=light))
+    return path
+
+
+def test_digits_that_are_lost_beyond_the_readings_are_named(tmp_path: Path) -> None:
+    record = record_of(wheels(tmp_path, "1e-6"), "pinocchio")
+    assert record.explained and record.left is not None and record.left > AGREEMENT
+    assert (record.outcome, [reading.name for reading in record.readings]) == ("explained, digits lost", ["joint damping"])
+    assert "the condition of M" in record.lost_digits and any(record.lost_digits in line for line in subject_lines(record))
+    found = Comparison(files=[FileRecord(path=record.path)], subjects=[record])
+    assert "1 of them lose digits" in str(next(iter(survey_overview(found))).parts[0])
+
+
+def test_an_answer_without_lost_digits_is_simply_explained(tmp_path: Path) -> None:
+    record = record_of(wheels(tmp_path, "0.7"), "pinocchio")
+    assert (record.outcome, record.lost_digits) == ("explained", "")
+
+
+def test_an_error_that_a_number_explains_is_no_lost_digits(tmp_path: Path) -> None:
+    """The answer of an engine that has a mass wrong by 1e-8, which the condition of M alone would excuse."""
+    found = meant_by(wheels(tmp_path, "1e-6"))
+    other = tmp_path / "other.urdf"
+    other.write_text(found.robot.path.read_text().replace('<mass value="3"/>', '<mass value="3.00000003"/>'))
+    wrong = read_as(found, read_robot(other)).truth.high
+    assert set(compare(found.truth, wrong, factorises=True).verdicts) <= {Verdict.AGREES, Verdict.UNSTABLE}
+    answers = Answers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
+    record = judge(found, answers, find_callers()["pinocchio"], aided=True)
+    assert (record.explained, record.outcome) == (False, "unexplained") and "behaves as with 3.00000003" in record.rest[0]

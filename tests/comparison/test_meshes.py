@@ -1,0 +1,83 @@
+"""Bodies whose inertia is that of a mesh: as MuJoCo compiles it, wherever the geom stands, and judged in all else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from comparison import robots
+from comparison.robots import record_of
+
+from harness.comparison.meshes import compiled_meshes
+from harness.report.comparison import sections
+from harness.results.comparison import Comparison, FileRecord
+from harness.robots.meshes import CompiledMesh, Number
+from harness.verdict import Verdict
+
+# A wedge, as solid and as shell, in frames and replicas, as a size for a box, in a body that is fused, and one of a given mass.
+TEXT = """<mujoco>
+<compiler fusestatic="true" boundmass="0.5" settotalmass="30" inertiagrouprange="0 3"/>
+<asset>
+  <mesh name="wedge" vertex="0 0 0 0.3 0 0 0 0.5 0 0.1 0 0.4 0.2 0.3 0.1"/>
+  <mesh name="bowl" inertia="shell" vertex="0 0 0 0.3 0 0 0 0.2 0 0 0 0.4"/>
+</asset>
+<worldbody>
+  <geom type="mesh" mesh="wedge"/>
+  <body name="one"><joint name="first" axis="0 1 0"/>
+    <geom size="0.1"/>
+    <frame pos="0.1 0 0" euler="10 0 30"><geom name="wedge" type="mesh" mesh="wedge" pos="0 0.1 0" euler="20 0 0"/></frame>
+    <geom type="mesh" mesh="bowl" mass="0.25"/>
+    <body pos="0 0 0.5"><geom name="fused" type="box" mesh="wedge" density="500"/></body>
+    <replicate count="2" offset="0 0.5 0"><body pos="0 0 1"><joint name="next" axis="1 0 0"/>
+      <geom type="mesh" mesh="wedge" group="5"/><geom type="mesh" mesh="bowl" contype="0" conaffinity="0"/>
+    </body></replicate>
+  </body>
+</worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "meshes.xml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.mark.filterwarnings("ignore:compiler attribute 'settotalmass'")
+def test_a_robot_of_meshes_is_that_of_mujoco(path: Path) -> None:
+    record = record_of(path, "mujoco")
+    assert (record.verdict, record.readings) == (Verdict.AGREES, [])
+
+
+@pytest.mark.filterwarnings("ignore:compiler attribute 'settotalmass'")
+def test_other_numbers_of_a_mesh_are_felt(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def heavier(file: Path) -> dict[Number, CompiledMesh]:
+        return {number: replace(mesh, mass=mesh.mass * (1 + 1e-9)) for number, mesh in compiled_meshes(file).items()}
+
+    monkeypatch.setattr(robots, "compiled_meshes", heavier)
+    assert record_of(path, "mujoco").verdict == Verdict.DISAGREES
+
+
+def test_the_report_says_that_meshes_are_not_judged() -> None:
+    file = FileRecord(path="robot.xml", format="mjcf", meshes=(3, 5))
+    lines = next(iter(sections(Comparison(files=[file])))).parts
+    assert "  inertia of 2 meshes as MuJoCo compiled it (lines 3, 5): not judged" in lines
+
+
+def test_a_mesh_of_one_kilogram_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    """Whatever its size and density; one that cannot collide has no mass there."""
+    path = tmp_path / "mesh.xml"
+    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0 0.3 0 0 0 0.5 0 0.1 0 0.4"/></asset><worldbody>
+    <body name="one"><joint name="first" axis="0 1 0"/><geom name="felt" type="mesh" mesh="wedge" pos="0.1 0.2 0.3" euler="0 20 0"/>
+    <geom name="ball" size="0.1" pos="0.2 0 0"/>
+    <body name="two" pos="0 0 1"><joint name="second" axis="1 0 0"/><geom name="tip" size="0.1" pos="0 0.5 0"/>
+    <geom name="picture" type="mesh" mesh="wedge" contype="0" conaffinity="0"/></body></body></worldbody></mujoco>""")
+    assert record_of(path, "mujoco").verdict == Verdict.AGREES
+    record = record_of(path, "pinocchio", aided=True)
+    assert record.outcome == "explained"
+    assert [(reading.name, reading.lines) for reading in record.readings] == [
+        ("geoms that cannot collide", (5,)),
+        ("inertia of meshes", (2,)),
+    ]
