@@ -19,6 +19,8 @@ def compiled_meshes(path: Path) -> dict[Number, CompiledMesh]:
     """The geoms of meshes by body and geom; raises ValueError with MuJoCo's words where it refuses the file."""
     import mujoco
 
+    # The default handler writes a log file into the current directory.
+    mujoco.set_mju_user_warning(lambda message: None)
     spec = mujoco.MjSpec.from_file(str(path))
     # What moves geoms to other bodies, drops some, or changes what they weigh.
     spec.compiler.fusestatic = spec.compiler.discardvisual = False
