@@ -59,7 +59,8 @@ def test_an_aided_engine_agrees_with_the_file(name: str, engine: str) -> None:
 def test_a_plane_that_a_reader_passes_over_is_a_reading(tmp_path: Path) -> None:
     path = edited(FILES / "planar.urdf", tmp_path, ('<axis xyz="0 0 1"/>', '<axis xyz="0.6 0 0.8"/>'))
     record = record_of(path, "pinocchio", aided=True)
-    assert record.explained and record.verdict == Verdict.DISAGREES and [reading.name for reading in record.readings] == ["axis of planar joints"]
+    assert record.explained and record.verdict == Verdict.DISAGREES
+    assert [reading.name for reading in record.readings] == ["axis of planar joints"]
     assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
 
 
