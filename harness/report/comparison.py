@@ -7,20 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.report.sparkline import Sparkline
-from harness.results.comparison import (
-    Comparison,
-    Effect,
-    FileRecord,
-    ImpossibleInertia,
-    PairRecord,
-    SubjectRecord,
-    changes,
-    pair_table,
-    short_names,
-    subjects_table,
-    survey_table,
-    trends,
-)
+from harness.results.comparison import Comparison, Effect, FileRecord, ImpossibleInertia, PairRecord, SubjectRecord, changes, trends
+from harness.results.comparison_tables import pair_table, short_names, subjects_table, survey_table
 from harness.results.records import Run
 from harness.results.table import Cell, Table, counted, error_text
 

@@ -1,17 +1,16 @@
-"""What a comparison of robots' files finds: plain data and its tables."""
+"""What a comparison of robots' files finds, as plain data; its tables are in ``harness.results.comparison_tables``."""
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 from harness.results.study_result import StudyResult
-from harness.results.table import Cell, Column, Table, counted, error_text
-from harness.verdict import AGREEMENT, Verdict
+from harness.results.table import error_text
+from harness.verdict import Verdict
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
@@ -242,37 +241,6 @@ class Comparison(StudyResult):
         return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs}
 
 
-def subjects_table(subjects: Sequence[SubjectRecord]) -> Table:
-    """A row for each subject of a file."""
-    return Table.of(
-        subjects,
-        {
-            "subject": "subject",
-            "called": "kind",
-            "verdict": _verdict_cell,
-            Column("backward error", "error"): "backward_error",
-            Column("relative error", "relative"): "relative_error",
-            Column("after readings", "error"): "left",
-            "largest reading": "dominating",
-        },
-        "Engines against the certified accelerations of the file; errors in data roundoffs, of which "
-        f"up to {AGREEMENT:g} agree; the largest over all states.",
-    )
-
-
-def _verdict_cell(subject: SubjectRecord) -> Cell:
-    return Cell(subject.outcome, tone=_tone(subject))
-
-
-def _tone(subject: SubjectRecord) -> str:
-    """An explained answer looks like one that agrees; a refusal, lost digits and what is undecided look like what they are."""
-    if not subject.explained:
-        return "disagrees surprise"
-    if subject.lost_digits:
-        return f"{Verdict.UNSTABLE} expected"
-    return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
-
-
 def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:
     """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
     found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
@@ -297,50 +265,3 @@ def changes(before: Comparison, now: Comparison) -> Iterator[str]:
 
 def _outcome_text(subject: SubjectRecord) -> str:
     return f"{subject.outcome} ({subject.dominating})" if subject.dominating else subject.outcome
-
-
-def short_names(found: Comparison) -> dict[str, str]:
-    """Of each file its path in the folder that all share, by path."""
-    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
-    return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
-
-
-def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
-    """A row for each robot, a column for each subject; ``anchors`` are the places of the robots' comparisons on the page, by path."""
-    engines = sorted({subject.engine for subject in found.subjects})
-    rows = []
-    names = short_names(found)
-    for file in found.files:
-        cells: list[object] = [names[file.path], file.degrees_of_freedom if not file.problem else None]
-        for engine in engines:
-            for aided in (False, True):
-                own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
-                cells.append(_survey_cell(own, anchors.get(file.path, "")) if own is not None else Cell(""))
-        cells += [counted(len(file.impossible), "link") if file.impossible else "", file.problem]
-        rows.append(cells)
-    heads = [head for engine in engines for head in (engine, f"{engine} aided")]
-    caption = (
-        "Each engine's verdict, plain and aided; the largest relative error of its accelerations where they differ, and below it the "
-        "reading that moves them most."
-    )
-    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, caption, "matrix")
-
-
-def _survey_cell(subject: SubjectRecord, anchor: str) -> Cell:
-    size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
-    notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(f"{subject.outcome}{size}", notes, _tone(subject), link=anchor and f"#{anchor}")
-
-
-def pair_table(pair: PairRecord) -> Table:
-    """The differences of two files, the one with the largest effect first."""
-    return Table.of(
-        pair.differences,
-        {
-            "what": "what",
-            Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
-            Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
-            Column("alone it moves qdd by", "error"): "alone",
-        },
-        "Differences, the one that moves the accelerations most first.",
-    )
