@@ -85,6 +85,14 @@ def test_what_an_engine_s_own_steps_do_not_feel_is_not_integrated(tmp_path: Path
     (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
     with pytest.raises(Unsupported, match="springs or dampers"):
         own.prepare(scene(tmp_path / "sprung.urdf"))
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    joint = '<joint name="free" type="floating"><parent link="ground"/><child link="body"/><origin xyz="1 0 0"/></joint>'
+    away = f'<robot name="away"><link name="ground"/><link name="body">{inertial}</link>{joint}</robot>'
+    (tmp_path / "away.urdf").write_text(away)
+    with pytest.raises(Unsupported, match="measured in a frame of the file"):
+        own.prepare(scene(tmp_path / "away.urdf"))
+    (tmp_path / "at_the_origin.urdf").write_text(away.replace("1 0 0", "0 0 0"))
+    own.prepare(scene(tmp_path / "at_the_origin.urdf"))
 
 
 def test_parts_that_need_energies_are_left_out_and_named() -> None:
