@@ -36,7 +36,7 @@ def balance(equations: EquationsOfMotion) -> sp.Matrix:
 
 
 def accelerations(equations: EquationsOfMotion) -> sp.Matrix:
-    return equations.mass_matrix.LUsolve(equations.right_hand_side).applyfunc(sp.simplify)
+    return equations.mass_matrix.LUsolve(equations.right_hand_side)
 
 
 def assert_equal(found: Any, expected: Any) -> None:
