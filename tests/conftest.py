@@ -169,10 +169,9 @@ def _left_out(items: list[pytest.Item]) -> set[pytest.Item]:
         if _is_costly(item) and not item.get_closest_marker("nightly"):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     left_out: set[pytest.Item] = set()
-    for several in cases.values():
-        drawn = sorted(several, key=_lot)[: math.ceil(len(several) / ONE_IN)]
-        if len(several) == 1 and _lot(several[0]) % ONE_IN:
-            drawn = []
+    for name, several in cases.items():
+        by_lot = sorted(several, key=_lot)
+        drawn = by_lot[: math.ceil(len(several) / ONE_IN)] if len(several) > 1 or zlib.crc32(name.encode()) % ONE_IN == 0 else []
         left_out.update(set(several) - set(drawn))
     return left_out
 

@@ -93,7 +93,7 @@ def test_the_same_seed_gives_the_same_states(tmp_path: Path) -> None:
         # A fresh folder, because failing examples of a folder are tried first.
         folder = tmp_path / str(len(errors))
         folder.mkdir()
-        harness("check", "cart_pendulum", "--seed", seed, "--json", "out.json", cwd=folder)
+        harness("check", "cart_pendulum", "--seed", seed, "--states", "100", "--json", "out.json", cwd=folder)
         records = json.loads((folder / "out.json").read_text())["records"]
         errors.append([(record["backward_error"], record["worst_state"]) for record in records])
     assert errors[0] == errors[1] != errors[2]

@@ -202,6 +202,7 @@ def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() 
     assert diagnose(watched, own.reference).conclusion == Conclusion.UNEXPLAINED
 
 
+@pytest.mark.costly
 def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     own = case("puma_560", "mjcf")
     sound, noise = own.watch().answer, np.random.default_rng(1).uniform(-1, 1, own.reference.high.shape)

@@ -144,6 +144,7 @@ def test_subjects_of_the_other_format_stay_green() -> None:
     assert bench.ask(bench.model.text).caught_by == ""
 
 
+@pytest.mark.costly
 def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not() -> None:
     bench = FaultBench(BUILT_IN, "chain_6", "mjcf", 1000, 0)
     sound = {str(one.subject): int(one.sound.sum()) for one in bench.readers}

@@ -228,6 +228,7 @@ def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> No
     assert "a rolling wheel ties a slide to a hinge" in line
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
     """A mass that both models have wrong: no fault beside it could be told from it."""

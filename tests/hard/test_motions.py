@@ -69,6 +69,7 @@ def chaos() -> list[Parting]:
     return found
 
 
+@pytest.mark.costly
 def test_gentle_motions_never_part(chaos: list[Parting]) -> None:
     gentle = [parting for parting in chaos if parting.knob == 0.5]
     assert len(gentle) == 3

@@ -145,6 +145,7 @@ def test_a_free_bodys_linear_velocity_is_that_of_the_joint_frame(scenes: dict[st
     np.testing.assert_allclose(one.q, other.q, atol=1e-10)
 
 
+@pytest.mark.costly
 def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
     """Steps compiled together give what they give one by one; the last state is kept even where it is not due."""
     for integrator in integrators():
