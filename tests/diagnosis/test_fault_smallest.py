@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import json
 import math
 import random
@@ -17,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import IN_CI
 from click.testing import CliRunner
 from msgspec.structs import replace
 from support import cross_checked, make_library
@@ -46,8 +46,13 @@ from harness.results.records import Record
 from harness.verdict import gravest
 
 LIBRARY = Library.built_in()
+
+
+def _by_mechanism(pairs: list[tuple[str, Subject]]) -> list[list[tuple[str, Subject]]]:
+    return [list(group) for _, group in itertools.groupby(pairs, key=lambda pair: pair[0])]
+
+
 PAIRS, _ = select_pairs(LIBRARY, (), select_subjects(LIBRARY, (), native_only=True))
-IDENTIFIERS = [f"{name}-{subject}" for name, subject in PAIRS]
 CHANGE = 1e-11
 SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 
@@ -57,6 +62,12 @@ LIGHT = {"stanford_arm"}
 # How many numbers of each model are walked by day.
 FEW = 4
 EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=pytest.mark.nightly)]
+# One subject of each mechanism by day, the other one of the next, and each by night.
+BY_DAY = [pairs[number % len(pairs)] for number, pairs in enumerate(_by_mechanism(PAIRS))]
+WALKS = [
+    *(pytest.param(name, subject, FEW, id=f"{name}-{subject}-few", marks=pytest.mark.costly) for name, subject in BY_DAY),
+    *(pytest.param(name, subject, None, id=f"{name}-{subject}-all", marks=pytest.mark.nightly) for name, subject in PAIRS),
+]
 
 
 @functools.cache
@@ -102,9 +113,7 @@ def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks, "find_superfluous", lambda assignment, note: [])
 
 
-@pytest.mark.costly
-@pytest.mark.parametrize("most", EVERY_NUMBER)
-@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+@pytest.mark.parametrize(("name", "subject", "most"), WALKS)
 def test_what_is_caught_is_what_theory_says(name: str, subject: Subject, most: int | None) -> None:
     numbers = smallest(name, subject, most)
     # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers.
@@ -112,9 +121,7 @@ def test_what_is_caught_is_what_theory_says(name: str, subject: Subject, most: i
     assert [number for number in numbers if not number.ratio >= 0.1 or not number.as_in_theory] == []
 
 
-@pytest.mark.costly
-@pytest.mark.parametrize("most", EVERY_NUMBER)
-@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+@pytest.mark.parametrize(("name", "subject", "most"), WALKS)
 def test_a_change_of_any_live_number_turns_the_check_red(name: str, subject: Subject, most: int | None, tmp_path: Path) -> None:
     numbers = smallest(name, subject, most)
     hardest = max(number.smallest for number in numbers)
@@ -135,9 +142,10 @@ def test_data_roundoff_hides_a_change_of_1e_11_of_the_lightest_links_alone() -> 
     assert {name for name, subject in PAIRS for number in smallest(name, subject, None) if number.theory > CHANGE} == LIGHT
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("most", EVERY_NUMBER)
 def test_nearly_every_number_is_seen_to_the_tenth_digit(most: int | None) -> None:
-    pairs = PAIRS if IN_CI or most is None else PAIRS[::12]
+    pairs = PAIRS if most is None else BY_DAY
     sizes = np.array([number.smallest for name, subject in pairs for number in smallest(name, subject, most)])
     assert len(sizes) > (600 if most is None else 2 * len(pairs) - 1)
     assert (sizes < 1e-10).mean() >= 0.95

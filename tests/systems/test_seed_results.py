@@ -9,7 +9,6 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from catalogue import IN_CI
 from support import energy_function, is_zero, linearised
 
 from harness.equations.derivation import load_system
@@ -19,8 +18,8 @@ from harness.library import Library
 
 # Zero at 80 digits of which differences leave 50, relative to the largest term.
 AT_ZERO = mpmath.mpf(10) ** -40
-# States of every system at which mpmath evaluates an identity.
-COUNT = 5 if IN_CI else 2
+# States of every system at which mpmath evaluates an identity: one that holds at a state chosen at random holds at all.
+COUNT = 2
 SEED = ("collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r")
 
 
