@@ -57,6 +57,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     loop("evaluate")
 
 
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tasks run here: for commands whose processes are not what is tested."""
+    from support import InThisProcess
+
+    monkeypatch.setattr("harness.workers.Workers", InThisProcess)
+
+
 @pytest.fixture(scope="session")
 def mechanism_of() -> Callable[[System], Mechanism]:
     """The mechanism of a system that has no file."""

@@ -17,9 +17,7 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN
 from click.testing import CliRunner
-from support import InThisProcess
 
-from harness import workers
 from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
@@ -414,19 +412,6 @@ def test_the_equations_are_asked_about_the_textbook_only() -> None:
     found = diagnose_subject(task, Scope(0), lambda text: None)
     assert found.model is None
     assert found.textbook.conclusion == Conclusion.SOUND
-
-
-class Here(InThisProcess):
-    def __enter__(self) -> Here:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
-
-
-@pytest.fixture
-def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "Workers", Here)
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -227,6 +227,7 @@ def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]
     assert "drop" in done.output
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
     done = CliRunner().invoke(main, ["faults", "cycloid_bead", *options])
@@ -236,6 +237,7 @@ def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> No
     assert "a rolling wheel ties a slide to a hinge" in line
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.costly
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
@@ -261,6 +263,7 @@ def test_the_unchanged_models_agree() -> None:
             assert not cross_check.problems
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path)])
@@ -272,6 +275,7 @@ def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     assert re.search(r"spring_damper\.urdf:\d+ +springStiffness +80 ", done.output)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_model_that_cannot_be_read_is_exit_status_2_and_costs_its_subject_only(tmp_path: Path) -> None:
     for folder in ("systems", "mjcf", "urdf"):
         (tmp_path / folder).mkdir()
