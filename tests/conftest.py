@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import zlib
 from collections.abc import Callable
@@ -31,8 +32,11 @@ settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
 settings.load_profile("ci" if IN_CI else "local")
 
-# The desk runs the costly tests of a file on one in so many systems, each file on others; CI runs them on all.
-ONE_IN = 3
+# The desk runs the costly tests of a file, and those over the catalogue, on one in so many systems, each file on others; CI runs
+# them on all.
+ONE_IN = 4
+# Fixtures that run a test over the catalogue.
+CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
 # two processes make it at once. Then come rooms whose tests start processes and wait for them, so that no processor is left with
 # one of their files in the end.
@@ -51,6 +55,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
     # Before there are processes that would all compile it.
     loop("evaluate")
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tasks run here: for commands whose processes are not what is tested."""
+    from support import InThisProcess
+
+    monkeypatch.setattr("harness.workers.Workers", InThisProcess)
 
 
 @pytest.fixture(scope="session")
@@ -146,7 +158,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=_turn)
     if IN_CI:
         return
-    left_out = {item for item in items if item.get_closest_marker("costly") and not item.get_closest_marker("nightly") and not _drawn(item)}
+    left_out = _left_out(items)
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]
@@ -158,9 +170,27 @@ def _turn(item: pytest.Item) -> int:
     return 1 if item.path.parent.name in SLOW_ROOMS else 2
 
 
-def _drawn(item: pytest.Item) -> bool:
-    """The same systems for all tests of a file, which share what is made of them."""
-    return zlib.crc32(f"{item.path.name}[{item.name.partition('[')[2]}".encode()) % ONE_IN == 0
+def _left_out(items: list[pytest.Item]) -> set[pytest.Item]:
+    """What the desk leaves to CI: of each costly test all but one case in so many, and most costly tests without cases."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if _is_costly(item) and not item.get_closest_marker("nightly"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out: set[pytest.Item] = set()
+    for name, several in cases.items():
+        by_lot = sorted(several, key=_lot)
+        drawn = by_lot[: math.ceil(len(several) / ONE_IN)] if len(several) > 1 or zlib.crc32(name.encode()) % ONE_IN == 0 else []
+        left_out.update(set(several) - set(drawn))
+    return left_out
+
+
+def _is_costly(item: pytest.Item) -> bool:
+    return item.get_closest_marker("costly") is not None or not CATALOGUE.isdisjoint(getattr(item, "fixturenames", ()))
+
+
+def _lot(item: pytest.Item) -> int:
+    """A number by chance, the same for a system in all tests of a file, which share what is made of it."""
+    return zlib.crc32(f"{item.path.name}[{item.name.partition('[')[2]}".encode())
 
 
 def pytest_collection_finish() -> None:

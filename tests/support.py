@@ -60,17 +60,21 @@ ENGINE = Engine()
 def is_zero(expression: sp.Expr) -> bool:
     """Whether a quotient of polynomials in sines, cosines and anything else is zero wherever it is defined.
 
-    Sines and cosines of sums are those of the summands, and of one angle they are coordinates of a circle: what is left of
-    the numerator after division by s^2 + c^2 - 1 is zero exactly where the numerator is. SymPy's own rules, which take
-    longer, are asked only where roots, or angles that are fractions of others, leave something.
+    A sine or cosine is a sum of two exponentials, and that of a sum of angles is a product of powers: what is left is a
+    polynomial in powers of the angles' exponentials, which is zero exactly where all of its coefficients are. SymPy's own
+    rules, which take longer, are asked only where roots or tangents leave something.
     """
-    numerator = sp.expand_trig(sp.sympify(expression)).together().as_numer_denom()[0]
-    angles = {function.args[0] for function in numerator.atoms(sp.sin, sp.cos)}
-    for number, angle in enumerate(sorted(angles, key=str)):
-        sine, cosine = sp.symbols(f"sine{number} cosine{number}")
-        numerator = sp.expand(numerator.xreplace({sp.sin(angle): sine, sp.cos(angle): cosine}))
-        numerator = sp.rem(numerator, sine**2 + cosine**2 - 1, sine)
-    return bool(sp.expand(numerator) == 0 or sp.simplify(expression) == 0)
+    numerator = sp.sympify(expression).together().as_numer_denom()[0]
+    exponentials = {function: _by_exponentials(function) for function in numerator.atoms(sp.sin, sp.cos)}
+    return bool(sp.expand(numerator.xreplace(exponentials)) == 0 or sp.simplify(expression) == 0)
+
+
+def _by_exponentials(function: sp.Expr) -> sp.Expr:
+    """A sine or cosine by exp(i angle) of each of the angles that it takes the sum of; they stand as symbols."""
+    turn = sp.S.One
+    for angle, factor in sp.expand(function.args[0]).as_coefficients_dict().items():
+        turn *= sp.exp(sp.I * factor * angle) if angle.is_number else sp.Symbol(f"exp(i {angle})") ** factor
+    return (turn + 1 / turn) / 2 if isinstance(function, sp.cos) else (turn - 1 / turn) / (2 * sp.I)
 
 
 def energy_function(equations: EquationsOfMotion) -> sp.Expr:

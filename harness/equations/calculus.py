@@ -8,6 +8,7 @@ Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., sections 3.1 and 3.2
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
@@ -54,7 +55,6 @@ class ProgramWriter(Assembler):
 
     def number(self, value: Fraction | int) -> int:
         """The literal ``value``."""
-        value = Fraction(value)
         return self.add("rational", str(value.numerator), str(value.denominator))
 
     def sum(self, first: int | None, second: int) -> int:
@@ -92,8 +92,9 @@ class ProgramWriter(Assembler):
         return self.add("sub", operands[1], operands[0]) if operation == "sub" else self.add("neg", place)
 
     def product(self, first: int, second: int) -> int:
-        first, second = sorted((first, second), key=lambda place: self._value(place) is None)
         factor, other = self._value(first), self._value(second)
+        if factor is None and other is not None:
+            first, second, factor, other = second, first, other, factor
         if factor is not None and other is not None:
             return self.number(factor * other)
         if factor == 0 or factor == 1:
@@ -180,5 +181,11 @@ class ProgramWriter(Assembler):
         return self.add(operation, *operands) if write is None else write(*operands)
 
     def _value(self, place: int) -> Fraction | None:
-        operation, *operands = self.instructions[place]
-        return Fraction(int(operands[0]), int(operands[1])) if operation == "rational" else None
+        instruction = self.instructions[place]
+        return _fraction(instruction[1], instruction[2]) if instruction[0] == "rational" else None
+
+
+# Every sum and product asks for the values of its operands, and most programs hold few numbers.
+@functools.lru_cache(maxsize=4096)
+def _fraction(numerator: str, denominator: str) -> Fraction:
+    return Fraction(int(numerator), int(denominator))

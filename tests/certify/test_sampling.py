@@ -194,6 +194,7 @@ SPECIAL = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_values_are_drawn(arm: Mechanism, name: str) -> None:
     find(strategy(arm), SPECIAL[name], settings=SEARCH)

@@ -268,7 +268,13 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
             assert not found.wrong, (seed, found.sentences)
 
 
-@pytest.mark.parametrize("name", ["inertia_wheel_pendulum", "cart_pendulum", "furuta_pendulum", "puma_560", "gyroscope_gimbals"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("inertia_wheel_pendulum", "cart_pendulum", "furuta_pendulum", "gyroscope_gimbals"),
+        pytest.param("puma_560", marks=pytest.mark.costly),
+    ],
+)
 def test_special_positions_do_not_make_a_sound_term_wrong(name: str) -> None:
     """Where algebra leaves nothing of a term, engines leave what their frames round; tiny velocities underflow."""
     mechanism = load_mechanism(BUILT_IN, name)

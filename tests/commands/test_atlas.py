@@ -69,6 +69,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
     return stage
 
 
+@pytest.mark.costly
 def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(stage: Stage, invoke: Callable[..., Result]) -> None:
     # Without a single "unstable" the entries that expect it hold nowhere, which is not as expected.
     assert invoke().exit_code == 1

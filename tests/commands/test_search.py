@@ -134,6 +134,8 @@ def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None
     assert "not stored: every state agrees" in result.output and not path_of(Library.at(library), "simple_pendulum").exists()
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.costly
 def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Path, tmp_path: Path) -> None:
     """A stored state of another version is compared anew, so its old error is not shown."""
     stale = FoundState(**{**vars(FOUND), "backward_error": 1e9, "versions": {"mujoco": "0.0"}})

@@ -94,6 +94,7 @@ def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: 
     assert study.crashes == {("bar_pendulum", "dying/mjcf")} and study.crashed
 
 
+@pytest.mark.costly
 def test_two_subjects_that_die_are_both_set_aside(tmp_path: Path) -> None:
     planted = library(tmp_path, first="os.abort()", second="os._exit(5)")
     with Workers(1, time_limit=60) as workers:

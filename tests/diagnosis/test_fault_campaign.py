@@ -144,6 +144,7 @@ def test_subjects_of_the_other_format_stay_green() -> None:
     assert bench.ask(bench.model.text).caught_by == ""
 
 
+@pytest.mark.costly
 def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not() -> None:
     bench = FaultBench(BUILT_IN, "chain_6", "mjcf", 1000, 0)
     sound = {str(one.subject): int(one.sound.sum()) for one in bench.readers}
@@ -169,6 +170,7 @@ def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
     assert [str(one.subject) for one in FaultBench(BUILT_IN, "coupled_oscillators", "mjcf", 16, 0).readers] == ["mujoco/mjcf"]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_sound_model_that_an_engine_refuses_is_exit_status_2(tmp_path: Path) -> None:
     """Another reader of the same file does not make a campaign of it."""
     library = make_library(tmp_path / "refused", ["bar_pendulum"], {"mujoco": REFUSING})
@@ -223,6 +225,7 @@ def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> No
     assert any(line.startswith("damping ") and "100%" in line for line in done.output.splitlines())
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_kind_that_can_be_made_nowhere_is_told() -> None:
     done = CliRunner().invoke(main, ["faults", "spring_damper", "--kind", "products", "--states", "16", "--workers", "1"])
     assert done.exit_code == 0, done.output

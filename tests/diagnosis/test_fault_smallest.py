@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import json
 import math
 import random
@@ -17,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import IN_CI
 from click.testing import CliRunner
 from msgspec.structs import replace
 from support import cross_checked, make_library
@@ -46,8 +46,13 @@ from harness.results.records import Record
 from harness.verdict import gravest
 
 LIBRARY = Library.built_in()
+
+
+def _by_mechanism(pairs: list[tuple[str, Subject]]) -> list[list[tuple[str, Subject]]]:
+    return [list(group) for _, group in itertools.groupby(pairs, key=lambda pair: pair[0])]
+
+
 PAIRS, _ = select_pairs(LIBRARY, (), select_subjects(LIBRARY, (), native_only=True))
-IDENTIFIERS = [f"{name}-{subject}" for name, subject in PAIRS]
 CHANGE = 1e-11
 SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 
@@ -57,6 +62,12 @@ LIGHT = {"stanford_arm"}
 # How many numbers of each model are walked by day.
 FEW = 4
 EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=pytest.mark.nightly)]
+# One subject of each mechanism by day, the other one of the next, and each by night.
+BY_DAY = [pairs[number % len(pairs)] for number, pairs in enumerate(_by_mechanism(PAIRS))]
+WALKS = [
+    *(pytest.param(name, subject, FEW, id=f"{name}-{subject}-few", marks=pytest.mark.costly) for name, subject in BY_DAY),
+    *(pytest.param(name, subject, None, id=f"{name}-{subject}-all", marks=pytest.mark.nightly) for name, subject in PAIRS),
+]
 
 
 @functools.cache
@@ -102,9 +113,7 @@ def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks, "find_superfluous", lambda assignment, note: [])
 
 
-@pytest.mark.costly
-@pytest.mark.parametrize("most", EVERY_NUMBER)
-@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+@pytest.mark.parametrize(("name", "subject", "most"), WALKS)
 def test_what_is_caught_is_what_theory_says(name: str, subject: Subject, most: int | None) -> None:
     numbers = smallest(name, subject, most)
     # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers.
@@ -112,9 +121,7 @@ def test_what_is_caught_is_what_theory_says(name: str, subject: Subject, most: i
     assert [number for number in numbers if not number.ratio >= 0.1 or not number.as_in_theory] == []
 
 
-@pytest.mark.costly
-@pytest.mark.parametrize("most", EVERY_NUMBER)
-@pytest.mark.parametrize(("name", "subject"), PAIRS, ids=IDENTIFIERS)
+@pytest.mark.parametrize(("name", "subject", "most"), WALKS)
 def test_a_change_of_any_live_number_turns_the_check_red(name: str, subject: Subject, most: int | None, tmp_path: Path) -> None:
     numbers = smallest(name, subject, most)
     hardest = max(number.smallest for number in numbers)
@@ -135,9 +142,10 @@ def test_data_roundoff_hides_a_change_of_1e_11_of_the_lightest_links_alone() -> 
     assert {name for name, subject in PAIRS for number in smallest(name, subject, None) if number.theory > CHANGE} == LIGHT
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("most", EVERY_NUMBER)
 def test_nearly_every_number_is_seen_to_the_tenth_digit(most: int | None) -> None:
-    pairs = PAIRS if IN_CI or most is None else PAIRS[::6]
+    pairs = PAIRS if most is None else BY_DAY
     sizes = np.array([number.smallest for name, subject in pairs for number in smallest(name, subject, most)])
     assert len(sizes) > (600 if most is None else 2 * len(pairs) - 1)
     assert (sizes < 1e-10).mean() >= 0.95
@@ -183,6 +191,7 @@ def test_the_search_finds_the_smallest_size_that_is_caught(threshold: float) -> 
     assert threshold <= smallest_caught(1e-12, lambda size: size >= threshold) <= RESOLUTION * threshold
 
 
+@pytest.mark.costly
 def test_what_lost_digits_before_shows_nothing() -> None:
     """Straight chains are beyond a factorisation of M: those states are known, and no number is caught at them."""
     numbers = smallest_changes(LIBRARY, "chain_6", Subject("mujoco", "mjcf"), SAMPLED, 0, lambda text: None)
@@ -218,6 +227,7 @@ def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]
     assert "drop" in done.output
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
     done = CliRunner().invoke(main, ["faults", "cycloid_bead", *options])
@@ -227,6 +237,8 @@ def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> No
     assert "a rolling wheel ties a slide to a hinge" in line
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.costly
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
     """A mass that both models have wrong: no fault beside it could be told from it."""
@@ -251,6 +263,7 @@ def test_the_unchanged_models_agree() -> None:
             assert not cross_check.problems
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path)])
@@ -262,6 +275,7 @@ def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     assert re.search(r"spring_damper\.urdf:\d+ +springStiffness +80 ", done.output)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_model_that_cannot_be_read_is_exit_status_2_and_costs_its_subject_only(tmp_path: Path) -> None:
     for folder in ("systems", "mjcf", "urdf"):
         (tmp_path / folder).mkdir()

@@ -405,6 +405,7 @@ def test_listing_derives_nothing(cache: Path, derivations: list[str]) -> None:
     assert listed[NAME] == (mechanism.nv, mechanism.description.splitlines()[0]) == degrees_of_freedom(library, NAME)
 
 
+@pytest.mark.costly
 def test_listing_costs_at_most_six_imports_of_sympy(tmp_path: Path) -> None:
     """CPU seconds of processes on one machine, the library from an empty cache."""
 

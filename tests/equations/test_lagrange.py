@@ -9,7 +9,6 @@ from typing import Any
 import mpmath
 import pytest
 import sympy as sp
-from catalogue import IN_CI
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support import energy_function
@@ -180,7 +179,7 @@ def check_equations(system: System, exact: Any) -> None:
     n = exact.nv
 
     # At eighty digits, equations that are right at one state outside of a few are right at all.
-    examples = (6 if exact.nv <= 3 else 3) if IN_CI else (4 if exact.nv <= 3 else 2)
+    examples = 4 if exact.nv <= 3 else 2
 
     @settings(max_examples=examples)
     @given(state_strategy(exact))

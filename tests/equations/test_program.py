@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 import sympy as sp
+from catalogue import IN_CI
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from support import program_from
@@ -100,7 +101,7 @@ def test_balls_hold_the_value_mpmath_finds(outputs: tuple[sp.Expr, ...], values:
         assert fraction(ball.rad()) <= (1 + abs(expected)) / 2**20, expression
 
 
-@settings(max_examples=40)
+@settings(max_examples=40 if IN_CI else 10)
 @given(st.tuples(*[expressions] * 4), st.lists(st.tuples(*[numbers] * 3).map(list), min_size=1, max_size=5))
 def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...], batch: list[list[float]]) -> None:
     """A ball evaluation at 53 bits bounds what rounding every operation once does; the machine may round a few times."""
@@ -117,14 +118,14 @@ def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...]
             assert abs(Fraction(found) - with_mpmath(expression, values)) <= 16 * fraction(ball.rad()) + Fraction(2) ** -1000, expression
 
 
-@settings(max_examples=50)
+@settings(max_examples=50 if IN_CI else 20)
 @given(st.tuples(*[expressions] * 4))
 def test_json_gives_the_same_program_back(outputs: tuple[sp.Expr, ...]) -> None:
     program = as_program(*outputs)
     assert program_from(json.loads(json.dumps(msgspec.to_builtins(program)))) == program
 
 
-@settings(max_examples=50)
+@settings(max_examples=50 if IN_CI else 20)
 @given(st.tuples(*[expressions] * 4))
 def test_no_instruction_is_computed_twice(outputs: tuple[sp.Expr, ...]) -> None:
     instructions = as_program(*outputs).instructions
@@ -248,7 +249,7 @@ def replaced(data: Any, path: tuple[Any, ...], value: Any) -> Any:
 @example(("instructions", 2, 1), "007")
 @example(("instructions", 2, 1), "\u0663")
 @example(("inputs",), "xy")
-@settings(max_examples=400)
+@settings(max_examples=400 if IN_CI else 100)
 def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: Any) -> None:
     try:
         program = program_from(replaced(VALID, place, value))
@@ -284,6 +285,7 @@ def test_inputs_that_only_turn_are_told_from_those_that_do_not() -> None:
     assert assemble([a, b], {"slope": [sp.tan(a - b)]}).turning == [0, 1]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", Library.built_in().system_names())
 def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
     mechanism = load_mechanism(Library.built_in(), name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import flint
 import pytest
 import sympy as sp
+from catalogue import IN_CI
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -43,14 +44,14 @@ def differ(first: sp.Expr, second: sp.Expr) -> bool:
         return not (values[0] - values[1]).contains(0)
 
 
-@settings(max_examples=50)
+@settings(max_examples=50 if IN_CI else 12)
 @given(SUMS)
 def test_a_short_form_is_the_same_function(expression: sp.Expr) -> None:
     [short] = shortest([expression])
     assert not differ(expression, short), (expression, short)
 
 
-@settings(max_examples=20)
+@settings(max_examples=20 if IN_CI else 10)
 @given(st.lists(SUMS, min_size=1, max_size=3))
 def test_a_short_form_is_never_longer(expressions: list[sp.Expr]) -> None:
     before, after = (assemble(SYMBOLS, {"all": written}) for written in (expressions, shortest(expressions)))

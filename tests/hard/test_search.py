@@ -384,6 +384,7 @@ def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
         searched(library, workers, "nothing/mjcf")
 
 
+@pytest.mark.costly
 def test_a_found_state_repeats(library: Library) -> None:
     """Its backward error is that of the state as stored, not of the one it was shrunk from."""
     assignment = assignment_of("arm_2r")

@@ -72,6 +72,7 @@ def test_an_unknown_integrator_is_refused_with_the_nearest_name() -> None:
         select_integrators(["mujoco RK5"])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["cart_pendulum", "arm_2r", "collar", "spring_damper"])
 def test_one_method_is_one_motion_in_every_program(scenes: dict[str, Scene], name: str) -> None:
     """RK4 of the equations, of MuJoCo and of Pinocchio; Euler-Cromer of the equations and of Pinocchio."""
@@ -119,6 +120,7 @@ def test_mujocos_discrete_is_the_linearly_implicit_euler_method(scenes: dict[str
         assert found.q[row, 0] == pytest.approx(q, abs=1e-13) and found.v[row, 0] == pytest.approx(v, abs=1e-12)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["heavy_top", "free_body"])
 def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) -> None:
     """RK4 of all three: half the step, a sixteenth of the error."""
@@ -143,6 +145,7 @@ def test_a_free_bodys_linear_velocity_is_that_of_the_joint_frame(scenes: dict[st
     np.testing.assert_allclose(one.q, other.q, atol=1e-10)
 
 
+@pytest.mark.costly
 def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
     """Steps compiled together give what they give one by one; the last state is kept even where it is not due."""
     for integrator in integrators():
@@ -175,6 +178,7 @@ def test_a_motion_that_breaks_down_ends_in_no_numbers(scenes: dict[str, Scene]) 
         assert not (np.isfinite(path.q[-1]).all() and np.abs(path.q[-1]).max() < 1e12)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("integrator", [equations.DORMAND_PRINCE, equations.TAYLOR], ids=lambda integrator: integrator.name)
 def test_adaptive_integrators_keep_their_tolerance(scenes: dict[str, Scene], integrator: Integrator) -> None:
     for name in ("cart_pendulum", "heavy_top"):

@@ -44,6 +44,7 @@ def measured(cart: Scene) -> Measured:
     return motion_costs(cart, [], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
 
 
+@pytest.mark.costly
 def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
     _, _, orders = measured
     assert [order.integrator for order in orders] == [found.name for found in integrators() if found.order is not None]

@@ -130,6 +130,7 @@ def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Me
                 assert abs(work - at["power"]) <= ALLOWED * (1 + abs(at["power"]))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", NOT_CHAOTIC)
 def test_truth_is_known_to_the_bar_over_twenty_seconds(name: str) -> None:
     mechanism = mechanism_named(name)

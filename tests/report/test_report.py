@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from catalogue import IN_CI
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import Page
@@ -267,7 +268,7 @@ any_cards = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20 if IN_CI else 6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(records=any_records, cards=any_cards, earlier=any_records)
 def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Sequence[SystemCard], earlier: Sequence[Record]) -> None:
     built = build(run_on(1), cards, records, [(run_on(0), earlier)])

@@ -36,7 +36,7 @@ def balance(equations: EquationsOfMotion) -> sp.Matrix:
 
 
 def accelerations(equations: EquationsOfMotion) -> sp.Matrix:
-    return equations.mass_matrix.LUsolve(equations.right_hand_side).applyfunc(sp.simplify)
+    return equations.mass_matrix.LUsolve(equations.right_hand_side)
 
 
 def assert_equal(found: Any, expected: Any) -> None:
@@ -224,7 +224,7 @@ def test_incline_pendulum_slides_square_to_the_slope() -> None:
     determinant = (stiffness - w * equations.mass_matrix.subs(sliding)).det()
     assert_equal([determinant], [w * (w - frequency) * s.M * s.m * s.L**2])
     # On a cart so heavy that it does not feel the mass.
-    light = accelerations(equations).subs(s.m, 0)
+    light = accelerations(equations).applyfunc(sp.cancel).subs(s.m, 0)
     assert_equal(light, [s.g * sp.sin(s.alpha), -s.g * sp.cos(s.alpha) / s.L * sp.sin(s.theta + s.alpha)])
     assert (np.cos(values[s.alpha]), np.sin(values[s.alpha])) == (0.8, 0.6)
 

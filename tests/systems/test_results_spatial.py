@@ -135,7 +135,7 @@ def test_biped_momentum_about_the_stance_foot() -> None:
         moment += mass * s.g * x
     assert_equal([d.momenta[0]], [momentum])
     assert_equal([-d.equations.gravity_terms[0]], [moment])
-    assert sp.simplify(d.equations.mass_matrix.diff(s.q1)) == sp.zeros(5, 5)
+    assert all(map(is_zero, d.equations.mass_matrix.diff(s.q1)))
     assert d.equations.generalised_forces == sp.zeros(5, 1)
 
 
@@ -266,11 +266,11 @@ def test_gyroscope_nutation_frequency() -> None:
     gyroscopic = d.forces.jacobian([s.phi_dot, s.tilt_dot, s.psi_dot]).subs(still)
     frequency = sp.Symbol("frequency", positive=True)
     free = (sp.I * frequency * d.equations.mass_matrix + gyroscopic).subs(s.g, 0)
-    roots = sp.solve(sp.simplify(free.det() / frequency), frequency**2)
+    linear, cubic = sp.Poly(free.det(), frequency).all_coeffs()[-2::-2]
     about_nodes = s.A + s.m * s.h**2 + s.I_x
     about_vertical = s.I_o + (s.A + s.m * s.h**2 + s.I_y) * sp.sin(theta) ** 2 + s.I_z * sp.cos(theta) ** 2
     squared = s.C**2 * n**2 * sp.sin(theta) ** 2 / (about_nodes * about_vertical)
-    assert_equal(roots, [squared])
+    assert_equal([-linear / cubic], [squared])
     assert_equal([squared.subs({s.I_o: 0, s.I_x: 0, s.I_y: 0, s.I_z: 0, s.h: 0})], [(s.C * n / s.A) ** 2])
 
 

@@ -9,7 +9,6 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from catalogue import IN_CI
 from support import energy_function, is_zero, linearised
 
 from harness.equations.derivation import load_system
@@ -19,8 +18,8 @@ from harness.library import Library
 
 # Zero at 80 digits of which differences leave 50, relative to the largest term.
 AT_ZERO = mpmath.mpf(10) ** -40
-# States of every system at which mpmath evaluates an identity.
-COUNT = 5 if IN_CI else 2
+# States of every system at which mpmath evaluates an identity: one that holds at a state chosen at random holds at all.
+COUNT = 2
 SEED = ("collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r")
 
 
@@ -179,9 +178,11 @@ def test_energy_changes_by_the_power_of_the_forces_alone(built_in_name: str, bui
 
 @pytest.mark.parametrize("name", SEED)
 def test_energy_balance_is_a_symbolic_identity(name: str) -> None:
+    """dh/dt = dh/dq v + dh/dv a, where dh/dv = M v and M a is the right-hand side and the applied forces."""
     _, equations, s = seed(name)
     h = energy_function(equations)
-    acceleration = accelerations(equations)
-    growth = sum(h.diff(q) * v + h.diff(v) * a for q, v, a in zip(equations.coordinates, equations.rates, acceleration, strict=True))
-    power = sum((force + s[f"tau{i}"]) * v for i, (force, v) in enumerate(zip(equations.generalised_forces, equations.rates, strict=True)))
-    assert_zero([growth - power])
+    rates = sp.Matrix(equations.rates)
+    assert_zero(sp.Matrix([h.diff(v) for v in rates]) - equations.mass_matrix * rates)
+    applied = sp.Matrix([s[f"tau{i}"] for i in range(len(rates))])
+    growth = sum(h.diff(q) * v for q, v in zip(equations.coordinates, rates, strict=True)) + rates.dot(equations.right_hand_side + applied)
+    assert_zero([growth - rates.dot(equations.generalised_forces + applied)])
