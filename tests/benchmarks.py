@@ -204,10 +204,15 @@ def test_certifying_a_program_of_30_000_instructions(tmp_path: Path) -> None:
     ready = time.process_time() - started
     assert encoded is not None and len(encoded.instructions) >= 30_000
     kernel, states = ReferenceKernel(mechanism), generic_sample(mechanism, FEWEST, seed=0)
-    kernel.evaluate(states)
-    started = time.process_time()
     reference = kernel.evaluate(states)
-    each = (time.process_time() - started) / FEWEST
+
+    def seconds() -> float:
+        started = time.process_time()
+        kernel.evaluate(states)
+        return time.process_time() - started
+
+    # A neighbour on the same machine doubles single times.
+    each = min(seconds() for _ in range(5)) / FEWEST
     print(f"\n{len(encoded.instructions):,} instructions ready in {ready:.2f} s, {1e3 * each:.2f} ms a state")
     assert not reference.in_balls.any() and ready <= 2.0 and each <= 0.002 * len(encoded.instructions) / 30_000
 
