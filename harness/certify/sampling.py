@@ -84,15 +84,25 @@ def sample(mechanism: Mechanism, count: int, seed: int) -> States:
 
 def sample_in_blocks(mechanism: Mechanism, count: int, seed: int) -> Iterator[States]:
     """The states of ``sample``, at most ``BLOCK`` at a time, so that a long sample need not be held at once."""
-    of_kind = kinds(min(count, BLOCK))
-    # Each full block holds as many states of a kind as the first.
-    most = {kind: math.ceil(count / len(TURNS)) * TURNS.count(kind) for kind in Kind}
+    of_kind, most = kinds(min(count, BLOCK)), _most(count)
     streams = {kind: _points(mechanism, most[kind], BLOCK * TURNS.count(kind) // len(TURNS), seed, kind) for kind in Kind}
     for start in range(0, count, BLOCK):
         own = of_kind[: count - start]
         parts = [_states(mechanism, next(streams[kind])[: (own == kind).sum()], kind) for kind in Kind]
         order = np.argsort(np.argsort(own, kind="stable"), kind="stable")
         yield States.concatenate(parts)[order]
+
+
+def keep_points(mechanism: Mechanism, count: int, seed: int) -> None:
+    """Draw the points of ``sample`` into the cache where it has none: in a process that will import parts of SciPy anyway."""
+    for kind, most in _most(count).items():
+        if (exponent := _exponent(most)) <= MOST_KEPT:
+            sobol_points(_dimensions(mechanism), exponent, seed, kind)
+
+
+def _most(count: int) -> dict[Kind, int]:
+    """How many points of each kind a sample may take; each full block holds as many states of a kind as the first."""
+    return {kind: math.ceil(count / len(TURNS)) * TURNS.count(kind) for kind in Kind}
 
 
 def generic_sample(mechanism: Mechanism, count: int, seed: int) -> States:
@@ -113,12 +123,17 @@ def random_sample(mechanism: Mechanism, count: int, seed: int) -> States:
 
 def _points(mechanism: Mechanism, count: int, size: int, seed: int, kind: Kind) -> Iterator[Array]:
     """Points of the unit cube, at least ``count`` in all, ``size`` at a time or all that there are."""
-    dimensions, exponent = _dimensions(mechanism), max(0, math.ceil(math.log2(max(count, 1))))
+    dimensions, exponent = _dimensions(mechanism), _exponent(count)
     if exponent <= MOST_KEPT:
         points = sobol_points(dimensions, exponent, seed, kind)
         return (points[start : start + size] for start in range(0, count, size))
     sequence = _sobol(dimensions, seed, kind)
     return (sequence.random(size) for _ in range(0, count, size))
+
+
+def _exponent(count: int) -> int:
+    """Of the least power of two that is no less than ``count``."""
+    return max(0, math.ceil(math.log2(max(count, 1))))
 
 
 def _dimensions(mechanism: Mechanism) -> int:

@@ -75,7 +75,9 @@ class Loading(Asking):
         # Before anything that takes long: a file that was named and cannot be used ends the run.
         for model_format, path in stand_ins.items():
             self._ask(self._loaded, system, pairs, tasks.read, path, model_format, about=(model_format, path))
-        self._ask(self._loaded, system, pairs, tasks.derive, library, name, about=(None, library.system_path(name)))
+        sampled = 0 if self.settings.state is not None else self._sampled_of(system)
+        wanted = library, name, sampled, self.settings.seed
+        self._ask(self._loaded, system, pairs, tasks.derive_and_sample, *wanted, about=(None, library.system_path(name)))
         subjects = [pair.subject for pair in pairs]
         for model_format, path in library.validated_models(name).items():
             needed = any(subject.format == model_format and not self._why_no_model(name, subject) for subject in subjects)
@@ -133,13 +135,16 @@ class Loading(Asking):
         """Batch by batch; what is stored stands before the first block of the sample."""
         if self.settings.state is not None:
             return iter([self.settings.state])
-        sampled = sample_in_blocks(mechanism, self.settings.states - self._searched_of(system), self.settings.seed)
+        sampled = sample_in_blocks(mechanism, self._sampled_of(system), self.settings.seed)
         stored = stored_states(self.settings.library, mechanism)
         if stored is None:
             return sampled
         for pair in system.pairs.values():
             pair.stored = len(stored)
         return itertools.chain([States.concatenate([stored, next(sampled)])], sampled)
+
+    def _sampled_of(self, system: System) -> int:
+        return self.settings.states - self._searched_of(system)
 
     def _searched_of(self, system: System) -> int:
         """How many states are searched for: none for a variant, which is there for what readers make of it, as any state shows."""

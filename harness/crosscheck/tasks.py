@@ -14,7 +14,7 @@ from pathlib import Path
 from harness.certify.compare import Comparison, compare
 from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import random_sample
+from harness.certify.sampling import keep_points, random_sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
 from harness.engines import (
     EQUATIONS,
@@ -64,6 +64,13 @@ class Assignment:
 def derive(library: Library, name: str, note: Note) -> Mechanism:
     """The mechanism of system ``name``."""
     return load_mechanism(library, name)
+
+
+def derive_and_sample(library: Library, name: str, states: int, seed: int, note: Note) -> Mechanism:
+    """The mechanism of system ``name``; the points of its sample are in the cache afterwards."""
+    mechanism = derive(library, name, note)
+    keep_points(mechanism, states, seed)
+    return mechanism
 
 
 def read(path: Path, model_format: str, note: Note) -> ModelFile:
