@@ -282,6 +282,15 @@ def test_kept_points_are_the_same_to_the_last_bit(tmp_path: Path, monkeypatch: p
         sampling.sobol_points(5, 6, seed=3)
 
 
+@pytest.mark.parametrize("count", [1, 100, 500])
+def test_points_that_are_kept_are_all_that_a_sample_takes(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism = load_mechanism(Library.built_in(), "cart_pendulum")
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    sampling.keep_points(mechanism, count, 3)
+    monkeypatch.setattr(sampling, "_sobol", None)
+    assert len(sampling.sample(mechanism, count, 3)) == count
+
+
 def test_a_kept_sample_needs_no_scipy(tmp_path: Path) -> None:
     code = (
         "import sys; from harness.certify.sampling import sample; from harness.equations.derivation import load_mechanism\n"
