@@ -67,12 +67,16 @@ class MujocoModel:
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
+        if self.model.neq:
+            # A solver that starts from the last answer would make this one depend on it.
+            self._batch.bind("qacc_warmstart")[:] = 0.0
         accelerations = self._batch.bind("qacc")
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers and tendons.
+        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
+        and constraints.
 
         Gravity is the bias force at rest, velocity the bias force without gravity, so that neither is what is left of a difference.
         Source: MuJoCo documentation, Computation, general framework: M v' + c = tau + J' f; API reference, ``mj_fullM``.
@@ -89,7 +93,8 @@ class MujocoModel:
                 each.qpos[positions], each.qvel[velocities], each.qfrc_applied[velocities] = q[state], v[state], tau[state]
                 mujoco.mj_forward(each.model, each)
             mujoco.mj_fullM(model, data, mass[state])
-            passive[state], applied[state], velocity[state] = data.qfrc_passive, data.qfrc_applied, without_gravity.qfrc_bias
+            applied[state], velocity[state] = data.qfrc_applied, without_gravity.qfrc_bias
+            passive[state] = data.qfrc_passive + data.qfrc_constraint
             data.qvel[:] = 0.0
             mujoco.mj_forward(model, data)
             gravity[state] = data.qfrc_bias
@@ -126,7 +131,7 @@ class MujocoEngine:
         mujoco.set_mju_user_warning(lambda message: None)
         file = require_model(source, "mujoco")
         if file.format == "urdf":
-            compiled, building = _mujoco_urdf.read(file, gravity)
+            compiled, building = _mujoco_urdf.read(file, gravity, joints)
             return MujocoModel(compiled, joints, building)
         model = mujoco.MjModel.from_xml_string(file.text)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
