@@ -1,11 +1,11 @@
 """URDF elements that MuJoCo's reader passes over, supplied to its ``MjSpec`` before compilation; MuJoCo then computes them.
 
-The reader gives bodies, joints, inertias and ``<dynamics damping>``. From the same file are added: springs in joints and
-between points (as tendons), reflected inertias, a ball joint at the root and Drake's ball constraints (as connected sites, soft
-as MuJoCo's defaults have it). The harness gives gravity, switches off joint limits, and takes out what the file's decoration has
-become. A joint that mimics another is coupled to it by the reader, and stands in q where the system asks for it. MuJoCo's compiler refuses a
-moving body without mass or with a principal inertia of zero, which a URDF may have and whose least substitute a light
-mechanism feels: such a body is compiled with the least that it accepts, and then has its own mass and inertia written back.
+The reader gives bodies, joints, inertias, ``<dynamics damping>``, and couples a joint that mimics another to it. From the same file
+are added: springs in joints and between points (as tendons), reflected inertias, a ball joint at the root, and Drake's ball
+constraints (as connected sites, soft as MuJoCo's defaults have it). The harness gives gravity, switches off joint limits, and takes
+out what the file's decoration has become. MuJoCo's compiler refuses a moving body without mass or with a principal inertia of zero,
+which a URDF may have and whose least substitute a light mechanism feels: such a body is compiled with the least that it accepts,
+and then has its own mass and inertia written back.
 
 Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming, section Model editing.
 """
@@ -118,8 +118,9 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             compiled, own = _accepted_inertia(body, moves=bool(body.joints) or body.name == root_of_ball)
             edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
             written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
-    if any(joint.get("type") == "fixed" and joint.find("parent").get("link") in written_back for joint in document.root.iterfind("joint")):
-        # Links fused into such a body would be indistinguishable from it.
+    fixed_to = {joint.find("parent").get("link") for joint in document.root.iterfind("joint[@type='fixed']")}
+    if file.constraints or fixed_to & set(written_back):
+        # Links fused into such a body would be indistinguishable from it, and constraints are scaled by what each link weighs.
         edits.append(_set("s.compiler", {"fusestatic": False}))
     for armature in file.armatures:
         edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))

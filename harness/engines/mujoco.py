@@ -4,6 +4,9 @@ Applied forces go through ``qfrc_applied``. Automatic reset is switched off at l
 answers a state beyond 1e10 with the rest state's accelerations and no error. What MuJoCo's reader of URDF passes
 over is supplied to it by ``harness.engines._mujoco_urdf``.
 
+Its constraints are soft: what it solves instead of rigid ones is documented, and follows from the file
+(``harness.engines._mujoco_law``). Solver, iterations and tolerance are those of the file.
+
 Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 """
 
@@ -17,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
+from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_law, _mujoco_urdf, require_model
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -136,6 +139,10 @@ class MujocoEngine:
         model = mujoco.MjModel.from_xml_string(file.text)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return MujocoModel(model, joints)
+
+    def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
+        """See ``harness.engines._mujoco_law``."""
+        return _mujoco_law.constraint_laws(file)
 
 
 ENGINE = MujocoEngine()
