@@ -16,19 +16,20 @@ from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import keep_points, random_sample
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
-from harness.crosscheck.truth import Truth
+from harness.crosscheck.truth import Truth, softened, softness_of
 from harness.engines import (
     EQUATIONS,
     Model,
     Subject,
     Unsupported,
     accelerations,
+    constraint_laws,
     factorises_mass_matrix,
     linear_velocity_in_body,
     load_engine,
     load_model,
 )
-from harness.engines._audit import audit
+from harness.engines._audit import audit, require_constraints
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -125,8 +126,20 @@ def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
 
 
 def truth_of(assignment: Assignment) -> Truth:
-    """What a subject's answers are held against."""
-    return rigid_truth_of(assignment)
+    """What a subject's answers are held against.
+
+    Raises:
+        InvalidModel: the file's softness of constraints cannot be held against the mechanism's rows.
+    """
+    rigid, mechanism, model = rigid_truth_of(assignment), assignment.mechanism, assignment.model
+    if mechanism.constraints is None or model is None:
+        return rigid
+    require_constraints(model, mechanism)
+    laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), model)
+    if not laws:
+        return rigid
+    rows = softness_of(mechanism.constraints, laws, model)
+    return Truth(softened(mechanism, rows), rigid.linear_velocity_in_body, is_declared=True)
 
 
 def rigid_truth_of(assignment: Assignment) -> Truth:

@@ -54,12 +54,14 @@ class Softness:
     Attributes:
         impedance: d, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
         inverse_mass: A, of the row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
+        has_bias: whether the law takes account of J' v; without it, it leaves b out.
     """
 
     impedance: float
     stiffness: float
     damping: float
     inverse_mass: float | None
+    has_bias: bool = True
 
 
 def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
@@ -76,7 +78,7 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
         (f"{name}[{place}] {key.replace('_', ' ')}", value)
         for place, (name, row) in enumerate(zip(constraints.rows, rows, strict=True))
         for key, value in vars(row).items()
-        if value is not None
+        if isinstance(value, float)
     ]
     tied = Tied(constraints, [name for name, _ in numbers], independent_only=False)
     given = {name: tied.add("input", tied.inputs.index(name)) for name, _ in numbers}
@@ -90,7 +92,8 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
         inverse_mass = tied.dot(row, columns[place]) if law.inverse_mass is None else given[f"{name}[{place}] inverse mass"]
         weight = tied.quotient(impedance, tied.product(tied.difference(one, impedance), inverse_mass))
         back = tied.product(tied.product(stiffness, impedance), tied.residual[place])
-        wanted = tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), tied.bias[place]))
+        bias = tied.bias[place] if law.has_bias else tied.number(0)
+        wanted = tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), bias))
         weighted = [tied.product(weight, entry) for entry in row]
         for entry, (i, j) in enumerate(upper_triangle(tied.nv)):
             outputs["mass"][entry] = tied.sum(outputs["mass"][entry], tied.product(weighted[i], row[j]))
