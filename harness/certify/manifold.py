@@ -272,8 +272,9 @@ def _in_balls(jacobian: Sequence[Sequence[Any]], rows: Sequence[int], places: Se
 
 def _solved(matrices: Array, columns: Array) -> Array:
     """The solutions, (n, m), of n systems; NaN where one has none."""
-    finite = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(columns).all(axis=1)
-    regular: Flags = np.logical_and(finite, np.linalg.det(np.where(finite[:, None, None], matrices, 0.0)) != 0)
+    finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(columns).all(axis=1))
+    determinants = np.asarray(np.linalg.det(np.where(finite[:, None, None], matrices, 0.0)))
+    regular = np.flatnonzero(finite & (determinants != 0))
     found = np.full_like(columns, np.nan)
     found[regular] = np.linalg.solve(matrices[regular], columns[regular][:, :, None])[:, :, 0]
     return found
