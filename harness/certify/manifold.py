@@ -17,18 +17,18 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.certify.forward_mode import jacobians, values
-from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.constraints import JACOBIAN, RATE, RESIDUAL
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, without_unused
+from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.storage import Kept
 
@@ -67,19 +67,26 @@ def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:
 
 def closes(mechanism: Mechanism, states: States) -> Flags:
     """(n,) whether a state closes all constraints, in positions and in rates, as far as half an ulp of each input leaves it open."""
-    found = np.ones(len(states), dtype=np.bool_)
     if mechanism.constraints is None:
-        return found
+        return np.ones(len(states), dtype=np.bool_)
+    left, open_by_data = rows_left(mechanism, states)
+    return np.asarray((np.abs(left) <= _ROUNDINGS * open_by_data).all(axis=1))
+
+
+def rows_left(mechanism: Mechanism, states: States) -> tuple[Array, Array]:
+    """What the rows and their rates leave, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
+
+    ``mechanism`` has constraints.
+    """
+    assert mechanism.constraints is not None
     program = mechanism.constraints.program
-    asked = {name: program.outputs[name] for name in (RESIDUAL, RATE)}
-    rows = without_unused(StraightLineProgram(program.inputs, program.instructions, asked))
+    rows = without_unused(replace(program, outputs={name: program.outputs[name] for name in (RESIDUAL, RATE)}))
     inputs = mechanism.inputs(states)
     left, slopes = values(rows, inputs), jacobians(rows, inputs)
+    scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
     with np.errstate(all="ignore"):
-        for name in asked:
-            open_by_data = UNIT_ROUNDOFF * (np.abs(slopes[name]) * np.abs(inputs)).sum(axis=1)
-            found &= (np.abs(left[name]) <= _ROUNDINGS * open_by_data).all(axis=0)
-    return found
+        moved = [UNIT_ROUNDOFF * (np.abs(slopes[name]) * scales).sum(axis=1).T for name in (RESIDUAL, RATE)]
+    return np.hstack([left[name].T for name in (RESIDUAL, RATE)]), np.hstack(moved)
 
 
 @dataclass(frozen=True)

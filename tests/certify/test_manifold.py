@@ -146,6 +146,11 @@ def test_a_ball_holds_the_configuration_and_is_small(mechanism: Mechanism) -> No
         assert abs(float(ball) - value) <= 1.01e-8 and float(ball.rad()) < 1e-28
 
 
+@pytest.mark.parametrize("rate", [0.0, 5e-324, 1e-310, 1e-160, 1e8])
+def test_rates_of_any_size_close(mechanism: Mechanism, rate: float) -> None:
+    assert closes(mechanism, closed(mechanism, at(0.0, 0.7, rate=rate))).all()
+
+
 def test_rolling_determines_rates_alone() -> None:
     mechanism = mechanism_of(upright_disc())
     states = sample(mechanism, 32, seed=1)
