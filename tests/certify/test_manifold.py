@@ -65,6 +65,13 @@ def test_the_branch_is_that_of_the_assembly_to_the_last_bit(assembly: dict[Any, 
         assert row[0] == angle
 
 
+@pytest.mark.parametrize("size", [1e3, 1e8, 1e15])
+def test_large_angles_close_where_angles_are_added(size: float) -> None:
+    mechanism = mechanism_of(four_bar(measured_from={coupler: crank}))
+    states = closed(mechanism, at(size, -size))
+    assert closes(mechanism, states).all() and ReferenceKernel(mechanism).evaluate(states).certified.all()
+
+
 def test_rates_are_those_of_the_closed_loop(mechanism: Mechanism) -> None:
     step = 1e-6
     before, here, after = closed(mechanism, at(0.7 - step, 0.7, 0.7 + step)).q
