@@ -20,7 +20,8 @@ import msgspec
 
 from harness.arrays import Array
 from harness.certify.sampling import random_sample
-from harness.engines import Engine, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine
+from harness.crosscheck.gaps import gaps_of, with_gaps
+from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -102,6 +103,11 @@ def _other_readers(library: Library, subject: Subject) -> list[Engine]:
     return [engine for engine in engines if installed_version(engine) is not None]
 
 
+def _felt(loaded: Model, states: States) -> Array:
+    """Accelerations, (n, nv), and behind them 1 m or rad with what the rows of constraints leave, which accelerations need not feel."""
+    return with_gaps(accelerations(loaded, states), {name: 1.0 + rows for name, rows in gaps_of(loaded, states).items()})
+
+
 class _Spent(Exception):
     """The evaluations are used up."""
 
@@ -128,13 +134,13 @@ class _Examination:
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
         if self._healthy is None:
-            return accelerations(loaded, states)
+            return _felt(loaded, states)
         answers = self._healthy.copy()
         for asked in (slice(0, 1), slice(1, None)):
             self._left -= len(states[asked])
             if self._left < 0:
                 raise _Spent
-            answers[asked] = accelerations(loaded, states[asked])
+            answers[asked] = _felt(loaded, states[asked])
             if largest_change(self._healthy, answers) > NOISE:
                 break
         return answers
@@ -248,7 +254,7 @@ class _Examination:
             def answer(file: ModelFile, engine: Engine = engine) -> Array:
                 loaded = engine.load(file, self._mechanism.joints, self._mechanism.gravity)
                 audit(loaded.loaded(), file, self._mechanism)
-                return accelerations(loaded, self._states)
+                return _felt(loaded, self._states)
 
             try:
                 watch = Watch(self._model, answer)
