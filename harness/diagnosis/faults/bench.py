@@ -105,15 +105,14 @@ class FaultBench:
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
-    def _reference(self, subject: Subject, diagnostic: bool = False) -> Reference:
-        """Certified once: it does not depend on the fault."""
-        model = self.model if subject.format == self.model.format else None
+    def _reference(self, subject: Subject, model: ModelFile | None, diagnostic: bool = False) -> Reference:
+        """The truth of a subject on an unmodified model, certified once."""
         assignment = Assignment(self._library, subject, self.mechanism, model)
         kernel, states = reference_kernel_of(assignment), self._diagnostic_states if diagnostic else self._states
         if (kernel, diagnostic) not in self._references:
             self._references[kernel, diagnostic] = kernel.evaluate(states)
         reference = self._references[kernel, diagnostic]
-        if model is None:
+        if model is not self.model:
             return reference
         gaps = gaps_of(self._load(load_engine(self._library, subject.engine), model), states)
         return beside_gaps(reference, self.mechanism, states, gaps)
@@ -141,7 +140,7 @@ class FaultBench:
             return f"{subject}: {reason}"
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
-        reference = self._reference(subject)
+        reference = self._reference(subject, source if isinstance(source, ModelFile) else None)
         expected = self._expected.get((self._name, str(subject)), AGREES)
         comparison = compare(reference, answers, factorises_mass_matrix(engine))
         require_sound(path, self._name, subject, comparison, expected)
@@ -157,7 +156,7 @@ class FaultBench:
     def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
-            reference = self._reference(reader.subject, diagnostic=True)
+            reference = self._reference(reader.subject, self.model, diagnostic=True)
             sound = Baseline(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
