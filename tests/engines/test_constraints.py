@@ -14,7 +14,7 @@ import sympy as sp
 from loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
-from harness.engines import InverseWeight, Unsupported, constraint_laws, load_engine
+from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
 from harness.engines.pinocchio import PinocchioModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
@@ -23,7 +23,7 @@ from harness.robots.inverse_weights import inverse_weights
 LIBRARY = Library.built_in()
 SUBJECTS = [(engine, model_format) for engine in ("mujoco", "pinocchio") for model_format in ("mjcf", "urdf")]
 COUNT = 6
-# Data roundoffs: the bar of the verdict, and what a wrong number of 1e-9 exceeds.
+# Data roundoffs: the bar of the verdict, and what a wrong number exceeds.
 BAR, WRONG = 64.0, 1e4
 GRAVITY = 9.81
 
@@ -50,13 +50,18 @@ def answers(engine: str, file: ModelFile, joints: Sequence[str], states: Sequenc
     return load_engine(LIBRARY, engine).load(file, joints, GRAVITY).forward_dynamics(q, v, tau)
 
 
+def laws_of(file: ModelFile, engine: str = "mujoco") -> Mapping[str, ConstraintLaw]:
+    return constraint_laws(load_engine(LIBRARY, engine), file)
+
+
+def weights_of(file: ModelFile, laws: Mapping[str, ConstraintLaw]) -> Mapping[InverseWeight, float]:
+    return inverse_weights(file, [one for law in laws.values() for row in law.weights or () for one in row])
+
+
 def truth(engine: str, file: ModelFile, loop: Loop) -> Answer:
     """What an engine documents that it solves."""
-    laws = constraint_laws(load_engine(LIBRARY, engine), file)
-    if not laws:
-        return loop.rigid
-    wanted = [one for law in laws.values() for row in law.weights or () for one in row]
-    return loop.softened(Softened(laws, inverse_weights(file, wanted)))
+    laws = laws_of(file, engine)
+    return loop.softened(Softened(laws, weights_of(file, laws))) if laws else loop.rigid
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -83,13 +88,12 @@ EXACT_SOLVE = ("<option ", '<option iterations="3" tolerance="0" ')
 
 @pytest.mark.parametrize("change", SOFT.values(), ids=SOFT)
 def test_mujoco_solves_the_optimum_that_the_file_declares(change: tuple[str, str]) -> None:
-    states = states_of("four_bar")
-    file = changed(model_of("four_bar", "mjcf"), change, EXACT_SOLVE)
+    plain, states = model_of("four_bar", "mjcf"), near_the_constraint("four_bar")
+    file = changed(plain, change, EXACT_SOLVE)
     found = answers("mujoco", file, FOUR_BAR.joints, states)
     assert FOUR_BAR.worst(truth("mujoco", file, FOUR_BAR), states, found) < BAR
-    # The law of the file as it was is another one, but where the step does not matter.
-    is_felt = "refsafe" not in change[1] and "timestep" not in change[1]
-    assert (FOUR_BAR.worst(truth("mujoco", model_of("four_bar", "mjcf"), FOUR_BAR), states, found) > WRONG) == is_felt
+    # What the change declares is felt, but for the one that takes away a bound that nothing reached.
+    assert (FOUR_BAR.worst(truth("mujoco", plain, FOUR_BAR), states, found) > WRONG) == ("refsafe" not in change[1])
 
 
 def test_a_stiff_loop_needs_more_than_mujocos_default_tolerance() -> None:
@@ -99,18 +103,36 @@ def test_a_stiff_loop_needs_more_than_mujocos_default_tolerance() -> None:
     assert FOUR_BAR.worst(truth("mujoco", file, FOUR_BAR), states, answers("mujoco", file, FOUR_BAR.joints, states)) > BAR
 
 
+def near_the_constraint(name: str) -> list[tuple[list[float], list[float], list[float]]]:
+    """Within the width of the impedance, and drifting: on the constraint itself nothing feels stiffness, damping and width."""
+    generator = np.random.default_rng(3)
+    return [
+        (
+            (np.array(q) + generator.uniform(-2e-4, 2e-4, len(q))).tolist(),
+            (np.array(v) + generator.uniform(-0.1, 0.1, len(q))).tolist(),
+            tau,
+        )
+        for q, v, tau in states_of(name)
+    ]
+
+
 def on_a_tree(rows: Callable[[Sequence[Any], Sequence[Any]], tuple[Any, ...]]) -> Loop:
     """The four-bar with other rows than its closure."""
     return replace(FOUR_BAR, rows=lambda q, p: {"closure": rows(q, p)})
 
 
 def _length(q: Sequence[Any], p: Sequence[Any]) -> Any:
-    gap = four_bar_gap(q, p)
-    return sp.sqrt(gap.dot(gap))
+    """From the hook to the coupler's end."""
+    a, b, *_ = p
+    x = a * sp.cos(q[0]) + b * sp.cos(q[0] + q[1]) - HOOK[0]
+    return sp.sqrt(x**2 + (a * sp.sin(q[0]) + b * sp.sin(q[0] + q[1]) - HOOK[1]) ** 2)
 
 
-# The file's zero position has both points on the x axis, 1.2 m apart.
-TENDON = '</worldbody>\n  <tendon><spatial name="cord"><site site="coupler_end"/><site site="follower_end"/></spatial></tendon>'
+# x and z of a point of the ground.
+HOOK = sp.Rational(1, 2), sp.Rational(3, 2)
+GROUND = '<body name="ground">'
+HOOKED = f'{GROUND}\n      <site name="hook" pos="{float(HOOK[0])} 0 {float(HOOK[1])}"/>'
+TENDON = '</worldbody>\n  <tendon><spatial name="cord"><site site="hook"/><site site="coupler_end"/></spatial></tendon>'
 SUM = '</worldbody>\n  <tendon><fixed name="cord"><joint joint="crank" coef="2"/><joint joint="follower" coef="-0.5"/></fixed></tendon>'
 CLOSURE = '<connect name="closure" site1="coupler_end" site2="follower_end"/>'
 OTHERS: Mapping[str, tuple[Loop, list[tuple[str, str]]]] = {
@@ -129,7 +151,10 @@ OTHERS: Mapping[str, tuple[Loop, list[tuple[str, str]]]] = {
         [(CLOSURE, '<joint name="closure" joint1="coupler" polycoef="0.375"/>')],
     ),
     "joint from references": (
-        on_a_tree(lambda q, p: (q[1] - sp.Rational(1, 4) - 2 * (q[2] - sp.Rational(1, 2)),)),
+        replace(
+            on_a_tree(lambda q, p: (q[1] - sp.Rational(1, 4) - 2 * (q[2] - sp.Rational(1, 2)),)),
+            energies=lambda q, v, p: FOUR_BAR.energies((q[0], q[1] - sp.Rational(1, 4), q[2] - sp.Rational(1, 2)), v, p),
+        ),
         [
             (CLOSURE, '<joint name="closure" joint1="coupler" joint2="follower" polycoef="0 2"/>'),
             ('name="coupler" type="hinge" axis="0 -1 0"', 'name="coupler" type="hinge" axis="0 -1 0" ref="0.25"'),
@@ -137,8 +162,8 @@ OTHERS: Mapping[str, tuple[Loop, list[tuple[str, str]]]] = {
         ],
     ),
     "tendon between two points": (
-        on_a_tree(lambda q, p: (_length(q, p) - sp.Rational(6, 5) - sp.Rational(1, 8),)),
-        [(CLOSURE, '<tendon name="closure" tendon1="cord" polycoef="0.125"/>'), ("</worldbody>", TENDON)],
+        on_a_tree(lambda q, p: (_length(q, p) - _length((0, 0, 0), p) - sp.Rational(1, 8),)),
+        [(CLOSURE, '<tendon name="closure" tendon1="cord" polycoef="0.125"/>'), ("</worldbody>", TENDON), (GROUND, HOOKED)],
     ),
     "tendon on joints": (
         on_a_tree(lambda q, p: (2 * q[0] - q[2] / 2 - sp.Rational(1, 8),)),
@@ -156,14 +181,87 @@ def off_the_constraint(count: int) -> list[tuple[list[float], list[float], list[
     ]
 
 
-@pytest.mark.parametrize(("loop", "changes"), OTHERS.values(), ids=OTHERS)
-def test_every_kind_of_constraint_has_mujocos_law(loop: Loop, changes: list[tuple[str, str]]) -> None:
+# Those whose J changes along the motion.
+CURVED = ("weld", "joint by a polynomial", "tendon between two points")
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_kind_of_constraint_has_mujocos_law(kind: str) -> None:
+    """Couplings leave J' v out, which connect and weld have."""
+    loop, changes = OTHERS[kind]
     file = changed(model_of("four_bar", "mjcf"), *changes, EXACT_SOLVE)
     states = off_the_constraint(COUNT)
     found = answers("mujoco", file, loop.joints, states)
-    declared = truth("mujoco", file, loop)
-    assert loop.worst(declared, states, found) < BAR
-    assert loop.worst(loop.rigid if len(loop.independent) < 2 else declared, states, found * (1 + 1e-6)) > BAR
+    assert loop.worst(truth("mujoco", file, loop), states, found) < BAR
+    laws = {name: replace(law, has_curvature=not law.has_curvature) for name, law in laws_of(file).items()}
+    assert (loop.worst(loop.softened(Softened(laws, weights_of(file, laws))), states, found) > WRONG) == (kind in CURVED)
+
+
+# A site of the world for the coupler's end, and two frames for the follower, where it lies along x.
+STANDING: Mapping[str, tuple[Loop, tuple[float, ...], list[tuple[str, str]]]] = {
+    "mjcf": (
+        replace(FOUR_BAR, rows=lambda q, p: {"closure": (_coupler_end(q, p)[0], 0, _coupler_end(q, p)[1])}),
+        (0.0, 0.9272952180016122),
+        [
+            ("<worldbody>", '<worldbody>\n    <site name="here" pos="1.5 0 1.2"/>'),
+            (CLOSURE, '<connect name="closure" site1="coupler_end" site2="here"/>'),
+        ],
+    ),
+    "urdf": (
+        replace(FOUR_BAR, rows=lambda q, p: {"closure": (_coupler_end(q, p)[0], 0, _coupler_end(q, p)[1])}),
+        (0.0, 0.9272952180016122),
+        [
+            ('B name="follower"', 'B name="world"'),
+            ('BQ value="1.3 0 0"', 'BQ value="1.5 0 1.2"'),
+        ],
+    ),
+}
+
+
+def _coupler_end(q: Sequence[Any], p: Sequence[Any]) -> tuple[Any, Any]:
+    """From a point of the world to the coupler's end (x, z)."""
+    a, b, *_ = p
+    x, z = (a * of(q[0]) + b * of(q[0] + q[1]) for of in (sp.cos, sp.sin))
+    return x - sp.Rational(3, 2), z - sp.Rational(6, 5)
+
+
+@pytest.mark.parametrize(("engine", "model_format"), SUBJECTS)
+def test_the_world_may_be_an_end(engine: str, model_format: str) -> None:
+    loop, (first, second), changes = STANDING[model_format]
+    file = changed(model_of("four_bar", model_format), *changes)
+    generator = np.random.default_rng(4)
+    states = [
+        ([first, second, generator.uniform(-3, 3)], [0.0, 0.0, generator.uniform(-5, 5)], generator.uniform(-20, 20, 3).tolist())
+        for _ in range(COUNT)
+    ]
+    assert loop.worst(truth(engine, file, loop), states, answers(engine, file, loop.joints, states)) < BAR
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+def test_a_weld_holds_two_frames_together(engine: str) -> None:
+    """The follower stands along x, its frame in that of the ground; Pinocchio's rows are others of the same meaning."""
+    turn = 'quat="0.8 0 0.6 0"'
+    file = changed(
+        model_of("four_bar", "mjcf"),
+        (CLOSURE, '<weld name="closure" site1="mine" site2="grounds" torquescale="0.5"/>'),
+        (GROUND, f'{GROUND}\n      <site name="grounds" pos="2.4 0 0.1" {turn}/>'),
+        ('<site name="follower_end"', f'<site name="mine" pos="0.4 0 0.1" {turn}/>\n        <site name="follower_end"'),
+        EXACT_SOLVE,
+    )
+    rigid = replace(FOUR_BAR, rows=lambda q, p: {"closure": (q[2],)}, independent=(0,))
+    loop = replace(FOUR_BAR, rows=lambda q, p: {"closure": _weld_of_follower(q)}) if engine == "mujoco" else rigid
+    generator = np.random.default_rng(5)
+    states = [
+        ([*generator.uniform(-3, 3, 2).tolist(), 0.0], [*generator.uniform(-5, 5, 2).tolist(), 0.0], generator.uniform(-20, 20, 3).tolist())
+        for _ in range(COUNT)
+    ]
+    assert loop.worst(truth(engine, file, loop), states, answers(engine, file, loop.joints, states)) < BAR
+
+
+def _weld_of_follower(q: Sequence[Any]) -> tuple[Any, ...]:
+    x, z = sp.Rational(2, 5), sp.Rational(1, 10)
+    sine, cosine = sp.sin(q[2]), sp.cos(q[2])
+    return x * cosine - z * sine - x, 0, x * sine + z * cosine - z, 0, -sp.sin(q[2] / 2) / 2, 0
 
 
 @pytest.mark.parametrize("kind", [kind for kind in OTHERS if kind != "weld"])
@@ -189,8 +287,8 @@ def test_a_joint_that_mimics_is_soft_in_mujoco_where_the_system_asks_for_it() ->
 PLANTED = {
     ("mjcf", "site"): ('pos="1.5 0 0"', 'pos="1.5000000015 0 0"'),
     ("mjcf", "other site"): ('site2="follower_end"', 'site2="foot"'),
-    ("mjcf", "stiffness"): ('end"/>\n  </eq', 'end" solref="0.0200000001 1"/>\n  </eq'),
-    ("mjcf", "impedance"): ('end"/>\n  </eq', 'end" solimp="0.900000001"/>\n  </eq'),
+    ("mjcf", "stiffness"): ('end"/>\n  </eq', 'end" solref="0.02000002 1"/>\n  </eq'),
+    ("mjcf", "impedance"): ('end"/>\n  </eq', 'end" solimp="0.9000009"/>\n  </eq'),
     ("urdf", "point"): ('value="1.3 0 0"', 'value="1.3000000013 0 0"'),
     ("urdf", "exchanged points"): ('p_AP value="1.5 0 0"', 'p_AP value="1.3 0 0"'),
 }
@@ -203,10 +301,12 @@ def test_a_planted_fault_is_felt(engine: str, where: tuple[str, str], change: tu
     sound = model_of("four_bar", model_format)
     if what == "other site":
         sound = changed(sound, ('<site name="follower_end"', '<site name="foot" pos="1.2 0 0"/>\n        <site name="follower_end"'))
-    states = states_of("four_bar")
+    is_soft = what in ("stiffness", "impedance")
+    # On the constraint itself no state feels its stiffness.
+    states = near_the_constraint("four_bar") if is_soft else states_of("four_bar")
     worst = FOUR_BAR.worst(truth(engine, sound, FOUR_BAR), states, answers(engine, changed(sound, change), FOUR_BAR.joints, states))
     # A rigid solver reads nothing of how soft a constraint is.
-    assert (worst > WRONG) == (engine == "mujoco" or what not in ("stiffness", "impedance"))
+    assert (worst > WRONG) == (engine == "mujoco" or not is_soft)
 
 
 @pytest.mark.parametrize(("engine", "model_format"), SUBJECTS)
