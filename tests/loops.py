@@ -1,4 +1,4 @@
-"""Planar mechanisms with constraints at 50 digits, by a solve of their own: energies by SymPy, the saddle point and the regularised optimum by mpmath.
+"""Planar mechanisms with constraints at 50 digits: energies by SymPy, the saddle point and the regularised optimum by mpmath.
 
 Shares nothing with the equations of the harness and asks no engine.
 """
@@ -144,7 +144,7 @@ class Loop:
         return v
 
     def backward_error(self, answer: Answer, state: tuple[Sequence[float], ...], found: Array) -> float:
-        """Distance of ``found`` from an answer in data roundoffs: in the norm of the kinetic energy, over what half an ulp of inputs does."""
+        """Distance of ``found`` from an answer in data roundoffs, in the norm of the kinetic energy."""
         with mp.workdps(DIGITS):
             inputs = [mp.mpf(value) for part in (*state, self.values) for value in part]
             mass = self._parts(state[0], state[1])[0]
