@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
+from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
