@@ -15,6 +15,7 @@ from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
+from harness.engines._pinocchio_constraints import LoopConstraints
 from harness.engines.pinocchio import PinocchioModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
@@ -261,17 +262,57 @@ def test_pinocchio_refuses_what_its_solver_has_no_constraint_of(kind: str) -> No
         load_engine(LIBRARY, "pinocchio").load(changed(model_of("four_bar", "mjcf"), *changes), FOUR_BAR.joints, GRAVITY)
 
 
-def test_a_joint_that_mimics_is_soft_in_mujoco_where_the_system_asks_for_it() -> None:
-    mimic = '<child link="follower"/>\n    <mimic joint="coupler" multiplier="1.5" offset="0.25"/>'
+MIMIC = '<child link="follower"/>\n    <mimic joint="coupler" multiplier="1.5" offset="0.25"/>'
+ROTOR = (
+    '<transmission name="gear"><type>transmission_interface/SimpleTransmission</type><joint name="coupler"/>'
+    '<actuator name="motor"><drake:rotor_inertia value="0.125"/></actuator></transmission></robot>'
+)
+
+
+def mimicking(*changes: tuple[str, str]) -> ModelFile:
     text = model_of("four_bar", "urdf").text
-    text = text[: text.index("  <drake:ball")] + "</robot>\n"
-    file = parse_model(Path("model.urdf"), text.replace('<child link="follower"/>', mimic), "urdf")
-    loop = replace(FOUR_BAR, rows=lambda q, p: {"follower": (q[2] - sp.Rational(1, 4) - sp.Rational(3, 2) * q[1],)})
+    start = text.index("  <drake:ball")
+    return changed(parse_model(Path("model.urdf"), text[:start] + "</robot>", "urdf"), ('<child link="follower"/>', MIMIC), *changes)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("rotor", [0.0, 0.125])
+def test_a_joint_that_mimics_is_coupled_where_the_system_asks_for_it(engine: str, rotor: float, capsys: pytest.CaptureFixture[str]) -> None:
+    """Soft in MuJoCo, at any state; rigid in Pinocchio, where followers stand where leaders say."""
+    changes = [("</robot>", ROTOR), ('effort="0"', 'effort="1"')] if rotor else []
+    file = mimicking(*changes)
+    loop = replace(
+        FOUR_BAR,
+        rows=lambda q, p: {"follower": (q[2] - sp.Rational(1, 4) - sp.Rational(3, 2) * q[1],)},
+        energies=lambda q, v, p: tuple(of + add for of, add in zip(FOUR_BAR.energies(q, v, p), (rotor * v[1] ** 2 / 2, 0), strict=True)),
+        independent=(0,),
+    )
     states = off_the_constraint(COUNT)
-    assert loop.worst(truth("mujoco", file, loop), states, answers("mujoco", file, loop.joints, states)) < BAR
-    for engine, joints in (("mujoco", ("crank", "coupler")), ("pinocchio", loop.joints)):
-        with pytest.raises(Unsupported, match="mimics"):
-            load_engine(LIBRARY, engine).load(file, joints, GRAVITY)
+    if engine == "pinocchio":
+        states = [([q[0], q[1], 0.25 + 1.5 * q[1]], [v[0], v[1], 1.5 * v[1]], tau) for q, v, tau in states]
+    found = answers(engine, file, loop.joints, states)
+    assert loop.worst(truth(engine, file, loop), states, found) < BAR
+    q, v, tau = (np.array([state[part] for state in states]) for part in range(3))
+    model: Any = load_engine(LIBRARY, engine).load(file, loop.joints, GRAVITY)
+    exec(model.reproducer("text", q[0], v[0], tau[0], found[0]), {"text": file.text})
+    printed, expected = (np.array(eval(line)) for line in capsys.readouterr().out.splitlines())
+    np.testing.assert_allclose(printed, expected, rtol=1e-12)
+    terms = model.terms(q, v, tau)
+    balance = np.einsum("nij,nj->ni", terms.mass, found) + terms.velocity + terms.gravity - terms.passive - terms.applied
+    assert np.abs(balance).max() < 1e-10 * np.abs(terms.passive).max()
+    np.testing.assert_allclose([*model.gaps(q).values()][0][:, 0], q[:, 2] - 0.25 - 1.5 * q[:, 1], atol=1e-13)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+def test_a_joint_that_mimics_is_refused_where_nobody_asks_for_it(engine: str) -> None:
+    with pytest.raises(Unsupported, match=r"line \d+: .*'?follower\W+ mimics"):
+        load_engine(LIBRARY, engine).load(mimicking(), ("crank", "coupler"), GRAVITY)
+
+
+def test_pinocchio_refuses_a_mimic_beside_a_loop() -> None:
+    file = changed(model_of("four_bar", "urdf"), ('<child link="follower"/>', MIMIC))
+    with pytest.raises(Unsupported, match="in a model with a loop, and constraintDynamics refuses that"):
+        load_engine(LIBRARY, "pinocchio").load(file, FOUR_BAR.joints, GRAVITY)
 
 
 PLANTED = {
@@ -333,7 +374,7 @@ def _loop_model(file: ModelFile) -> tuple[PinocchioModel, tuple[Array, Array, Ar
 def test_pinocchios_default_settings_give_nan_without_a_word() -> None:
     """Of a redundant row, which every planar loop closed by a point has; an answer that is not finite becomes an error of the record."""
     model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert model.constraints is not None
+    assert isinstance(model.constraints, LoopConstraints)
     assert np.isnan(model.constraints.accelerations(columns, mu=0.0, iterations=1)).all()
 
 
@@ -341,9 +382,20 @@ def test_pinocchios_default_settings_give_nan_without_a_word() -> None:
 def test_the_limit_of_pinocchios_iterations_does_not_depend_on_mu(mu: float) -> None:
     states = states_of("four_bar")
     model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert model.constraints is not None
+    assert isinstance(model.constraints, LoopConstraints)
     assert FOUR_BAR.worst(FOUR_BAR.rigid, states, model.constraints.accelerations(columns, mu=mu)) < BAR
     assert mu < 1e-13 or FOUR_BAR.worst(FOUR_BAR.rigid, states, model.constraints.accelerations(columns, mu=mu, iterations=1)) > BAR
+
+
+@pytest.mark.parametrize("mu", [1e-4, 1e-6, 1e-8])
+def test_lcaba_loses_digits_in_proportion_to_one_over_mu(mu: float) -> None:
+    """Iterations do not mend it: what rounding leaves of M + J' J / mu stays."""
+    states = states_of("four_bar")
+    model, columns = _loop_model(model_of("four_bar", "urdf"))
+    assert isinstance(model.constraints, LoopConstraints)
+    rigid = np.array([[float(one) for one in FOUR_BAR.rigid([*q, *v, *tau, *FOUR_BAR.values])] for q, v, tau in states])
+    error = np.abs(model.constraints.by_lcaba(columns, mu) - rigid).max() / np.abs(rigid).max()
+    assert 0.01 * 2.0**-53 / mu < error < 1e3 * 2.0**-53 / mu
 
 
 def test_a_loop_closed_twice_is_closed_once() -> None:
