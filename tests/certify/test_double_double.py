@@ -59,6 +59,9 @@ def operands(generator: np.random.Generator, count: int) -> Array:
     special = [0.0, 1.0, -1.0, 0.5, 3.0, math.pi, math.pi / 2, 5e-324, 2.0**-1022, 1.7e308, 2.0**20, math.inf, math.nan, -0.0]
     extreme = np.array([(value, 0.0, 0.0) for value in special])
     found = np.column_stack([high, low, bound])
+    # What cancelled: nothing is left but the bound.
+    cancelled = generator.random(count) < 0.05
+    found[cancelled, :2] *= generator.choice([0.0, 2.0**-420], cancelled.sum())[:, None]
     # A float64 of which no second half is left is what it is.
     found[~(np.abs(found[:, 0]) > 2.0**-960), 1] = 0.0
     found[: len(extreme)] = extreme
@@ -128,3 +131,11 @@ def test_the_exact_zero_stays_exact() -> None:
     found = results_of(zero, other)
     assert (found[0, 0] == other[0]).all()
     assert not found[1:5].any() and found[5, 0].tolist() == [1.0, 0.0, found[5, 0, 2]]
+
+
+def test_a_zero_with_a_bound_has_a_quotient_with_one() -> None:
+    """As what cancels in exact arithmetic; an infinite bound would send the whole state to ball arithmetic."""
+    cancelled, other = np.array([[0.0, 0.0, 1e-30], [1e-130, 0.0, 1e-30]]), np.array([[0.7, 1e-18, 1e-30]] * 2)
+    quotients = results_of(cancelled, other)[2]
+    assert (quotients[:, :2] == 0).all()
+    assert (quotients[:, 2] > 1e-30 / 0.7).all() and (quotients[:, 2] < 1.001e-30 / 0.7).all()
