@@ -22,6 +22,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines._constraint_law import ConstraintLaw as ConstraintLaw
+from harness.engines._constraint_law import Impedance as Impedance
+from harness.engines._constraint_law import InverseWeight as InverseWeight
 from harness.engines._held import HeldBody as HeldBody
 from harness.engines._held import HeldJoint as HeldJoint
 from harness.engines._held import HeldModel as HeldModel
@@ -84,6 +87,8 @@ class Engine(Protocol):
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
+    One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
+    names of the constraints.
     """
 
     requires: tuple[str, str]
@@ -262,6 +267,12 @@ def linear_velocity_in_body(engine: Engine) -> bool:
 def factorises_mass_matrix(engine: Engine | Model) -> bool:
     """True where an engine or a model declares that accelerations are solved for by a factorisation of M, which may lose digits."""
     return bool(getattr(engine, "factorises_mass_matrix", False))
+
+
+def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintLaw]:
+    """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
+    laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
+    return {} if laws is None else laws(file)
 
 
 def installed_version(engine: Engine) -> str | None:

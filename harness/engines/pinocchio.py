@@ -8,6 +8,9 @@ ABA applies no springs and dampers; those the file declares are added to the app
 adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it; an MJCF does, and Pinocchio's
 reader passes over it, as over much else that ``harness.engines._pinocchio_mjcf`` refuses by name.
 
+A model with constraints is computed by ``pinocchio.constraintDynamics`` instead, with the settings that
+``harness.engines._pinocchio_constraints`` names and the reasons for them; the constraints are those of the file.
+
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 documentation.
 """
 
@@ -21,6 +24,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocchio_held, _pinocchio_mjcf, require_model
+from harness.engines._pinocchio_constraints import PROXIMAL_ACCURACY, PROXIMAL_ITERATIONS, PROXIMAL_MU, LoopConstraints
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
@@ -31,13 +35,14 @@ if TYPE_CHECKING:
 
 
 class PinocchioModel:
-    """A ``pinocchio.Model`` and the force elements of its file."""
+    """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
 
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints
         self._file = file
         self.force_elements = ForceElements(model, file.force_elements, composites)
+        self.constraints = LoopConstraints(model, file.constraints) if file.constraints else None
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
@@ -84,6 +89,8 @@ class PinocchioModel:
 
         configuration, velocity, force = self.columns(q, v, tau)
         force += self.force_elements.generalised_forces(configuration, velocity)
+        if self.constraints is not None:
+            return np.ascontiguousarray(self.constraints.accelerations((configuration, velocity, force))[:, self.addresses[1]])
         accelerations = np.empty((len(q), self.model.nv))
         # Rows of a transpose cost half of what columns cost.
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
@@ -93,7 +100,7 @@ class PinocchioModel:
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 
-        Passive are the force elements that the harness adds to ABA, which applies none.
+        Passive are the force elements that the harness adds to ABA, which applies none, and the forces of constraints.
         Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 (inverse dynamics) and 6 (composite rigid bodies).
         """
         import pinocchio
@@ -104,6 +111,8 @@ class PinocchioModel:
         data, without_gravity = model.createData(), weightless.createData()
         configuration, velocity, force = self.columns(q, v, tau)
         passive = self.force_elements.generalised_forces(configuration, velocity)
+        if self.constraints is not None:
+            passive = passive + self.constraints.generalised_forces((configuration, velocity, force + passive)).T
         mass, (bias, gravity) = np.empty((len(q), model.nv, model.nv)), np.empty((2, len(q), model.nv))
         for state, (position, rate) in enumerate(zip(configuration.T, velocity.T, strict=True)):
             upper = np.triu(pinocchio.crba(model, data, position))
@@ -131,11 +140,15 @@ class PinocchioModel:
         expected[self.addresses[1]] = certified
         inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
         armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
+        call, settings = "pin.aba(m, m.createData(), q, v, tau)", ""
+        if self.constraints is not None:
+            proximal = f"pin.ProximalSettings({PROXIMAL_ACCURACY}, {PROXIMAL_MU}, {PROXIMAL_ITERATIONS})"
+            call, settings = f"pin.constraintDynamics(m, d, q, v, tau, cs, cd, {proximal})", f"{self.constraints.written()}\n"
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
             f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
-            f"print(pin.aba(m, m.createData(), q, v, tau).tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
+            f"{settings}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
 
 
