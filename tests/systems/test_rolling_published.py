@@ -10,12 +10,13 @@ import mpmath
 import numpy as np
 import pytest
 
-from harness.certify.manifold import closes
-from harness.certify.reference import Reference, ReferenceKernel, energy_norm
+from harness.certify.manifold import closed, closes
+from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.equations.constraint_forces import by_reduction, constrained_program
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
 from harness.library import Library
 
 BUILT_IN = Library.built_in()
@@ -41,6 +42,7 @@ def open_between(one: Reference, other: Reference) -> np.ndarray:
     [
         ("rolling_disc_on_incline", COUNT),
         ("atwood", COUNT),
+        ("rolling_disc", COUNT),
         ("cycloid_bead", 2 * COUNT),
         pytest.param("cycloid_bead", MANY, marks=pytest.mark.nightly),
     ],
@@ -78,8 +80,47 @@ def cycloid(q: Any, v: Any, tau: Any, p: Named) -> list[Any]:
     return [p["R"] * turn, turn]
 
 
+def disc_by_newton_euler(q: Any, v: Any, tau: Any, p: Named) -> list[Any]:
+    """McDonald, The rolling motion of a disk on a horizontal plane (2000), section 2.1, with applied forces besides.
+
+    Vectors are along the heading, the axle, and from the contact to the centre. The contact is at rest: the centre's velocity is
+    w x R e_3. Forces on the centre and the moment about it grow momentum m v and angular momentum H = (A, C, A) w.
+    """
+    (_, _, yaw, lean, _), (_, _, yaw_rate, lean_rate, spin_rate) = q, v
+    m, R, sine, cosine = p["m"], p["R"], mpmath.sin(lean), mpmath.cos(lean)
+    A, C = m * R**2 / 4, m * R**2 / 2
+    frame = mpmath.matrix([lean_rate, yaw_rate * sine, yaw_rate * cosine])
+    w = frame + mpmath.matrix([0, spin_rate, 0])
+    ahead, left = (tau[0] * mpmath.cos(yaw) + tau[1] * mpmath.sin(yaw), tau[1] * mpmath.cos(yaw) - tau[0] * mpmath.sin(yaw))
+    # The applied forces push the centre in the plane; the moment has the applied torques as components along the joints' axes.
+    push = mpmath.matrix([ahead, left * cosine - m * p["g"] * sine, -left * sine - m * p["g"] * cosine])
+    moment = mpmath.matrix([tau[3], tau[4], (tau[2] - tau[4] * sine) / cosine])
+    drift = cross(frame, R * mpmath.matrix([w[1], -w[0], 0]))
+    turning = cross(frame, mpmath.matrix([A * w[0], C * w[1], A * w[2]]))
+    # The plane's force is m a - push, at -R e_3.
+    free = moment - cross(mpmath.matrix([0, 0, -R]), push - m * drift) - turning
+    grown = [free[0] / (A + m * R**2), free[1] / (C + m * R**2), free[2] / A]
+    yaw_growth = (grown[2] + yaw_rate * lean_rate * sine) / cosine
+    spin_growth = grown[1] - yaw_growth * sine - yaw_rate * lean_rate * cosine
+    along = drift + R * mpmath.matrix([grown[1], -grown[0], 0])
+    level = along[1] * cosine - along[2] * sine
+    x = along[0] * mpmath.cos(yaw) - level * mpmath.sin(yaw)
+    y = along[0] * mpmath.sin(yaw) + level * mpmath.cos(yaw)
+    return [x, y, yaw_growth, grown[0], spin_growth]
+
+
+def cross(a: Any, b: Any) -> Any:
+    return mpmath.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
 @pytest.mark.parametrize(
-    ("name", "closed_form"), [("rolling_disc_on_incline", disc_on_incline), ("atwood", atwood), ("cycloid_bead", cycloid)]
+    ("name", "closed_form"),
+    [
+        ("rolling_disc_on_incline", disc_on_incline),
+        ("atwood", atwood),
+        ("cycloid_bead", cycloid),
+        ("rolling_disc", disc_by_newton_euler),
+    ],
 )
 @mpmath.workdps(DIGITS)
 def test_accelerations_are_those_of_the_closed_form(name: str, closed_form: Callable[..., list[Any]]) -> None:
@@ -95,3 +136,43 @@ def test_accelerations_are_those_of_the_closed_form(name: str, closed_form: Call
         found = [mpmath.mpf(high) + mpmath.mpf(low) for high, low in pairs]
         apart[index] = [float(a - b) for a, b in zip(found, closed_form(*state, parameters), strict=True)]
     assert (energy_norm(reference.norm_factor, apart) <= open_between(reference, reference)).all()
+
+
+def disc_states(**given: Any) -> States:
+    """Free states of the rolling disc from columns of "lean" and of rates; what is left out is 0."""
+    columns = dict(zip(given, np.broadcast_arrays(*map(np.asarray, given.values())), strict=True))
+    count = len(next(iter(columns.values())))
+    names = ("x", "y", "yaw", "lean", "spin")
+    q, v = (np.array([columns.get(name + ending, np.zeros(count)) for name in names]).T for ending in ("", "_rate"))
+    return closed(mechanism_named("rolling_disc"), States(q, v, np.zeros_like(q), np.zeros(count)))
+
+
+def test_disc_keeps_its_lean_on_the_circles_of_the_text() -> None:
+    """Routh, article 244: k W^2 sin(lean) - (2 k + 1) W w = (g/R) tan(lean), k = 1/4, with the yaw rate W and w about the axle."""
+    lean, yaw_rate = np.array([0.1, 0.4, 0.8, 1.1]), np.array([0.7, 1.5, -2.0, -3.0])
+    _, R, g = mechanism_named("rolling_disc").parameter_values
+    # A disc that leans to the right and rolls forward turns to the right, against the sense of yaw.
+    about_axle = (yaw_rate**2 * np.sin(lean) / 4 - g / R * np.tan(lean)) / (1.5 * yaw_rate)
+    states = disc_states(lean=lean, yaw_rate=yaw_rate, spin_rate=about_axle - yaw_rate * np.sin(lean))
+    reference = ReferenceKernel(mechanism_named("rolling_disc")).evaluate(states)
+    # Nothing but the centre accelerates, to the roundings of the rates.
+    assert (np.abs(reference.high[:, 2:]) <= 8 * UNIT_ROUNDOFF * (g / R + yaw_rate**2 + about_axle**2)[:, None]).all()
+    np.testing.assert_allclose(np.hypot(*reference.high[:, :2].T), np.abs(yaw_rate) * np.hypot(*states.v[:, :2].T), rtol=1e-14)
+
+
+def test_disc_stays_upright_above_the_speed_of_the_text() -> None:
+    """Routh, article 244: rolling straight on is stable where v^2 > g R/3.
+
+    About it lean'' = a lean + b yaw' and yaw'' = c lean', so that lean oscillates with -(a + b c).
+    """
+    _, R, g = mechanism_named("rolling_disc").parameter_values
+    small = 2.0**-30
+    speed = np.sqrt(g * R / 3) * np.array([0.9, 1.0, 1.1])
+    found = []
+    for changed in ({"lean": small}, {"yaw_rate": small}, {"lean_rate": small}):
+        states = disc_states(**changed, spin_rate=speed / R)
+        found.append(ReferenceKernel(mechanism_named("rolling_disc")).evaluate(states).high / small)
+    a, b, c = found[0][:, 3], found[1][:, 3], found[2][:, 2]
+    stiffness = -(a + b * c) * R / g
+    assert stiffness[0] < -0.1 and stiffness[2] > 0.1
+    assert abs(stiffness[1]) <= 1e-15
