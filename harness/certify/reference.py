@@ -38,6 +38,7 @@ from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
 from harness.certify.manifold import closes
+from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.mechanism import Mechanism
@@ -45,9 +46,6 @@ from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 
-# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
-# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
-SMALLEST_SCALE = 2.0**-1021
 # Bits of the numbers of ``harness.certify.interpreter``, and those that are tried one after the other beyond it.
 DOUBLE_DOUBLE = 106
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)

@@ -46,7 +46,7 @@ class Impedance:
             y = x**self.power / self.midpoint ** (self.power - 1)
         else:
             y = 1 - (1 - x) ** self.power / (1 - self.midpoint) ** (self.power - 1)
-        return self.least + y * (self.most - self.least)
+        return float(self.least + y * (self.most - self.least))
 
     @property
     def is_constant(self) -> bool:

@@ -1,4 +1,4 @@
-"""The equations of motion of a tree under constraints: the forces that hold them, or those of an engine that lets them give.
+"""The equations of motion of a tree under constraints: with the forces that hold them, or with those of a law that lets them give.
 
 With J the Jacobian of the rows by the rates and b = J' v their bias, accelerations obey J a = -b. The tree's equations get the forces
 -J' lambda besides:
@@ -12,16 +12,23 @@ B' M B w = B' (f - M n), and has the forces from M a - f.
 Only rows that are not redundant take part. Eliminations are written out without pivots: M and J M^-1 J' are positive definite, and
 J_d is made orthogonal column by column, which fails only where it is singular.
 
+``softened_program`` is for engines whose constraints are soft. With a weight D_i = d_i / ((1 - d_i) A_i) for each row, A_i its inverse
+mass, and the acceleration r_i = -b_i (J v)_i - k_i d_i phi_i that would bring it back, they minimise Gauss' function and a penalty,
+
+    |M^-1 f - a|^2_M + sum D_i ((J a + b)_i - r_i)^2,    (M + J' D J) a = f + J' D (r - b).
+
 Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 3.2 and 8.4; Greenwood, Advanced Dynamics, section 4.3 (Maggi);
-Bjorck, Solving linear least squares problems by Gram-Schmidt orthogonalization, BIT 7 (1967).
+Bjorck, Solving linear least squares problems by Gram-Schmidt orthogonalization, BIT 7 (1967); MuJoCo documentation, Computation,
+sections "Constraint model" and "Constraint solver", for the last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from harness.equations.calculus import ProgramWriter
-from harness.equations.constraints import BIAS, JACOBIAN, Constraints
+from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
 
 Column = list[int]
@@ -40,20 +47,78 @@ def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[
     return without_unused(tied.program(outputs | ({MULTIPLIERS: multipliers} if multipliers else {})))
 
 
+@dataclass(frozen=True)
+class Softness:
+    """How one row gives: numbers of a model file.
+
+    Attributes:
+        impedance: d, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
+        inverse_mass: A, of the row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
+        has_bias: whether the law takes account of J' v; without it, it leaves b out.
+    """
+
+    impedance: float
+    stiffness: float
+    damping: float
+    inverse_mass: float | None
+    has_bias: bool = True
+
+
+def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
+    """The program of the softened problem, and names and values of the parameters that it has behind the others.
+
+    ``rows`` is the law of every row, redundant ones as well.
+
+    Raises:
+        ValueError: there are other rows, or rolling ones.
+    """
+    if len(rows) != len(constraints.rows) or constraints.holonomic != len(rows):
+        raise ValueError(f"{len(rows)} laws for {len(constraints.rows)} rows, of which {constraints.holonomic} hold positions")
+    numbers = [
+        (f"{name}[{place}] {key.replace('_', ' ')}", value)
+        for place, (name, row) in enumerate(zip(constraints.rows, rows, strict=True))
+        for key, value in vars(row).items()
+        if isinstance(value, float)
+    ]
+    tied = Tied(constraints, [name for name, _ in numbers], independent_only=False)
+    given = {name: tied.add("input", tied.inputs.index(name)) for name, _ in numbers}
+    one = tied.number(1)
+    exact = [place for place, row in enumerate(rows) if row.inverse_mass is None]
+    columns = dict(zip(exact, tied.solved(tied.mass, [tied.jacobian[place] for place in exact]) if exact else [], strict=True))
+    outputs = {name: list(tied.outputs[name]) for name in OUTPUTS}
+    for place, (name, law) in enumerate(zip(constraints.rows, rows, strict=True)):
+        impedance, stiffness, damping = (given[f"{name}[{place}] {key}"] for key in ("impedance", "stiffness", "damping"))
+        row = tied.jacobian[place]
+        inverse_mass = tied.dot(row, columns[place]) if law.inverse_mass is None else given[f"{name}[{place}] inverse mass"]
+        weight = tied.quotient(impedance, tied.product(tied.difference(one, impedance), inverse_mass))
+        back = tied.product(tied.product(stiffness, impedance), tied.residual[place])
+        bias = tied.bias[place] if law.has_bias else tied.number(0)
+        wanted = tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), bias))
+        weighted = [tied.product(weight, entry) for entry in row]
+        for entry, (i, j) in enumerate(upper_triangle(tied.nv)):
+            outputs["mass"][entry] = tied.sum(outputs["mass"][entry], tied.product(weighted[i], row[j]))
+        outputs["passive"] = [tied.sum(p, tied.product(wanted, entry)) for p, entry in zip(outputs["passive"], weighted, strict=True)]
+    return without_unused(tied.program(outputs)), numbers
+
+
 class Tied(ProgramWriter):
     """The program of a tree and its constraints while it is written.
 
     Attributes:
-        mass: M by rows. force: f. jacobian: J by rows and bias: b, of the rows that are not redundant.
+        mass: M by rows. force: f. jacobian: J by rows. residual: what holonomic rows leave. rate: J v. bias: b.
+
+    Rows are those that are not redundant, or all of them; ``more`` are inputs behind those of the tree.
     """
 
-    def __init__(self, constraints: Constraints) -> None:
-        super().__init__(constraints.tree)
+    def __init__(self, constraints: Constraints, more: Sequence[str] = (), independent_only: bool = True) -> None:
+        tree = replace(constraints.tree, inputs=(*constraints.tree.inputs, *more))
+        super().__init__(tree)
         self.constraints, self.nv = constraints, len(constraints.assembly)
         rows = self.append(constraints.program)
-        entries = [rows[JACOBIAN][start : start + self.nv] for start in range(0, len(rows[JACOBIAN]), self.nv)]
-        self.jacobian = [entries[row] for row in constraints.independent]
-        self.bias = [rows[BIAS][row] for row in constraints.independent]
+        chosen = constraints.independent if independent_only else range(len(constraints.rows))
+        self.jacobian = [rows[JACOBIAN][row * self.nv :][: self.nv] for row in chosen]
+        self.residual = [rows[RESIDUAL][row] for row in chosen if row < constraints.holonomic]
+        self.rate, self.bias = ([rows[name][row] for row in chosen] for name in (RATE, BIAS))
         places = dict(zip(upper_triangle(self.nv), self.outputs["mass"], strict=True))
         self.mass = [[places[min(i, j), max(i, j)] for j in range(self.nv)] for i in range(self.nv)]
         first = position_count(constraints.tree) + self.nv

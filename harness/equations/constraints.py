@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram
@@ -44,6 +45,12 @@ class Constraints:
     def names(self) -> tuple[str, ...]:
         """The constraints, in their order."""
         return tuple(dict.fromkeys(self.rows))
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal constraints."""
+        plain = self.rows, self.redundant, self.holonomic, self.positions, self.rates, self.assembly
+        return *plain, self.program.key, self.tree.key
 
     def checked(self, nv: int) -> Constraints:
         """The constraints after a look at their sizes.

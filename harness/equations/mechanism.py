@@ -123,9 +123,10 @@ class Mechanism:
 
     @property
     def key(self) -> Hashable:
-        """Equal for mechanisms with equal equations, joints and parameter values."""
+        """Equal for mechanisms with equal equations, constraints, joints and parameter values."""
         programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs
+        constraints = None if self.constraints is None else self.constraints.key
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints
 
     def float64(self) -> MechanismKernel:
         """The evaluator of accelerations and terms in float64; what it compiles stays in the process."""

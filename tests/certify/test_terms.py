@@ -21,7 +21,7 @@ from harness.certify.interpreter import derivatives
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names, term_errors
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, linear_velocity_in_body, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system

@@ -12,7 +12,7 @@ from catalogue import BUILT_IN
 from harness.certify.compare import compare
 from harness.certify.parameter_columns import parameter_derivatives
 from harness.crosscheck.perturbation import Whitening
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.pattern import subject_named
 from harness.engines import factorises_mass_matrix, load_engine
 from harness.equations.derivation import load_mechanism

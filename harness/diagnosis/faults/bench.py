@@ -17,7 +17,7 @@ from harness.certify.sampling import sample
 from harness.crosscheck.expected import AGREES, load_expectations
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.faults.baseline import RED, Baseline, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer

@@ -1,0 +1,158 @@
+"""Loops against what the literature says of them, and against themselves: by multipliers and by reduced equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from support_constraints import DIGITS, Manifold, by_both_ways, enclose_each_other
+
+from harness.certify.compare import compare
+from harness.certify.manifold import closes
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import sample, sample_in_blocks
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.library import Library
+
+LOOPS = ("four_bar", "slider_crank")
+MOST_USED = ("four_bar", "slider_crank")
+# Central differences in mpmath leave 40 digits, of which accelerations near a dead point lose some.
+STEP, SAME = mpmath.mpf(10) ** -20, mpmath.mpf(10) ** -30
+
+
+def load(name: str) -> Mechanism:
+    return load_mechanism(Library.built_in(), name)
+
+
+def values_of(mechanism: Mechanism) -> dict[str, mpmath.mpf]:
+    return {name: mpmath.mpf(value) for name, value, _ in mechanism.parameters}
+
+
+# Masses that move, with the coordinates that they move along, as (mass, value); the joints' positions; and the potential energy.
+Closed = tuple[list[tuple[mpmath.mpf, mpmath.mpf]], list[mpmath.mpf], mpmath.mpf]
+
+
+def bar(mass: mpmath.mpf, length: mpmath.mpf, angle: mpmath.mpf, x: mpmath.mpf, z: mpmath.mpf) -> list[tuple[mpmath.mpf, mpmath.mpf]]:
+    return [(mass, x), (mass, z), (mass * length**2 / 12, angle)]
+
+
+def four_bar(p: dict[str, mpmath.mpf], crank: mpmath.mpf) -> Closed:
+    """Norton, Design of Machinery, 5th ed., section 4.5: both angles of the open linkage by the half-angle formula."""
+    a, b, c, d = (p[name] for name in "abcd")
+    k1, k2, k3 = d / a, d / c, (a**2 - b**2 + c**2 + d**2) / (2 * a * c)
+    k4, k5 = d / b, (c**2 - d**2 - a**2 - b**2) / (2 * a * b)
+    cosine, sine = mpmath.cos(crank), mpmath.sin(crank)
+
+    def by_half_angle(first: mpmath.mpf, last: mpmath.mpf) -> mpmath.mpf:
+        return 2 * mpmath.atan2(sine - mpmath.sqrt(sine**2 - first * last), first)
+
+    follower = by_half_angle(cosine - k1 - k2 * cosine + k3, k1 - (k2 + 1) * cosine + k3)
+    coupler = by_half_angle(cosine - k1 + k4 * cosine + k5, k1 + (k4 - 1) * cosine + k5)
+    heights = [a / 2 * sine, a * sine + b / 2 * mpmath.sin(coupler), c / 2 * mpmath.sin(follower)]
+    widths = [a / 2 * cosine, a * cosine + b / 2 * mpmath.cos(coupler), d + c / 2 * mpmath.cos(follower)]
+    bars = zip((p["m_a"], p["m_b"], p["m_c"]), (a, b, c), (crank, coupler, follower), widths, heights, strict=True)
+    potential = p["g"] * (p["m_a"] * heights[0] + p["m_b"] * heights[1] + p["m_c"] * heights[2])
+    return [entry for one in bars for entry in bar(*one)], [crank, coupler - crank, follower], potential
+
+
+def slider_crank(p: dict[str, mpmath.mpf], crank: mpmath.mpf) -> Closed:
+    """Norton, section 4.6: the rod's angle by an arcsine."""
+    a, b = p["a"], p["b"]
+    rod = -mpmath.asin(a / b * mpmath.sin(crank))
+    slide = a * mpmath.cos(crank) + b * mpmath.cos(rod)
+    heights = [a / 2 * mpmath.sin(crank), a * mpmath.sin(crank) + b / 2 * mpmath.sin(rod)]
+    widths = [a / 2 * mpmath.cos(crank), a * mpmath.cos(crank) + b / 2 * mpmath.cos(rod)]
+    moving = [
+        *bar(p["m_a"], a, crank, widths[0], heights[0]),
+        *bar(p["m_b"], b, rod, widths[1], heights[1]),
+        (p["m_s"], slide),
+    ]
+    return moving, [crank, rod - crank, slide], p["g"] * (p["m_a"] * heights[0] + p["m_b"] * heights[1])
+
+
+def closed_motion(
+    closed: Callable[[mpmath.mpf], Closed], crank: mpmath.mpf, rate: mpmath.mpf, tau: Sequence[mpmath.mpf]
+) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
+    """Rates and accelerations of the joints of a mechanism of one degree of freedom, by Eksergian's equation.
+
+    I a + I' rate^2 / 2 + V' = tau . q', with I = sum m y'^2, and y', y'' central differences of the closed form.
+    Source: Paul, Kinematics and Dynamics of Planar Machinery, section 12.50.
+    """
+    moving, joints, potential = zip(*(closed(crank + number * STEP) for number in (-1, 0, 1)), strict=True)
+    masses = [mass for mass, _ in moving[1]]
+    paths = [*zip(*([y for _, y in at] for at in moving), strict=True)]
+
+    def first(path: Sequence[mpmath.mpf]) -> mpmath.mpf:
+        return (path[2] - path[0]) / (2 * STEP)
+
+    def second(path: Sequence[mpmath.mpf]) -> mpmath.mpf:
+        return (path[2] - 2 * path[1] + path[0]) / STEP**2
+
+    inertia = mpmath.fsum(mass * first(path) ** 2 for mass, path in zip(masses, paths, strict=True))
+    turning = mpmath.fsum(mass * first(path) * second(path) for mass, path in zip(masses, paths, strict=True))
+    ways = [*zip(*joints, strict=True)]
+    work = mpmath.fsum(force * first(way) for force, way in zip(tau, ways, strict=True))
+    acceleration = (work - first(potential) - turning * rate**2) / inertia
+    return [first(way) * rate for way in ways], [first(way) * acceleration + second(way) * rate**2 for way in ways]
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(10_000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(("name", "closed"), [("four_bar", four_bar), ("slider_crank", slider_crank)])
+def test_loops_of_one_degree_of_freedom_move_as_their_closed_form(name: str, closed: Callable[..., Closed], count: int) -> None:
+    """To 30 digits on the manifold; and at the doubles that engines read, within what rounding them does."""
+    mechanism = load(name)
+    manifold, parameters, states = Manifold(mechanism), values_of(mechanism), sample(mechanism, count, seed=1)
+    expected = []
+    with mpmath.workdps(DIGITS):
+        for index in range(count):
+            crank, rate = mpmath.mpf(states.q[index, 0]), mpmath.mpf(states.v[index, 0])
+            rates, accelerations = closed_motion(lambda x: closed(parameters, x), crank, rate, list(map(mpmath.mpf, states.tau[index])))
+            _, *found = manifold.at(states, index)
+            for values, right in zip(found, (rates, accelerations), strict=True):
+                size = max(map(abs, right)) + 1
+                assert all(abs(x - y) <= SAME * size for x, y in zip(values, right, strict=True)), states.as_json(index)
+            expected.append([float(value) for value in accelerations])
+    compared = compare(ReferenceKernel(mechanism).evaluate(states), np.array(expected))
+    # Rounding q and v moves the truth by a data roundoff at most, and rounding what is expected by another.
+    assert compared.backward_error.max() <= 2
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_fault_of_any_parameter_is_felt(name: str) -> None:
+    """One of 1e-10 relative moves accelerations by many data roundoffs, or the states in which the constraints are closed.
+
+    The place of a pivot on the ground does the latter alone: no derivative of a row has it.
+    """
+    mechanism = load(name)
+    states = sample(mechanism, 100, seed=2)
+    truth = ReferenceKernel(mechanism).evaluate(states)
+    not_felt = []
+    for place, (parameter, value, unit) in enumerate(mechanism.parameters):
+        entries = list(mechanism.parameters)
+        entries[place] = parameter, value * (1 + 1e-10), unit
+        faulty = replace(mechanism, parameters=tuple(entries))
+        moved = compare(truth, ReferenceKernel(faulty).evaluate(states).high).backward_error.max()
+        if moved < 1000 and closes(mechanism, sample(faulty, 100, seed=2)).all():
+            not_felt.append((parameter, moved))
+    assert not_felt == []
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        *((name, 2000 if name in MOST_USED else 1000) for name in LOOPS),
+        *(pytest.param(name, 100_000, marks=pytest.mark.nightly) for name in MOST_USED),
+    ],
+)
+def test_both_ways_enclose_each_other(name: str, count: int) -> None:
+    mechanism = load(name)
+    by_multipliers, reduced = by_both_ways(mechanism)
+    for states in sample_in_blocks(mechanism, count, seed=3):
+        assert closes(mechanism, states).all()
+        first, second = by_multipliers.evaluate(states), reduced.evaluate(states)
+        assert first.certified.all() and second.certified.all()
+        assert enclose_each_other(first, second).all()
