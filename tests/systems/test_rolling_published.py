@@ -74,7 +74,7 @@ def atwood(q: Any, v: Any, tau: Any, p: Named) -> list[Any]:
 
 def cycloid(q: Any, v: Any, tau: Any, p: Named) -> list[Any]:
     """Taylor, problem 6.25: 2 m R^2 (1 - cos phi) phi'' + m R^2 sin phi phi'^2 - m g R sin phi = tau."""
-    phi, rate = q[1], v[1]
+    phi, rate = q[1] + mpmath.pi / 2, v[1]
     pull = p["m"] * p["R"] * mpmath.sin(phi) * (p["g"] - p["R"] * rate**2) + tau[1] + p["R"] * tau[0]
     turn = pull / (2 * p["m"] * p["R"] ** 2 * (1 - mpmath.cos(phi)))
     return [p["R"] * turn, turn]
