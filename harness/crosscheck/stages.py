@@ -18,6 +18,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
 from harness.certify.reference import Reference
+from harness.crosscheck.gaps import beside_gaps, gaps_of, remark_on, with_gaps
 from harness.crosscheck.repeatability import precision_of, require_repeatable
 from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of
 from harness.crosscheck.truth import Truth
@@ -107,9 +108,10 @@ def ask(assignment: Assignment, states: States, references: Mapping[Truth, Refer
         factorises = may_lose_digits(assignment, model)
         answers, seconds = timed_accelerations(model, states)
         require_repeatable(model, states, answers, reference, factorises)
-        comparison = compare(reference, answers[0], factorises)
+        gaps, mechanism = gaps_of(model, states), assignment.mechanism
+        comparison = compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers[0], gaps), factorises)
         disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-        remark = precision_of(model, states, answers[0]) if disagrees else ""
+        remark = (remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else ""
         if not truth.is_declared:
             return Answers(comparison, seconds, remark=remark)
         rigid = compare(references[rigid_truth_of(assignment)], answers[0])

@@ -15,6 +15,7 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import keep_points, random_sample
+from harness.crosscheck.gaps import beside_gaps, gaps_of, with_gaps
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
 from harness.crosscheck.truth import Truth, softened, softness_of
 from harness.engines import (
@@ -107,7 +108,9 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
     model = load_audited(assignment)
-    return compare(reference, accelerations(model, states), may_lose_digits(assignment, model))
+    gaps = gaps_of(model, states)
+    answers = with_gaps(accelerations(model, states), gaps)
+    return compare(beside_gaps(reference, assignment.mechanism, states, gaps), answers, may_lose_digits(assignment, model))
 
 
 def factorises(assignment: Assignment) -> bool:

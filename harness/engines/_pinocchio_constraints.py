@@ -46,7 +46,7 @@ class LoopConstraints:
     def __init__(self, model: Any, constraints: Sequence[ModelConstraint]) -> None:
         import pinocchio
 
-        self._model = model
+        self._model, self._names = model, [constraint.name for constraint in constraints]
         self.models, self.data = pinocchio.StdVec_RigidConstraintModel(), pinocchio.StdVec_RigidConstraintData()
         kinds = {"point": pinocchio.ContactType.CONTACT_3D, "frame": pinocchio.ContactType.CONTACT_6D}
         for constraint in constraints:
@@ -93,6 +93,22 @@ class LoopConstraints:
             jacobian = pinocchio.getConstraintsJacobian(self._model, self._memory, self.models, self.data)
             found[state] = jacobian.T @ self._memory.lambda_c
         return found
+
+    def gaps(self, configuration: Array) -> dict[str, Array]:
+        """What each constraint's rows leave, (n, 3) [m] of points and (n, 6) [m and rad] of frames, at q (nq, n)."""
+        import pinocchio
+
+        found: dict[str, list[Array]] = {name: [] for name in self._names}
+        for position in configuration.T:
+            pinocchio.forwardKinematics(self._model, self._memory, position)
+            for name, one in zip(self._names, self.models, strict=True):
+                first, second = (
+                    self._memory.oMi[joint] * placement
+                    for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement))
+                )
+                turned = pinocchio.log3(second.rotation.T @ first.rotation) if one.type == pinocchio.ContactType.CONTACT_6D else ()
+                found[name].append(np.array([*(first.translation - second.translation), *turned]))
+        return {name: np.array(rows) for name, rows in found.items()}
 
     def written(self) -> str:
         """Python text that makes the constraints ``cs`` and their data ``cd`` of the model ``m``, and readies the data ``d``."""

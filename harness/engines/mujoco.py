@@ -77,6 +77,18 @@ class MujocoModel:
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
 
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """``efc_pos`` of each equality; see ``harness.engines``."""
+        import mujoco
+
+        data, rows = mujoco.MjData(self.model), list[Array]()
+        for position in q:
+            data.qpos[self.addresses[0]] = position
+            mujoco.mj_fwdPosition(self.model, data)
+            owners = np.where(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY, data.efc_id, -1)
+            rows.append(data.efc_pos.copy())
+        return {self.model.equality(one).name: np.array(rows)[:, owners == one] for one in range(self.model.neq)} if rows else {}
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
         and constraints.

@@ -97,6 +97,11 @@ class PinocchioModel:
             accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
 
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """See ``harness.engines``; of the frames where Pinocchio has its constraints."""
+        still = np.zeros((len(q), self.model.nv))
+        return {} if self.constraints is None else self.constraints.gaps(self.columns(q, still, still)[0])
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 

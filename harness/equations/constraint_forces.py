@@ -15,7 +15,9 @@ J_d is made orthogonal column by column, which fails only where it is singular.
 ``softened_program`` is for engines whose constraints are soft. With a weight D_i = d_i / ((1 - d_i) A_i) for each row, A_i its inverse
 mass, and the acceleration r_i = -b_i (J v)_i - k_i d_i phi_i that would bring it back, they minimise Gauss' function and a penalty,
 
-    |M^-1 f - a|^2_M + sum D_i ((J a + b)_i - r_i)^2,    (M + J' D J) a = f + J' D (r - b).
+    |M^-1 f - a|^2_M + sum D_i ((J a + b)_i - r_i)^2,    (M + J' D J) a = f + J' D (r - b),
+
+so that the forces are J' D (r - b - J a).
 
 Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 3.2 and 8.4; Greenwood, Advanced Dynamics, section 4.3 (Maggi);
 Bjorck, Solving linear least squares problems by Gram-Schmidt orthogonalization, BIT 7 (1967); MuJoCo documentation, Computation,
@@ -41,10 +43,7 @@ def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[
     It has an output more where the way gives them: the ``multipliers`` of the rows that are not redundant [N or N m].
     """
     tied = Tied(constraints)
-    forces, multipliers = solve(tied)
-    outputs = {name: tied.outputs[name] for name in OUTPUTS}
-    outputs["passive"] = [tied.sum(*pair) for pair in zip(outputs["passive"], forces, strict=True)]
-    return without_unused(tied.program(outputs | ({MULTIPLIERS: multipliers} if multipliers else {})))
+    return tied.with_forces(*solve(tied))
 
 
 @dataclass(frozen=True)
@@ -82,23 +81,23 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
     ]
     tied = Tied(constraints, [name for name, _ in numbers], independent_only=False)
     given = {name: tied.add("input", tied.inputs.index(name)) for name, _ in numbers}
-    one = tied.number(1)
     exact = [place for place, row in enumerate(rows) if row.inverse_mass is None]
     columns = dict(zip(exact, tied.solved(tied.mass, [tied.jacobian[place] for place in exact]) if exact else [], strict=True))
-    outputs = {name: list(tied.outputs[name]) for name in OUTPUTS}
+    weights, wanted = [], []
     for place, (name, law) in enumerate(zip(constraints.rows, rows, strict=True)):
         impedance, stiffness, damping = (given[f"{name}[{place}] {key}"] for key in ("impedance", "stiffness", "damping"))
-        row = tied.jacobian[place]
-        inverse_mass = tied.dot(row, columns[place]) if law.inverse_mass is None else given[f"{name}[{place}] inverse mass"]
-        weight = tied.quotient(impedance, tied.product(tied.difference(one, impedance), inverse_mass))
+        own = given[f"{name}[{place}] inverse mass"] if place not in columns else tied.dot(tied.jacobian[place], columns[place])
+        weights.append(tied.quotient(impedance, tied.product(tied.difference(tied.number(1), impedance), own)))
         back = tied.product(tied.product(stiffness, impedance), tied.residual[place])
         bias = tied.bias[place] if law.has_bias else tied.number(0)
-        wanted = tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), bias))
-        weighted = [tied.product(weight, entry) for entry in row]
-        for entry, (i, j) in enumerate(upper_triangle(tied.nv)):
-            outputs["mass"][entry] = tied.sum(outputs["mass"][entry], tied.product(weighted[i], row[j]))
-        outputs["passive"] = [tied.sum(p, tied.product(wanted, entry)) for p, entry in zip(outputs["passive"], weighted, strict=True)]
-    return without_unused(tied.program(outputs)), numbers
+        wanted.append(tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), bias)))
+    weighted = [[tied.product(weight, entry) for entry in row] for weight, row in zip(weights, tied.jacobian, strict=True)]
+    by_column = list(zip(tied.transposed(tied.jacobian), tied.transposed(weighted), strict=True))
+    stiffened = [[tied.sum(tied.mass[i][j], tied.dot(by_column[i][0], by_column[j][1])) for j in range(tied.nv)] for i in range(tied.nv)]
+    pulled = [tied.sum(force, tied.dot(column, wanted)) for force, (_, column) in zip(tied.force, by_column, strict=True)]
+    [moved] = tied.solved(stiffened, [pulled])
+    missing = tied.less(wanted, tied.times(tied.jacobian, moved))
+    return tied.with_forces([tied.dot(column, missing) for _, column in by_column]), numbers
 
 
 class Tied(ProgramWriter):
@@ -124,6 +123,12 @@ class Tied(ProgramWriter):
         first = position_count(constraints.tree) + self.nv
         terms = zip(range(first, first + self.nv), *(self.outputs[name] for name in ("passive", "velocity", "gravity")), strict=True)
         self.force = [self.difference(self.sum(tau, p), self.sum(c, g)) for tau, p, c, g in terms]
+
+    def with_forces(self, forces: Column, multipliers: Sequence[int] = ()) -> StraightLineProgram:
+        """The tree's program with the forces of constraints among the passive ones."""
+        outputs = {name: self.outputs[name] for name in OUTPUTS}
+        outputs["passive"] = [self.sum(*pair) for pair in zip(outputs["passive"], forces, strict=True)]
+        return without_unused(self.program(outputs | ({MULTIPLIERS: multipliers} if multipliers else {})))
 
     def transposed(self, rows: Sequence[Column]) -> list[Column]:
         return [list(column) for column in zip(*rows, strict=True)]
