@@ -57,10 +57,15 @@ class Constraint:
         for number, row in enumerate(self.rows):
             kinds.add(bool(row.has(*rates)))
             if row.has(*rates):
-                at_rest = row.xreplace(dict.fromkeys(rates, sp.S.Zero))
-                slopes = [row.diff(rate) for rate in rates]
-                if sp.simplify(at_rest) != 0 or any(slope.has(*rates) for slope in map(sp.simplify, slopes)):
+                if not _is_linear(row, rates):
                     raise ValueError(f"row {number} is {row}; expected an expression of the coordinates, or one linear in the rates")
         if len(kinds) > 1:
             raise ValueError("has rows of coordinates and rows of rates; declare a constraint for each kind")
         return kinds.pop()
+
+
+def _is_linear(row: sp.Expr, rates: tuple[sp.Expr, ...]) -> bool:
+    """True where nothing is left of ``row`` at rest, and no slope has a rate; simplified only where that cannot be seen as it stands."""
+    at_rest = row.xreplace(dict.fromkeys(rates, sp.S.Zero))
+    slopes = [slope for slope in (row.diff(rate) for rate in rates) if slope.has(*rates)]
+    return (at_rest == 0 or sp.simplify(at_rest) == 0) and not any(sp.simplify(slope).has(*rates) for slope in slopes)

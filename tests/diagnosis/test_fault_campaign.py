@@ -206,8 +206,8 @@ def test_families_come_by_their_smallest_member_and_models_that_nobody_can_write
     found, left_out = select_models(BUILT_IN, ())
     assert ("puma_560", "mjcf") in found and ("puma_560", "urdf") in found
     assert [pair for pair in found if "chain" in pair[0]] == [("chain_3", "mjcf"), ("chain_3", "urdf")]
-    assert not any(name == "cycloid_bead" for name, _ in found)
-    assert {model_format for name, model_format in left_out if name == "cycloid_bead"} == {"mjcf", "urdf"}
+    assert not any(name == "rolling_disc" for name, _ in found)
+    assert {model_format for name, model_format in left_out if name == "rolling_disc"} == {"mjcf", "urdf"}
 
 
 def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> None:

@@ -230,11 +230,11 @@ def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]
 @pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
-    done = CliRunner().invoke(main, ["faults", "cycloid_bead", *options])
+    done = CliRunner().invoke(main, ["faults", "rolling_disc", *options])
     assert done.exit_code == 0, done.output
     (line,) = done.output.splitlines()
-    assert line.startswith("cycloid_bead: no ") and "mjcf" in line and "urdf" in line
-    assert "a rolling wheel ties a slide to a hinge" in line
+    assert line.startswith("rolling_disc: no ") and "mjcf" in line and "urdf" in line
+    assert "a disc that rolls freely ties rates" in line
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -26,7 +26,7 @@ ENGINE = Engine()
 
 
 def test_a_system_that_an_engine_can_place_has_a_picture() -> None:
-    found = completed(Gallery(BUILT_IN, ["collar", "cycloid_bead", "heavy_top"]), InThisProcess())
+    found = completed(Gallery(BUILT_IN, ["collar", "rolling_disc", "heavy_top"]), InThisProcess())
     assert [drawn.system for drawn in found.pictures] == ["collar", "heavy_top"]
     for drawn in found.pictures:
         shown = picture(drawn.svg)
