@@ -300,13 +300,22 @@ def test_a_joint_that_mimics_is_coupled_where_the_system_asks_for_it(engine: str
     terms = model.terms(q, v, tau)
     balance = np.einsum("nij,nj->ni", terms.mass, found) + terms.velocity + terms.gravity - terms.passive - terms.applied
     assert np.abs(balance).max() < 1e-10 * np.abs(terms.passive).max()
-    np.testing.assert_allclose(next(iter(model.gaps(q).values()))[:, 0], q[:, 2] - 0.25 - 1.5 * q[:, 1], atol=1e-13)
+    np.testing.assert_allclose(model.gaps(q)["follower"][:, 0], q[:, 2] - 0.25 - 1.5 * q[:, 1], atol=1e-13)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
 def test_a_joint_that_mimics_is_refused_where_nobody_asks_for_it(engine: str) -> None:
     with pytest.raises(Unsupported, match=r"line \d+: .*'?follower\W+ mimics"):
         load_engine(LIBRARY, engine).load(mimicking(), ("crank", "coupler"), GRAVITY)
+
+
+def test_pinocchios_reader_wants_a_leader_before_its_follower_by_name() -> None:
+    """In another branch; it goes through the joints of a link by name."""
+    text = mimicking(('mimic joint="coupler"', 'mimic joint="crank"')).text
+    sound, other = (parse_model(Path("model.urdf"), text.replace('"follower"', f'"{name}"'), "urdf") for name in ("follower", "arm"))
+    load_engine(LIBRARY, "pinocchio").load(sound, FOUR_BAR.joints, GRAVITY)
+    with pytest.raises(Unsupported, match="parent joint of the mimic joint is not in the kinematic tree"):
+        load_engine(LIBRARY, "pinocchio").load(other, ("crank", "coupler", "arm"), GRAVITY)
 
 
 def test_pinocchio_refuses_a_mimic_beside_a_loop() -> None:
