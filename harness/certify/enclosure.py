@@ -61,6 +61,17 @@ class Encloser:
                     break
         return found
 
+    def left(self, q: Sequence[float], v: Sequence[float]) -> list[float]:
+        """What the holonomic rows and then the rates of all rows leave at the very numbers of a state."""
+        import flint
+
+        with flint.ctx.workprec(_PRECISIONS[0]):
+            nothing = [0.0] * (self._mechanism.nv + 1)
+            outputs = self._bound(_PRECISIONS[0])(*q, *v, *nothing)
+            residual, jacobian = self._parts(outputs)
+            rates = outputs[len(residual) + len(jacobian) * self._mechanism.nv :][: len(jacobian)]
+            return [float(ball) for ball in (*residual, *rates)]
+
     def _enclosed(self, q: Sequence[float], v: Sequence[float], precision: int) -> Enclosure | None:
         import flint
 
