@@ -56,9 +56,8 @@ class Constraint:
         kinds = set[bool]()
         for number, row in enumerate(self.rows):
             kinds.add(bool(row.has(*rates)))
-            if row.has(*rates):
-                if not _is_linear(row, rates):
-                    raise ValueError(f"row {number} is {row}; expected an expression of the coordinates, or one linear in the rates")
+            if row.has(*rates) and not _is_linear(row, rates):
+                raise ValueError(f"row {number} is {row}; expected an expression of the coordinates, or one linear in the rates")
         if len(kinds) > 1:
             raise ValueError("has rows of coordinates and rows of rates; declare a constraint for each kind")
         return kinds.pop()

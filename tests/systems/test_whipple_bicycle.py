@@ -55,10 +55,8 @@ def test_accelerations_are_those_of_the_table(bicycle: Mechanism, kernel: Refere
     np.testing.assert_allclose(states.q[0, NAMES.index("pitch")], 3.1257073014894 - math.pi, rtol=0, atol=1e-13)
     np.testing.assert_allclose([states.v[0, NAMES.index(name)] for name in determined], list(determined.values()), rtol=0, atol=5e-13)
 
-    printed = {
-        **{"x": 0.5041626315047, "y": 0.3449706619454, "yaw": 0.8353281706379, "lean": 7.8555281128244, "pitch": 0.1205543897884},
-        **{"rear": 1.8472554144217, "steer": -4.6198904039403, "front": 2.4548072904550},
-    }
+    printed = {"x": 0.5041626315047, "y": 0.3449706619454, "yaw": 0.8353281706379, "lean": 7.8555281128244, "pitch": 0.1205543897884}
+    printed |= {"rear": 1.8472554144217, "steer": -4.6198904039403, "front": 2.4548072904550}
     found = kernel.evaluate(states).high[0]
     # The state is printed to 13 decimals, of which the accelerations keep twelve.
     np.testing.assert_allclose(found, [printed[name] for name in NAMES], rtol=0, atol=1e-12)
