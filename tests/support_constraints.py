@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -9,10 +10,9 @@ import flint
 import mpmath
 import numpy as np
 
-from harness.arrays import Array
 from harness.certify.manifold import enclosed
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
-from harness.equations.constraint_forces import by_reduction, constrained_program
+from harness.equations.constraint_forces import MULTIPLIERS, by_reduction, constrained_program
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import upper_triangle
@@ -23,46 +23,48 @@ BITS = 192
 DIGITS = 80
 
 
-class Manifold:
-    """A mechanism where only its independent coordinates are doubles, and the others what its constraints make of them."""
+class ExactMotion:
+    """Accelerations of a mechanism at inputs that are balls, the parameters among them."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._kernel = BallKernel(mechanism.program, len(mechanism.parameters))
+        # No parameter is fixed.
+        self._evaluate = BallKernel(mechanism.program, 0).bind
 
-    def at(self, states: States, index: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf], list[mpmath.mpf]]:
-        """Positions, rates and accelerations at the independent coordinates of a state, with 40 digits."""
-        mechanism = self.mechanism
-        found = enclosed(mechanism, states.q[index], states.v[index])
-        assert mechanism.constraints is not None and found is not None
-        with flint.ctx.workprec(BITS), mpmath.workdps(DIGITS):
-            q, v, tau = (_balls(values[index]) for values in (states.q, states.v, states.tau))
-            for places, values, balls in (
-                (mechanism.constraints.positions, q, found.positions),
-                (mechanism.constraints.rates, v, found.rates),
-            ):
-                for place, ball in zip(places, balls, strict=True):
-                    values[place] = ball
-            evaluate = self._kernel.bind(mechanism.parameter_values)
-            a = self._solved(iter(evaluate(*q, *v, *tau, flint.arb(float(states.time[index])))), tau)
-            return tuple([_middle(ball) for ball in balls] for balls in (q, v, a))  # type: ignore[return-value]
-
-    def _solved(self, outputs: Any, tau: list[Any]) -> list[Any]:
-        nv = self.mechanism.nv
+    def of(self, q: list[Any], v: list[Any], tau: list[Any], parameters: list[Any]) -> tuple[list[Any], list[Any]]:
+        """Accelerations, and the multipliers of the rows that are not redundant."""
+        nv, outputs = self.mechanism.nv, iter(self._evaluate(())(*q, *v, *tau, flint.arb(0), *parameters))
         parts = {name: [next(outputs) for _ in places] for name, places in self.mechanism.program.outputs.items()}
         mass = flint.arb_mat(nv, nv)
         for (i, j), entry in zip(upper_triangle(nv), parts["mass"], strict=True):
             mass[i, j] = mass[j, i] = entry
         terms = zip(tau, parts["passive"], parts["velocity"], parts["gravity"], strict=True)
         found = mass.solve(flint.arb_mat(nv, 1, [force + p - c - g for force, p, c, g in terms]))
-        return [found[place, 0] for place in range(nv)]
+        return [found[place, 0] for place in range(nv)], parts[MULTIPLIERS]
+
+    def on_the_manifold(self, states: States, index: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:
+        """Rates and accelerations where only the independent coordinates of a state are doubles, with 40 digits."""
+        mechanism = self.mechanism
+        found = enclosed(mechanism, states.q[index], states.v[index])
+        assert mechanism.constraints is not None and found is not None
+        with flint.ctx.workprec(BITS), mpmath.workdps(DIGITS):
+            q, v, tau = (balls(values[index].tolist()) for values in (states.q, states.v, states.tau))
+            for places, values, determined in (
+                (mechanism.constraints.positions, q, found.positions),
+                (mechanism.constraints.rates, v, found.rates),
+            ):
+                for place, ball in zip(places, determined, strict=True):
+                    values[place] = ball
+            accelerations, _ = self.of(q, v, tau, balls(mechanism.parameter_values))
+            return [middle(ball) for ball in v], [middle(ball) for ball in accelerations]
 
 
-def _balls(values: Array) -> list[Any]:
-    return [flint.arb(value) for value in values.tolist()]
+def balls(values: Iterable[float | str]) -> list[Any]:
+    """Balls around doubles, which are exact, or around decimal numbers."""
+    return [flint.arb(value) for value in values]
 
 
-def _middle(ball: Any) -> mpmath.mpf:
+def middle(ball: Any) -> mpmath.mpf:
     mantissa, exponent = ball.mid().man_exp()
     return mpmath.ldexp(mpmath.mpf(int(mantissa)), int(exponent))
 

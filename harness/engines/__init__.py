@@ -22,9 +22,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines._constraint_law import ConstraintLaw as ConstraintLaw
-from harness.engines._constraint_law import Impedance as Impedance
-from harness.engines._constraint_law import InverseWeight as InverseWeight
 from harness.engines._held import HeldBody as HeldBody
 from harness.engines._held import HeldJoint as HeldJoint
 from harness.engines._held import HeldModel as HeldModel
@@ -33,6 +30,9 @@ from harness.engines._held import LoadedModel as LoadedModel
 from harness.engines._held import Terms as Terms
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
+from harness.models.constraint_law import Impedance as Impedance
+from harness.models.constraint_law import InverseWeight as InverseWeight
 from harness.models.model_file import ModelFile
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers

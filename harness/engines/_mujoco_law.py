@@ -14,7 +14,7 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.engines._constraint_law import ConstraintLaw, Impedance, InverseWeight
+from harness.models.constraint_law import ConstraintLaw, Impedance, InverseWeight
 from harness.models.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, Softness, TendonConstraint
 from harness.models.mjcf_forces import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile

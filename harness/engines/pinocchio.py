@@ -9,7 +9,8 @@ adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it;
 reader passes over it, as over much else that ``harness.engines._pinocchio_mjcf`` refuses by name.
 
 A model with constraints is computed by ``pinocchio.constraintDynamics`` instead, with the settings that
-``harness.engines._pinocchio_constraints`` names and the reasons for them; the constraints are those of the file.
+``harness.engines._pinocchio_constraints`` names and the reasons for them; the constraints are those of the file. Joints that mimic
+others are left to ``harness.engines._pinocchio_mimics``, since all forward dynamics refuse them.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 documentation.
 """
@@ -24,8 +25,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocchio_held, _pinocchio_mjcf, require_model
-from harness.engines._pinocchio_constraints import PROXIMAL_ACCURACY, PROXIMAL_ITERATIONS, PROXIMAL_MU, LoopConstraints
+from harness.engines._pinocchio_constraints import LoopConstraints
 from harness.engines._pinocchio_forces import ForceElements
+from harness.engines._pinocchio_mimics import MimicJoints
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -37,12 +39,21 @@ if TYPE_CHECKING:
 class PinocchioModel:
     """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
 
-    def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
+    def __init__(
+        self,
+        model: Any,
+        joints: Sequence[str],
+        file: ModelFile,
+        composites: Mapping[str, Sequence[str]] | None = None,
+        mimics: MimicJoints | None = None,
+    ) -> None:
         self.model = model
         self._joints = joints
         self._file = file
         self.force_elements = ForceElements(model, file.force_elements, composites)
-        self.constraints = LoopConstraints(model, file.constraints) if file.constraints else None
+        self.constraints = mimics or (LoopConstraints(model, file.constraints) if file.constraints else None)
+        # What both solve with.
+        self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
@@ -145,15 +156,12 @@ class PinocchioModel:
         expected[self.addresses[1]] = certified
         inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
         armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
-        call, settings = "pin.aba(m, m.createData(), q, v, tau)", ""
-        if self.constraints is not None:
-            proximal = f"pin.ProximalSettings({PROXIMAL_ACCURACY}, {PROXIMAL_MU}, {PROXIMAL_ITERATIONS})"
-            call, settings = f"pin.constraintDynamics(m, d, q, v, tau, cs, cd, {proximal})", f"{self.constraints.written()}\n"
+        made, call = ("", "pin.aba(m, m.createData(), q, v, tau)") if self.constraints is None else self.constraints.reproducer(source)
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
             f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
-            f"{settings}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
+            f"{made}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
 
 
@@ -170,9 +178,7 @@ class PinocchioEngine:
             model, composites = _pinocchio_mjcf.read(file)
             model.gravity.linear = np.array(file.gravity)
             return PinocchioModel(model, joints, file, composites)
-        if file.mimics:
-            follower = file.mimics[0]
-            raise Unsupported(f"line {follower.line}: joint {follower.joint!r} mimics {follower.leader!r}, and aba refuses such a model")
+        _refuse_mimics(file, joints)
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:
@@ -184,7 +190,17 @@ class PinocchioEngine:
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         for armature in file.armatures:
             model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
-        return PinocchioModel(model, joints, file)
+        return PinocchioModel(model, joints, file, mimics=MimicJoints(model, file, root) if file.mimics else None)
+
+
+def _refuse_mimics(file: ModelFile, joints: Sequence[str]) -> None:
+    """Raises Unsupported for followers that nobody asks the accelerations of, and for those beside a loop."""
+    for one in file.mimics:
+        who = f"line {one.line}: joint {one.joint!r} mimics {one.leader!r}"
+        if one.joint not in joints:
+            raise Unsupported(f"{who}, and aba refuses such a model")
+        if len(file.constraints) > len(file.mimics):
+            raise Unsupported(f"{who} in a model with a loop, and constraintDynamics refuses that")
 
 
 ENGINE = PinocchioEngine()

@@ -42,6 +42,11 @@ class Constraints:
         return tuple(number for number, redundant in enumerate(self.redundant) if not redundant)
 
     @property
+    def determined_by(self) -> dict[int, str]:
+        """The place of each coordinate whose position is determined, and the constraint that does."""
+        return {place: self.rows[row] for place, row in zip(self.positions, self.independent, strict=False)}
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The constraints, in their order."""
         return tuple(dict.fromkeys(self.rows))

@@ -127,7 +127,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
         "equality/tendon": {},
         "tendon": {"spatial": {"name": _NAME, **_TENDON}, "fixed": {"name": _NAME, **_TENDON}},
         "spatial": {"site": {"site": Text(required=True)}, "pulley": {"divisor": Numbers(check=positive, required=True)}},
-        "fixed": {"joint": {"joint": Text(required=True), "coef": _SCALAR}},
+        "fixed": {"joint": {"joint": Text(required=True), "coef": Numbers(required=True)}},
     },
     "urdf": {
         "": {"robot": {"name": _NAME, "version": _NAME}},

@@ -179,7 +179,7 @@ class _Reader:
         tendon = self._tendons[name]
         parts = list(tendon.iterchildren("*"))
         if tendon.tag == "fixed":
-            return Tendon(name, tuple((str(part.get("joint")), float(part.get("coef", "1"))) for part in parts), ())
+            return Tendon(name, tuple((str(part.get("joint")), float(part.get("coef"))) for part in parts), ())
         for part in parts:
             if part.tag == "pulley":
                 self._document.refuse(part, f"<pulley> divides {describe(tendon)}, which {describe(element)} holds; expected sites alone")

@@ -50,6 +50,7 @@ ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("joint@range", "joint@limited", "joint@margin", "joint@solreflimit", "joint@solimplimit"), _LIMIT),
         **dict.fromkeys((f"{tag}@{name}" for tag in ("spatial", "fixed", "tendon") for name in ("range", "limited", "margin")), _LIMIT),
         **dict.fromkeys(("joint@actuatorfrcrange", "joint@actuatorfrclimited", "joint@actuatorgravcomp"), _OF_ACTUATORS),
+        "option@integrator": _NOT_FELT,
         **dict.fromkeys((f"{tag}@{name}" for tag in ("connect", "weld") for name in ("body1", "body2", "anchor")), _AT_ZERO),
         "weld@relpose": _AT_ZERO,
         "joint@springdamper": "makes a stiffness and a damping that this file does not spell out; write those",

@@ -16,9 +16,9 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from harness.engines import InverseWeight
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.models.constraint_law import InverseWeight
 from harness.models.constraints import End, Tendon, TendonConstraint
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document

@@ -11,6 +11,7 @@ Source: MuJoCo documentation, Computation, sections Constraint model and Solver 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,10 +44,10 @@ class Impedance:
             return (self.least + self.most) / 2
         x = min(distance / self.width, 1.0)
         if x <= self.midpoint:
-            y = x**self.power / self.midpoint ** (self.power - 1)
+            y = math.pow(x, self.power) / math.pow(self.midpoint, self.power - 1)
         else:
-            y = 1 - (1 - x) ** self.power / (1 - self.midpoint) ** (self.power - 1)
-        return float(self.least + y * (self.most - self.least))
+            y = 1 - math.pow(1 - x, self.power) / math.pow(1 - self.midpoint, self.power - 1)
+        return self.least + y * (self.most - self.least)
 
     @property
     def is_constant(self) -> bool:
