@@ -17,7 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness import TIME, Constraint, System
 
 x, y, z = dynamicsymbols("x y z")
-r_b, r_p, L, l, beta, m_u, m_f, J, m, g = sp.symbols("r_b r_p L l beta m_u m_f J m g", positive=True)
+r_b, r_p, L_u, L_f, beta, m_u, m_f, J, m, g = sp.symbols("r_b r_p L_u L_f beta m_u m_f J m g", positive=True)
 
 platform = sp.Matrix([x, y, z])
 kinetic, potential = m * platform.diff(TIME).dot(platform.diff(TIME)) / 2, m * g * z
@@ -28,16 +28,16 @@ for name, azimuth in (("a", sp.S.Zero), ("b", beta), ("c", -beta)):
     # In the arm's frame.
     upper = sp.Matrix([sp.cos(shoulder), 0, sp.sin(shoulder)])
     fore = sp.Matrix([sp.cos(swing) * sp.cos(raised), sp.sin(swing), sp.cos(swing) * sp.sin(raised)])
-    at_elbow = sp.Matrix([r_b, 0, 0]) + L * upper
-    middle = at_elbow + l / 2 * fore
+    at_elbow = sp.Matrix([r_b, 0, 0]) + L_u * upper
+    middle = at_elbow + L_f / 2 * fore
     # Along the forearm's length, and across it.
     rates = sp.Matrix([-raised.diff(TIME) * sp.sin(swing), -raised.diff(TIME) * sp.cos(swing), swing.diff(TIME)])
-    across = m_f * l**2 / 12
-    kinetic += m_u * L**2 / 6 * shoulder.diff(TIME) ** 2
+    across = m_f * L_f**2 / 12
+    kinetic += m_u * L_u**2 / 6 * shoulder.diff(TIME) ** 2
     kinetic += m_f * middle.diff(TIME).dot(middle.diff(TIME)) / 2 + rates.dot(sp.diag(J, across, across) * rates) / 2
-    potential += m_u * g * L / 2 * sp.sin(shoulder) + m_f * g * middle[2]
+    potential += m_u * g * L_u / 2 * sp.sin(shoulder) + m_f * g * middle[2]
     turned = rot_ccw_axis3(azimuth)
-    gap = turned * (at_elbow + l * fore - sp.Matrix([r_p, 0, 0])) - platform
+    gap = turned * (at_elbow + L_f * fore - sp.Matrix([r_p, 0, 0])) - platform
     coordinates |= {q: q.name for q in (shoulder, elbow, swing)}
     constraints[f"forearm_{name}"] = Constraint(rows=gap, determines=[shoulder, elbow, swing])
     assembly |= {shoulder: -0.065, elbow: -2.055}
@@ -46,7 +46,7 @@ SYSTEM = System(
     coordinates=coordinates,
     kinetic=kinetic,
     potential=potential,
-    parameters={r_b: (0.2, "m"), r_p: (0.08, "m"), L: (0.3, "m"), l: (0.8, "m"), beta: (2.0943951023931953, "rad"), g: (9.81, "m/s^2")}
+    parameters={r_b: (0.2, "m"), r_p: (0.08, "m"), L_u: (0.3, "m"), L_f: (0.8, "m"), beta: (2.0943951023931953, "rad"), g: (9.81, "m/s^2")}
     | {m_u: (0.4, "kg"), m_f: (0.15, "kg"), J: (0.0002, "kg m^2"), m: (0.5, "kg")},
     total_mass=m + 3 * m_u + 3 * m_f,
     gravity=g,
