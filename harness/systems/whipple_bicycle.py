@@ -77,46 +77,17 @@ SYSTEM = System(
     coordinates={q: q.name for q in (x, y, yaw, lean, pitch, rear, steer, front)},
     kinetic=sum(m * v.dot(v) / 2 + turn.dot(moments * turn) / 2 for m, v, _, moments, turn in bodies),
     potential=sum(m * g * height for m, _, height, _, _ in bodies),
-    parameters={
-        w: (1.02, "m"),
-        c: (0.08, "m"),
-        tilt: (math.pi / 10, "rad"),
-        g: (9.81, "m/s^2"),
-        r_R: (0.3, "m"),
-        m_R: (2.0, "kg"),
-        R_xx: (0.0603, "kg m^2"),
-        R_yy: (0.12, "kg m^2"),
-        x_B: (0.3, "m"),
-        z_B: (-0.9, "m"),
-        m_B: (85.0, "kg"),
-        B_xx: (9.2, "kg m^2"),
-        B_xz: (2.4, "kg m^2"),
-        B_yy: (11.0, "kg m^2"),
-        B_zz: (2.8, "kg m^2"),
-        x_H: (0.9, "m"),
-        z_H: (-0.7, "m"),
-        m_H: (4.0, "kg"),
-        H_xx: (0.05892, "kg m^2"),
-        H_xz: (-0.00756, "kg m^2"),
-        H_yy: (0.06, "kg m^2"),
-        H_zz: (0.00708, "kg m^2"),
-        r_F: (0.35, "m"),
-        m_F: (3.0, "kg"),
-        F_xx: (0.1405, "kg m^2"),
-        F_yy: (0.28, "kg m^2"),
-    },
+    parameters={w: (1.02, "m"), c: (0.08, "m"), tilt: (math.pi / 10, "rad"), g: (9.81, "m/s^2")}
+    | {r_R: (0.3, "m"), m_R: (2.0, "kg"), R_xx: (0.0603, "kg m^2"), R_yy: (0.12, "kg m^2")}
+    | {x_B: (0.3, "m"), z_B: (-0.9, "m"), m_B: (85.0, "kg")}
+    | {B_xx: (9.2, "kg m^2"), B_xz: (2.4, "kg m^2"), B_yy: (11.0, "kg m^2"), B_zz: (2.8, "kg m^2")}
+    | {x_H: (0.9, "m"), z_H: (-0.7, "m"), m_H: (4.0, "kg")}
+    | {H_xx: (0.05892, "kg m^2"), H_xz: (-0.00756, "kg m^2"), H_yy: (0.06, "kg m^2"), H_zz: (0.00708, "kg m^2")}
+    | {r_F: (0.35, "m"), m_F: (3.0, "kg"), F_xx: (0.1405, "kg m^2"), F_yy: (0.28, "kg m^2")},
     total_mass=m_R + m_B + m_H + m_F,
     gravity=g,
-    ranges={
-        x: (-5.0, 5.0),
-        y: (-5.0, 5.0),
-        lean: (-0.7, 0.7),
-        pitch: (-0.5, 0.5),
-        steer: (-0.8, 0.8),
-        lean.diff(TIME): (-2.0, 2.0),
-        steer.diff(TIME): (-3.0, 3.0),
-        rear.diff(TIME): (-20.0, 20.0),
-    },
+    ranges={x: (-5.0, 5.0), y: (-5.0, 5.0), lean: (-0.7, 0.7), pitch: (-0.5, 0.5), steer: (-0.8, 0.8)}
+    | {lean.diff(TIME): (-2.0, 2.0), steer.diff(TIME): (-3.0, 3.0), rear.diff(TIME): (-20.0, 20.0)},
     constraints={
         "ground": Constraint(rows=[height_F - r_F * steepest], determines=[pitch]),
         "rear_contact": Constraint(rows=rear_contact[:2], determines=[x, y]),

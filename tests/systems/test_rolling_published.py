@@ -1,4 +1,4 @@
-"""Rolling and ropes: what texts print of them, held against the certified accelerations, and both ways to these."""
+"""Rolling, ropes, linkages and robots with loops: what texts print of them, held against certified states and accelerations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BUILT_IN = Library.built_in()
 SEED = 23
 DIGITS = 50
 # Of the numbers that ``sample`` draws; by night of the bead, which the project began with.
-COUNT, MANY = 1000, 100_000
+FEW, COUNT, MANY = 50, 1000, 100_000
 
 Named = Mapping[str, Any]
 
@@ -43,7 +43,13 @@ def open_between(one: Reference, other: Reference) -> np.ndarray:
         ("rolling_disc_on_incline", COUNT),
         ("atwood", COUNT),
         ("rolling_disc", COUNT),
+        ("watt_linkage", COUNT),
+        ("two_fingers_bar", COUNT),
         ("cycloid_bead", 2 * COUNT),
+        # What takes balls at many states has most of them by night.
+        ("delta_robot", FEW),
+        ("whipple_bicycle", FEW),
+        *(pytest.param(name, COUNT, marks=pytest.mark.nightly) for name in ("delta_robot", "whipple_bicycle")),
         pytest.param("cycloid_bead", MANY, marks=pytest.mark.nightly),
     ],
 )
@@ -176,3 +182,55 @@ def test_disc_stays_upright_above_the_speed_of_the_text() -> None:
     stiffness = -(a + b * c) * R / g
     assert stiffness[0] < -0.1 and stiffness[2] > 0.1
     assert abs(stiffness[1]) <= 1e-15
+
+
+def joint_positions(name: str) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Positions of the joints at sampled states, (n,) each, and the parameters' values."""
+    mechanism = mechanism_named(name)
+    q = sample(mechanism, COUNT, SEED).q
+    return dict(zip(mechanism.joints, q.T, strict=True)), {name: value for name, value, _ in mechanism.parameters}
+
+
+def test_watts_linkage_draws_watts_curve() -> None:
+    """Lockwood: r^2 = b^2 - (a sin t +- sqrt(c^2 - a^2 cos^2 t))^2 about the middle between the pivots, t from the line through them.
+
+    The pivots are 2 a apart, b is a rocker and 2 c the coupler. Without its root and times r^4 the equation is one of x = r cos t and
+    y = r sin t, whose terms are no larger than ``size``. Near its middle the curve is nearly straight.
+    """
+    at, p = joint_positions("watt_linkage")
+    hanging = at["left"] + at["coupler"]
+    point = np.array([-p["r"] + p["r"] * np.cos(at["left"]), p["c"] / 2 + p["r"] * np.sin(at["left"])])
+    point += p["c"] / 2 * np.array([np.cos(hanging), np.sin(hanging)])
+    a, b, c = np.hypot(p["r"], p["c"] / 2), p["r"], p["c"] / 2
+    x = (point[0] * p["r"] - point[1] * p["c"] / 2) / a
+    y = (point[0] * p["c"] / 2 + point[1] * p["r"]) / a
+    squared = x**2 + y**2
+    left = (squared * (b**2 - squared - c**2) - a**2 * (y**2 - x**2)) ** 2
+    right = 4 * a**2 * y**2 * (c**2 * squared - a**2 * x**2)
+    size = squared**2 * (a**2 + b**2 + c**2) ** 2
+    # The point is the difference of a metre and a metre.
+    assert (np.abs(left - right) <= 64 * UNIT_ROUNDOFF * size * (1 + a / np.sqrt(squared))).all()
+    near = np.abs(at["left"]) < 0.1
+    assert near.sum() > 100 and np.abs(point[0][near]).max() < 1e-4 < np.abs(point[1][near]).max()
+
+
+def test_fingers_bend_by_the_law_of_cosines() -> None:
+    """Murray, Li, Sastry, section 3.3 (subproblem 3): the distance from base to tip gives the elbow's angle."""
+    at, p = joint_positions("two_fingers_bar")
+    for side, name in ((-1, "left"), (1, "right")):
+        tip = at["bar_x"] + side * p["L"] / 2 * np.cos(at["bar_tilt"]), at["bar_z"] + side * p["L"] / 2 * np.sin(at["bar_tilt"])
+        squared = (tip[0] - side * p["b"]) ** 2 + tip[1] ** 2
+        bend = np.arccos((squared - p["L1"] ** 2 - p["L2"] ** 2) / (2 * p["L1"] * p["L2"]))
+        np.testing.assert_allclose(at[f"{name}2"], side * bend, rtol=1e-13)
+
+
+def test_shoulders_of_the_delta_robot_are_those_of_inverse_kinematics() -> None:
+    """Merlet, section 3.1.2.2: the elbow is a forearm away from the platform's point, E cos + F sin = G, of which the outer root."""
+    at, p = joint_positions("delta_robot")
+    for name, azimuth in (("a", 0.0), ("b", p["beta"]), ("c", -p["beta"])):
+        outward = at["x"] * np.cos(azimuth) + at["y"] * np.sin(azimuth) + p["r_p"] - p["r_b"]
+        across = at["y"] * np.cos(azimuth) - at["x"] * np.sin(azimuth)
+        first, second = 2 * p["L_u"] * outward, 2 * p["L_u"] * at["z"]
+        known = outward**2 + across**2 + at["z"] ** 2 + p["L_u"] ** 2 - p["L_f"] ** 2
+        expected = np.arctan2(second, first) + np.arccos(known / np.hypot(first, second))
+        np.testing.assert_allclose(at[f"shoulder_{name}"], expected, rtol=0, atol=1e-14)
