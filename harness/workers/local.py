@@ -30,6 +30,8 @@ POLL_SECONDS = 0.2
 START_SECONDS = 60.0
 # Of what a process wrote before it died, from its end.
 MOST_CHARACTERS = 2000
+
+
 class LocalPool:
     """At most ``count`` processes; one more starts when a task waits that no idle one may take."""
 
