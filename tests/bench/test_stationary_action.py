@@ -210,6 +210,7 @@ def of_order(measured: dict[tuple[str, float], Stationarity], order: int) -> lis
     return [found.name for found in integrators() if found.order == order and found.name in paths and found.format != "mjcf"]
 
 
+@pytest.mark.costly
 def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 4)) >= 2
     for path in of_order(measured, 4):

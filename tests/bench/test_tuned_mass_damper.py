@@ -64,14 +64,14 @@ WAYS = pytest.mark.parametrize(
 
 
 @cache
-def computed_figures(ways: tuple[str, ...] = BY_DAY) -> list[Figure]:
+def computed_figures(ways: tuple[str, ...]) -> list[Figure]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuned_mass_damper, "integrators", lambda: [way for way in integrators() if way.name.startswith(ways)])
         return figures(LIBRARY, lambda text: None)
 
 
 def of_equations() -> list[Figure]:
-    return [figure for figure in computed_figures() if "equations" in figure.what]
+    return [figure for figure in computed_figures(BY_DAY) if "equations" in figure.what]
 
 
 def test_the_equations_repeat_the_program_of_the_text() -> None:

@@ -57,6 +57,7 @@ SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of
 
 # The tests of harness/systems ask the same at more states, and .ci/run ends with a check of everything; here the command's contract
 # counts, and some do.
+@pytest.mark.costly
 @pytest.mark.parametrize("names", [[*SOME, *SOME_VARIANTS], pytest.param([], marks=pytest.mark.nightly)], ids=["some", "all"])
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, names: list[str]) -> None:
     done = harness_in_a_process("check", *names, "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
@@ -307,6 +308,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.costly
 def test_records_survive_a_kill(library: Path) -> None:
     """Kill the whole process group while an engine hangs on one system: the records of the other stay."""
     (library / "engines").mkdir()

@@ -156,6 +156,7 @@ def test_a_model_that_answers_with_nan_is_explained_from_another_start() -> None
     assert any(one.place.attribute == "xyz" and one.value == -2.0 for one in diagnosis.explaining)
 
 
+@pytest.mark.costly
 def test_two_faults_at_once_are_not_explained_by_one() -> None:
     diagnosis = case("cart_pendulum", "mjcf").diagnosis(('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"'))
     assert diagnosis.conclusion == Conclusion.UNEXPLAINED
@@ -191,6 +192,7 @@ def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     assert (textbook.conclusion, textbook.explaining) == (Conclusion.UNEXPLAINED, ())
 
 
+@pytest.mark.costly
 def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() -> None:
     """At the states that fits see, the mass alone is wrong; at the others, so is something else."""
     own = case("cart_pendulum", "mjcf")
@@ -260,6 +262,7 @@ def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
     assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
+@pytest.mark.costly
 def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_one() -> None:
     """A wheel at rest without gravity stays at rest; a spring of one side moves it."""
     own = case("satellite_wheel", "mjcf")

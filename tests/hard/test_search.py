@@ -362,6 +362,7 @@ def test_a_crash_names_its_state(library: Library, workers: Workers) -> None:
     assert "SIGABRT" in result.cases[0].found.statement
 
 
+@pytest.mark.costly
 def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library, workers: Workers) -> None:
     path_of(library, "bar_pendulum").parent.write_text("a file where the folder should be")
     result = searched(library, workers, "wrong/mjcf")
@@ -370,6 +371,7 @@ def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library,
     assert str(result.place) in as_lines(result)[-1]
 
 
+@pytest.mark.costly
 def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> None:
     entry = 'system = "bar_pendulum"\nsubject = "wrong/mjcf"\nverdict = "disagrees"\nreason = "planted"\nlink = "here"\n'
     for most, status in ((1e12, 0), (100.0, 1)):

@@ -131,6 +131,7 @@ def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) 
         assert 2**0.9 < convergence.ratio(integrator, 2e-3) < 2**1.1, integrator.name
 
 
+@pytest.mark.costly
 def test_runge_kutta_without_the_manifolds_derivative_is_caught(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
     import pinocchio as engine
 

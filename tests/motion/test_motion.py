@@ -56,6 +56,7 @@ def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
     assert "eulerdamp" in euler.explanation
 
 
+@pytest.mark.costly
 def test_costs_of_the_cart_fall_with_the_step(measured: Measured) -> None:
     truth, costs, _ = measured
     assert truth.trusted == 20.0 and truth.error <= 1e-13 and truth.start == {"q": [0.03, 0.0], "v": [0.0, 0.0]}

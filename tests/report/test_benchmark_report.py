@@ -281,6 +281,7 @@ def any_benchmark() -> st.SearchStrategy[Benchmark]:
     return st.builds(Benchmark, **parts)
 
 
+@pytest.mark.costly
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(benchmark=any_benchmark())
 def test_a_report_of_any_benchmark_can_be_built(benchmark: Benchmark) -> None:

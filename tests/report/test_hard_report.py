@@ -233,6 +233,7 @@ def any_atlas() -> st.SearchStrategy[Atlas]:
     return st.builds(Atlas, **{part: st.lists(names if kind is str else any_of(kind), max_size=3) for part, kind in kinds.items()})
 
 
+@pytest.mark.costly
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(atlas=any_atlas())
 def test_a_report_of_any_atlas_can_be_built(atlas: Atlas) -> None:

@@ -258,6 +258,7 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
         assert next(coming).crash is None
 
 
+@pytest.mark.costly
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="only the kernel knows how long a process waited")
 def test_time_spent_waiting_for_a_processor_is_not_the_tasks() -> None:
     processor = min(os.sched_getaffinity(0))
