@@ -55,8 +55,7 @@ SOME = [*SYSTEMS[:: 6 if IN_CI else 12], "cycloid_bead"]
 SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of(name) in SOME]
 
 
-# The tests of harness/systems ask the same at more states, and .ci/run ends with a check of everything; here the command's contract
-# counts, and some do.
+# The tests of harness/systems ask the same at more states; here the command's contract counts, and some do.
 @pytest.mark.costly
 @pytest.mark.parametrize("names", [[*SOME, *SOME_VARIANTS], pytest.param([], marks=pytest.mark.nightly)], ids=["some", "all"])
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, names: list[str]) -> None:
