@@ -196,7 +196,7 @@ BROKEN_SYSTEMS = {
 def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
     for name, (source, _, _) in BROKEN_SYSTEMS.items():
         (library / "systems" / f"{name}.py").write_text(source)
-    arguments = ("--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "10")
+    arguments = ("--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5")
     done = harness("check", *arguments, isolated=True, cwd=library)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
