@@ -67,6 +67,13 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.workers.Workers", InThisProcess)
 
 
+@pytest.fixture
+def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports whose pages have no charts, which take nearly all of the time: for what else is in them."""
+    for module in ("charts", "benchmark_charts", "hard_charts"):
+        monkeypatch.setattr(f"harness.report.{module}.plots", lambda summary: {})
+
+
 @pytest.fixture(scope="session")
 def mechanism_of() -> Callable[[System], Mechanism]:
     """The mechanism of a system that has no file."""

@@ -174,6 +174,7 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
     assert "Speed against error" not in Page(without["index.html"]).words and "benchmark" not in json.loads(without["report.json"])
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower = sample()
     slower.accelerations = [replace(cost, seconds_per_state=(cost.seconds_per_state or 0) * 3 or None) for cost in slower.accelerations]

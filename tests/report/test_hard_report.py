@@ -178,6 +178,7 @@ def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
     assert "Hard cases" not in Page(without["index.html"]).words and "atlas" not in json.loads(without["report.json"])
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower = sample()
     slower.rows = [replace(row, seconds=5.0, growth=(row.growth or 0) + 0.01) for row in slower.rows]
