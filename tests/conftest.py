@@ -40,9 +40,9 @@ IN_CI_ONE_IN = 3, 1
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
-# two processes make it at once. Then come rooms whose tests start processes and wait for them, so that no processor is left with
-# one of their files in the end.
-SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
+# two processes make it at once. Then come rooms whose tests start processes and wait for them, and the files beside the rooms, so
+# that no processor is left with one of their files in the end.
+SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis", "hostile", "tests")
 
 
 @pytest.hookimpl(tryfirst=True)
