@@ -54,6 +54,7 @@ def dampers(of: Mechanism) -> dict[str, float]:
     return {name: 0.0 for name, _, unit in of.parameters if unit in ("N s/m", "N m s")}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_the_action_of_a_true_path_is_stationary(name: str) -> None:
     kernel = LagrangianKernel(mechanism(name))

@@ -305,6 +305,7 @@ def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations
     assert not any("accelerations feel" in line for line in diagnosis.lines)
 
 
+@pytest.mark.costly
 def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
     own = case("arm_2r", "mjcf")
     evaluated: list[Any] = []

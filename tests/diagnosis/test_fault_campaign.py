@@ -117,6 +117,7 @@ def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyP
     assert any("times what theory promises" in sentence for sentence in broken_bars(faults))
 
 
+@pytest.mark.costly
 def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def first_attribute(*arguments: Any, **options: Any) -> Diagnosis:
         found = diagnose(*arguments, **options)

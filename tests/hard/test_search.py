@@ -54,11 +54,13 @@ def best_of_random(assignment: tasks.Assignment, count: int, seed: int) -> float
 # The bars.
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tenth_of_the_budget_finds_where_mujoco_loses_digits_on_ten_links(seed: int) -> None:
     assert worst_of_hunts(assignment_of("chain_10"), DEFAULT_BUDGET // 10, seed) >= 100
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["double_pendulum", "arm_2r"])
 def test_a_quarter_of_the_budget_beats_the_best_of_ten_thousand_random_states(name: str) -> None:
     assignment = assignment_of(name)

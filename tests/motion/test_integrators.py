@@ -162,6 +162,7 @@ def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
         assert every.evaluations >= 103
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["cart_pendulum", "heavy_top"])
 def test_separate_stages_are_the_compiled_step(scenes: dict[str, Scene], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes[name]

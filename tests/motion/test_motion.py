@@ -146,6 +146,7 @@ def test_growth_of_energy_errors_has_a_name(errors: object, verdict: str) -> Non
     assert verdict_of(growth_of(times, found), found) == verdict
 
 
+@pytest.mark.costly
 def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene) -> None:
     names = ["equations variational midpoint", "equations RK4", "mujoco RK4", "mujoco discrete"]
     found = {drift.integrator: drift for drift in drifts(cart, names, 40000, silent, step=5e-3)}
