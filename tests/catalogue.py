@@ -9,7 +9,7 @@ from harness.library import MODEL_SUFFIXES, Library, member_of
 BUILT_IN = Library.built_in()
 # CI takes minutes longer than a run at the desk, which takes fewer states and a seeded sample of what is alike.
 IN_CI = bool(os.environ.get("CI"))
-STATES = 1000 if IN_CI else 200
+STATES = 1000 if IN_CI else 100
 
 
 def turns_freely(name: str) -> bool:
