@@ -20,20 +20,21 @@ from harness.models.model_file import ForceElement, JointDamper, JointSpring, Po
 
 
 class JointPlace(NamedTuple):
-    """First index and number of a joint's positions and velocities."""
+    """First index and number of a joint's positions and velocities, and the number of the joint of the model that it is, or a part of."""
 
     idx_q: int
     nq: int
     idx_v: int
     nv: int
+    joint: int = 0
 
 
 def _joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
     """The joints of a file by name, in Pinocchio's order: several joints of one body are one composite joint of another name."""
     places: dict[str, JointPlace] = {}
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+    for number, (name, joint) in enumerate(zip(list(model.names)[1:], list(model.joints)[1:], strict=True), start=1):
         parts = [(name, joint)] if name not in composites else zip(composites[name], joint.extract().joints, strict=True)
-        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv) for part, one in parts}
+        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv, number) for part, one in parts}
     return places
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 class MujocoModel:
     """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF."""
 
+    springs_in_reactions = True
+
     def __init__(self, model: Any, joints: Sequence[str], building: str | None = None) -> None:
         self.model = model
         self._building = building
@@ -70,6 +72,31 @@ class MujocoModel:
         accelerations = self._batch.bind("qacc")
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
+
+    def reactions(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines.reactions``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
+
+        It stands as (moment, force) along the world's axes, about the centre of mass of the whole tree that the body is in.
+        Springs of tendons are forces on joints here, and no external forces on bodies.
+        Source: MuJoCo documentation, API reference, ``mj_rnePostConstraint``, and ``mjData.cfrc_int``.
+        """
+        import mujoco
+
+        model, (positions, velocities) = self.model, self.addresses
+        data = mujoco.MjData(model)
+        bodies = np.array([model.joint(name).bodyid[0] for name in dict.fromkeys(self._joints)])
+        last = model.body_jntadr[bodies] + model.body_jntnum[bodies] - 1
+        found = np.empty((len(q), len(bodies), 6))
+        for state in range(len(q)):
+            data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            moments, forces = np.split(data.cfrc_int[bodies], 2, axis=1)
+            # The anchor of a slide in xanchor is where it stood before it slid.
+            anchors = data.xpos[bodies] + np.einsum("bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), model.jnt_pos[last])
+            found[state, :, :3] = forces
+            found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - anchors, forces)
+        return found
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers and tendons.

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 class PinocchioModel:
     """A ``pinocchio.Model`` and the force elements of its file."""
 
+    springs_in_reactions = True
+
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints
@@ -89,6 +91,29 @@ class PinocchioModel:
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
             accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
+
+    def reactions(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
+
+        It is what a joint transmits to its body, in the frame of the joint. Springs between points are part of the applied forces
+        here, and no external forces on bodies.
+        Source: Pinocchio documentation, ``rnea`` and ``Data::f``; Featherstone, section 5.3.
+        """
+        import pinocchio
+
+        model, data = self.model, self._data
+        configuration, velocity, force = self.columns(q, v, tau)
+        force += self.force_elements.generalised_forces(configuration, velocity)
+        joints = [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
+        found = np.empty((len(q), len(joints), 6))
+        for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
+            accelerations = pinocchio.aba(model, data, *inputs)
+            pinocchio.rnea(model, data, *inputs[:2], accelerations)
+            pinocchio.updateGlobalPlacements(model, data)
+            for place, joint in enumerate(joints):
+                turn, transmitted = data.oMi[joint].rotation, data.f[joint]
+                found[state, place] = *(turn @ transmitted.linear), *(turn @ transmitted.angular)
+        return found
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
