@@ -96,3 +96,18 @@ def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
         name: np.array([zero if slopes[index] is None else slopes[index] for index in indices]).reshape(len(indices), count, n)
         for name, indices in program.outputs.items()
     }
+
+
+def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
+    """The outputs in float64, (outputs of that name, n), for inputs (number of inputs, n); not finite where they are singular."""
+    n, found = inputs.shape[1], []
+    with np.errstate(all="ignore"):
+        for operation, *operands in program.instructions:
+            if operation == "input":
+                found.append(inputs[operands[0]])
+            elif operation in ("rational", "pi"):
+                found.append(np.full(n, np.pi if operation == "pi" else int(operands[0]) / int(operands[1])))
+            else:
+                count = len(earlier_results((operation, *operands)))
+                found.append(FUNCTIONS[operation](*(found[place] for place in operands[:count]), *operands[count:]))
+    return {name: np.array([found[place] for place in places]).reshape(len(places), n) for name, places in program.outputs.items()}

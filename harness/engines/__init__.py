@@ -260,9 +260,8 @@ def reactions(model: Model, joints: Sequence[str], states: States) -> Array:
     of ``load``, each once.
 
     A row is the force [N] and the moment [N m] that the parent exerts on the child through the joint, along the world's axes; the
-    moment is about the anchor of the last joint of the child, which moves with it. That of a free joint is not looked at.
-    A model that counts the springs between points that pull at the bodies behind a joint among what it transmits has
-    ``springs_in_reactions = True``.
+    moment is about the anchor of the last joint of the child, which moves with it. Springs between points pull from outside. The row
+    of a free joint is not looked at.
 
     Raises:
         InvalidAnswer: it is no array of that shape of floating-point numbers.

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
 class MujocoModel:
     """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF."""
-
-    springs_in_reactions = True
-
     def __init__(self, model: Any, joints: Sequence[str], building: str | None = None) -> None:
         self.model = model
         self._building = building
@@ -77,7 +74,7 @@ class MujocoModel:
         """See ``harness.engines.reactions``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
 
         It stands as (moment, force) along the world's axes, about the centre of mass of the whole tree that the body is in.
-        Springs of tendons are forces on joints here, and no external forces on bodies.
+        Spatial tendons pull at bodies from outside.
         Source: MuJoCo documentation, API reference, ``mj_rnePostConstraint``, and ``mjData.cfrc_int``.
         """
         import mujoco

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 
 class PinocchioModel:
     """A ``pinocchio.Model`` and the force elements of its file."""
-
-    springs_in_reactions = True
-
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints
@@ -95,8 +92,8 @@ class PinocchioModel:
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
 
-        It is what a joint transmits to its body, in the frame of the joint. Springs between points are part of the applied forces
-        here, and no external forces on bodies.
+        It is what a joint transmits to its body, in the frame of the joint. Springs between points, which neither algorithm knows,
+        are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``.
         Source: Pinocchio documentation, ``rnea`` and ``Data::f``; Featherstone, section 5.3.
         """
         import pinocchio
@@ -108,7 +105,7 @@ class PinocchioModel:
         found = np.empty((len(q), len(joints), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
             accelerations = pinocchio.aba(model, data, *inputs)
-            pinocchio.rnea(model, data, *inputs[:2], accelerations)
+            pinocchio.rnea(model, data, *inputs[:2], accelerations, self.force_elements.on_bodies(*inputs[:2]))
             pinocchio.updateGlobalPlacements(model, data)
             for place, joint in enumerate(joints):
                 turn, transmitted = data.oMi[joint].rotation, data.f[joint]

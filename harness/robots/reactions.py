@@ -38,18 +38,17 @@ class Reactions:
 
 
 def reactions_program(
-    tree: Tree, joints: Sequence[str], *, linear_velocity_in_body: bool = False, with_springs: bool = False, points_of: Tree | None = None
+    tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, points_of: Tree | None = None
 ) -> Reactions:
     """The reactions of a tree; q, v and qdd follow ``joints`` as ``recursion_program`` takes them.
 
     The point of a joint is the anchor of the last joint of its body, and moves with the body: that of ``points_of``, where the same
     joints may have their anchors elsewhere; by default of the tree itself.
-    ``with_springs`` counts as a reaction what springs between points do to the bodies behind a joint, too.
 
     Raises:
         ValueError: a tree has other joints.
     """
-    return _Reactions(tree, joints, linear_velocity_in_body).written(with_springs, points_of)
+    return _Reactions(tree, joints, linear_velocity_in_body).written(points_of)
 
 
 class _Reactions(WorldWriter):
@@ -57,12 +56,11 @@ class _Reactions(WorldWriter):
 
     INPUTS = ("q", "v", "qdd")
 
-    def written(self, with_springs: bool, points_of: Tree | None) -> Reactions:
+    def written(self, points_of: Tree | None) -> Reactions:
         moving = self.moving()
         parts = self._parts(moving)
-        if not with_springs:
-            for number, pull in enumerate(self.pulls(moving)):
-                parts[number].append((self.minus(pull[0]), self.minus(pull[1])))
+        for number, (moment, force) in enumerate(self.pulls(moving)):
+            parts[number].append((self.minus(moment), self.minus(force)))
         points = self.points(moving) if points_of is None else self.positions_of(points_of)
         # The nodes of the other tree may have taken the place of this one's.
         chosen = [number for number, one in enumerate(moving) if one.node.joint.kind != "free" and not one.node.joint.follows]
