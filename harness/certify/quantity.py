@@ -5,9 +5,9 @@ What a program takes from a computation before it, as the accelerations that sol
 values with their derivatives by the inputs. The data roundoff of a block is what half an ulp in every input does to it through both,
 and half an ulp in each of the values between, which every program that answers in float64 rounds as well.
 
-Beside it stands the share of the parts, half an ulp of each of the vectors of which a block is the sum, where a quantity names them.
-Derivatives do not show parts that cancel whatever the inputs are, as the moments about a hinge that an applied torque of zero leaves.
-As with the share of the motion, ``judge_answers`` grants it only to an answer that would fail without it.
+Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
+says how large they are. Derivatives do not show what cancels whatever the inputs are, as the moments about a hinge that an applied
+torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an answer that would fail without it.
 
 Sources: those of ``harness.certify.reference``.
 """
@@ -67,8 +67,8 @@ class Certified(Rows):
         radius: (n, blocks) length of the radius.
         sensitivity: (n, blocks) how far a block moves when each input by itself, and each value between, moves by the whole of it;
             the data roundoff is UNIT_ROUNDOFF times it.
-        parts: (n, blocks) sum of the lengths of the parts of which a block is the sum; 0 where none are named.
-        certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of its sensitivity, and every sensitivity known.
+        sizes: (n, blocks) how large the parts are that an algorithm may form and cancel; 0 where the quantity names none.
+        certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of sensitivity and size, and their sum is known.
         bits: (n,) precision that was needed.
     """
 
@@ -76,7 +76,7 @@ class Certified(Rows):
     low: Array
     radius: Array
     sensitivity: Array
-    parts: Array
+    sizes: Array
     certified: Flags
     bits: Indices
 
@@ -87,14 +87,14 @@ class Certified(Rows):
 class QuantityKernel:
     """Certified values of one program's outputs; compile once, evaluate many batches.
 
-    ``blocks``, (blocks, size), are places among the program's outputs, flattened in order. ``between`` is the first of the program's
-    inputs that are values between, and their number. ``parts`` is a program of the same inputs with one output a block.
+    ``blocks``, (blocks, size), are places among the program's outputs, flattened in order. ``between`` are those of the program's
+    inputs that are values between. ``sizes`` is a program of the same inputs with one output a block, see ``Certified``.
     """
 
     def __init__(
-        self, program: StraightLineProgram, blocks: Sequence[Sequence[int]], between: slice = slice(0), parts: StraightLineProgram | None = None
+        self, program: StraightLineProgram, blocks: Sequence[Sequence[int]], between: slice = slice(0), sizes: StraightLineProgram | None = None
     ) -> None:
-        self.program, self._parts, self._between = program, parts, between
+        self.program, self._of_sizes, self._between = program, sizes, between
         self._blocks = np.array(blocks, dtype=np.int64)
         self._kernel = BallKernel(program, 0)
         self._bound: dict[int, Any] = {}
@@ -108,7 +108,10 @@ class QuantityKernel:
 
     def _evaluate(self, inputs: Array, between: Between) -> Certified:
         sensitivity, doubt = self._sensitivity(inputs, between)
-        known = np.isfinite(sensitivity) & (doubt <= MOST_DOUBT * sensitivity)
+        sizes = self._sizes(inputs, sensitivity)
+        # What an answer is held against in the end; where it is 0, the block is 0 whatever the inputs are.
+        largest = sensitivity + sizes
+        known = np.isfinite(largest) & (doubt <= MOST_DOUBT * largest)
         shape = (len(inputs), *self._blocks.shape)
         high, low, radii = (np.full(shape, np.nan) for _ in range(3))
         bits, radius = np.zeros(len(inputs), dtype=np.int64), np.full(sensitivity.shape, np.nan)
@@ -118,12 +121,12 @@ class QuantityKernel:
                 high[index], low[index], radii[index] = self._in_balls(inputs[index], between[[index]], precision)
             bits[pending] = precision
             radius[pending] = np.linalg.norm(radii[pending], axis=2)
-            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]).all(axis=1)]
+            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * largest[pending]).all(axis=1)]
             # More bits do not shrink the balls of the values between.
             if not len(pending) or not (between.radius[pending] == 0).all():
                 break
-        certified = (known & (radius <= CERTIFIED_RADIUS * sensitivity)).all(axis=1) & between.certified
-        return Certified(high, low, radius, sensitivity, self._sum_of_parts(inputs, sensitivity), certified, bits)
+        certified = (known & (radius <= CERTIFIED_RADIUS * largest)).all(axis=1) & between.certified
+        return Certified(high, low, radius, sensitivity, sizes, certified, bits)
 
     def _in_balls(self, inputs: Array, between: Between, precision: int) -> tuple[Array, Array, Array]:
         """High, low and radius, (blocks, size) each, at one state."""
@@ -155,10 +158,10 @@ class QuantityKernel:
         )
         return found, _ROUNDINGS * UNIT_ROUNDOFF * doubt
 
-    def _sum_of_parts(self, inputs: Array, like: Array) -> Array:
-        if self._parts is None:
+    def _sizes(self, inputs: Array, like: Array) -> Array:
+        if self._of_sizes is None:
             return np.zeros_like(like)
-        return np.concatenate(list(values(self._parts, np.ascontiguousarray(inputs.T)).values())).T
+        return np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
 
 
 def judge_answers(certified: Certified, answers: Array) -> Comparison:
@@ -169,7 +172,7 @@ def judge_answers(certified: Certified, answers: Array) -> Comparison:
         error = np.linalg.norm((answers - certified.high) - certified.low, axis=2)
         plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
         granted = ~(plain.max(axis=1) <= AGREEMENT) & certified.certified
-        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.parts))
+        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
         granted &= shared.max(axis=1) <= AGREEMENT
         errors = np.where(granted[:, None], shared, plain)
         worst = errors.argmax(axis=1)[:, None]

@@ -9,14 +9,19 @@ Source: Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum and angul
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
 from harness.robots.tree import Given, Tree
 from harness.robots.world_motion import Moving, WorldWriter
+
+_BITS = 256
 
 
 @dataclass(frozen=True)
@@ -26,9 +31,10 @@ class Reactions:
     Attributes:
         program: from q, v, qdd, time and ``parameters``; for each of ``joints`` the outputs "force" [N] and "moment" [N m], three
             components each along the world's axes; the moment is about the joint's point.
-        sizes: a program with the same inputs; its outputs of the same names hold, one number a joint, the sum of the lengths of the
-            parts of which that vector is the sum.
-        joints: names of the joints that transmit something: all but free ones, in the tree's order.
+        sizes: a program with the same inputs; its outputs of the same names hold, one number a joint, how large the parts are that
+            an algorithm may form of that vector and cancel: weight, inertia, and mass times spin times velocity, of each body, and
+            their moments about the root of the tree.
+        joints: names of the joints that move by themselves and transmit something: all but free ones, in the tree's order.
     """
 
     program: StraightLineProgram
@@ -62,33 +68,56 @@ class _Reactions(WorldWriter):
         for number, (moment, force) in enumerate(self.pulls(moving)):
             parts[number].append((self.minus(moment), self.minus(force)))
         points = self.points(moving) if points_of is None else self.positions_of(points_of)
-        # The nodes of the other tree may have taken the place of this one's.
-        chosen = [number for number, one in enumerate(moving) if one.node.joint.kind != "free" and not one.node.joint.follows]
-        names = tuple(moving[number].node.joint.name for number in chosen)
+        chosen = [(number, one.node.joint.name) for number, one in enumerate(moving) if _transmits(one)]
         vectors: dict[str, Three] = {"force": [], "moment": []}
         sizes: dict[str, Three] = {"force": [], "moment": []}
-        for number, name in zip(chosen, names, strict=True):
-            about = self._about(moving, parts, number, points[name])
-            for kind, found in (("moment", [part[0] for part in about]), ("force", [part[1] for part in about])):
-                total = self.still
-                for part in found:
-                    total = self.added(total, part)
-                vectors[kind] += total
-                sizes[kind].append(self._total(self._length(part) for part in found))
+        for number, name in chosen:
+            moment, force = self._wrench(moving, parts, number, points[name])
+            size_of_moment, size_of_force = self._size(moving, parts, number, points[name])
+            vectors["force"] += force
+            vectors["moment"] += moment
+            sizes["force"].append(size_of_force)
+            sizes["moment"].append(size_of_moment)
         program, of_sizes = self.program(vectors), self.program(sizes)
-        return Reactions(without_unused(program), without_unused(of_sizes), self.parameters, names)
+        return Reactions(without_unused(program), without_unused(of_sizes), self.parameters, tuple(name for _, name in chosen))
 
-    def _about(self, moving: list[Moving], parts: list[list[Pair]], number: int, point: Three) -> list[Pair]:
-        """All parts of the bodies behind a joint, with their moments about its point."""
-        found = []
-        for other, one in enumerate(moving):
-            at: int = other
+    def _behind(self, moving: list[Moving], number: int) -> Iterator[int]:
+        """The nodes that a joint carries, its own first."""
+        for other in range(number, len(moving)):
+            at = other
             while at > number:
                 at = moving[at].node.parent
             if at == number:
-                arm = self.less(one.position, point)
-                found += [(self.added(moment, self.cross(arm, force)), force) for moment, force in parts[other]]
-        return found
+                yield other
+
+    def _wrench(self, moving: list[Moving], parts: list[list[Pair]], number: int, point: Three) -> Pair:
+        """The moment about a point, and the force, of all parts of the bodies behind a joint."""
+        total, push = self.still, self.still
+        for other in self._behind(moving, number):
+            arm = self.less(moving[other].position, point)
+            for moment, force in parts[other]:
+                total, push = self.added(total, self.added(moment, self.cross(arm, force))), self.added(push, force)
+        return total, push
+
+    def _size(self, moving: list[Moving], parts: list[list[Pair]], number: int, point: Three) -> tuple[int, int]:
+        """How large the parts of moment and force are that cancel; see ``Reactions.sizes``."""
+        root = number
+        while moving[root].node.parent >= 0:
+            root = moving[root].node.parent
+        moment, force = self.zero, self.zero
+        for other in self._behind(moving, number):
+            one = moving[other]
+            distance = self._length(self.less(one.position, moving[root].position))
+            forces = self.zero
+            for part in parts[other]:
+                moment, forces = self.sum(moment, self._length(part[0])), self.sum(forces, self._length(part[1]))
+            for lump in one.lumps:
+                # An acceleration that is measured in the moving frame lacks spin times velocity.
+                velocity = self.added(one.velocity, self.cross(one.spin, lump.centre))
+                forces = self.sum(forces, self.product(lump.mass, self._length(self.cross(one.spin, velocity))))
+            moment, force = self.sum(moment, self.product(distance, forces)), self.sum(force, forces)
+        shift = self._length(self.less(point, moving[root].position))
+        return self.sum(moment, self.product(shift, force)), force
 
     def _parts(self, moving: list[Moving]) -> list[list[Pair]]:
         """Of each node, what its lumps need for their motion beyond their weight: moments about the node's origin, and forces."""
@@ -121,8 +150,28 @@ class _Reactions(WorldWriter):
     def _length(self, values: Three) -> int:
         return self.add("sqrt", self.dot(values, values))
 
-    def _total(self, values: Iterable[int]) -> int:
-        total = self.zero
-        for value in values:
-            total = self.sum(total, value)
-        return total
+
+def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
+    """Whether the points of the joints, see ``reactions_program``, are the same in two trees, wherever these stand."""
+    import flint
+
+    with flint.ctx.workprec(_BITS):
+        places = [_points_at_one_position(one, joints) for one in (tree, other)]
+    return places[0].keys() == places[1].keys() and all(
+        a.overlaps(b) for name in places[0] for a, b in zip(places[0][name], places[1][name], strict=True)
+    )
+
+
+def _points_at_one_position(tree: Tree, joints: Sequence[str]) -> dict[str, list[Any]]:
+    """The points in balls, at a position that no two trees agree at by chance."""
+    writer = WorldWriter(tree, joints, False)
+    points = writer.points(writer.moving())
+    program = writer.program({name: place for name, place in points.items()})
+    numbers = [float(value) for value in writer.parameters]
+    inputs = [math.sqrt(place + 2.0) for place in range(len(program.inputs) - len(numbers))]
+    values = iter(BallKernel(program, len(numbers)).bind(numbers)(*inputs))
+    return {name: [next(values) for _ in range(3)] for name in points}
+
+
+def _transmits(one: Moving) -> bool:
+    return one.node.joint.kind != "free" and not one.node.joint.follows

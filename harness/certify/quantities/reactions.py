@@ -19,7 +19,7 @@ from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, Unsupported, reactions
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.robots.reactions import Reactions, reactions_program
+from harness.robots.reactions import have_same_points, reactions_program
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import robot_of
 from harness.verdict import AGREEMENT, Verdict
@@ -34,7 +34,9 @@ class ReactionTruth:
         self._joints = tuple(dict.fromkeys(mechanism.joints))
         robot = replace(robot_of(declared, mechanism.gravity), joints=self._joints)
         in_body = question.linear_velocity_in_body
-        points_of = None if question.read.text == declared.text else robot_of(question.read, mechanism.gravity).tree
+        read = robot_of(question.read, mechanism.gravity).tree
+        # Another point is a number of another file, with roundings of its own.
+        points_of = None if have_same_points(robot.tree, read, self._joints) else read
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of)
         if not self.reactions.joints:
             raise Unsupported("no joint of the mechanism transmits anything: all are free")
