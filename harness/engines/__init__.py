@@ -49,6 +49,10 @@ class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
 
 
+class NotOffered(Unsupported):
+    """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
+
+
 class InvalidAnswer(Exception):
     """An engine returned something else than accelerations; the message says what. Verdict ``error``."""
 
@@ -265,11 +269,11 @@ def reactions(model: Model, joints: Sequence[str], states: States) -> Array:
 
     Raises:
         InvalidAnswer: it is no array of that shape of floating-point numbers.
-        Unsupported: the model has no such method.
+        NotOffered: the model has no such method.
     """
     method = getattr(model, "reactions", None)
     if method is None:
-        raise Unsupported("the engine offers no reactions")
+        raise NotOffered("the engine offers no reactions")
     answer: Any = method(states.q, states.v, states.tau)
     expected = len(states), len(dict.fromkeys(joints)), 6
     if not isinstance(answer, np.ndarray) or answer.shape != expected or not np.issubdtype(answer.dtype, np.floating):

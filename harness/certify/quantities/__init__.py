@@ -19,8 +19,6 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
 
-ACCELERATIONS = "accelerations"
-
 
 @dataclass(frozen=True)
 class Question:
@@ -49,7 +47,7 @@ class Truth(Protocol):
         """Those of an engine, in the shape of the certified ones.
 
         Raises:
-            harness.engines.Unsupported: the engine does not offer them.
+            harness.engines.NotOffered: the engine does not offer them.
             harness.engines.InvalidAnswer: it returns something else.
         """
 
@@ -61,7 +59,7 @@ class Quantity:
     Attributes:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
-            ``harness.engines.Unsupported`` where the mechanism has nothing of the kind.
+            ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
     """
 
     name: str

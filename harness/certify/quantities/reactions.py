@@ -16,7 +16,7 @@ from harness.certify.quantities import Quantity, Question
 from harness.certify.quantity import Between, Certified, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
-from harness.engines import Model, Unsupported, reactions
+from harness.engines import Model, NotOffered, reactions
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.robots.reactions import have_same_points, reactions_program
@@ -39,7 +39,7 @@ class ReactionTruth:
         points_of = None if have_same_points(robot.tree, read, self._joints) else read
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of)
         if not self.reactions.joints:
-            raise Unsupported("no joint of the mechanism transmits anything: all are free")
+            raise NotOffered("no joint of the mechanism transmits anything: all are free")
         self._energies = ReferenceKernel(mechanism, in_body)
         self._reference = RobotReference(robot, in_body)
         self._recursion = recursion_program(robot.tree, self._joints, in_body)
