@@ -92,7 +92,11 @@ class QuantityKernel:
     """
 
     def __init__(
-        self, program: StraightLineProgram, blocks: Sequence[Sequence[int]], between: slice = slice(0), sizes: StraightLineProgram | None = None
+        self,
+        program: StraightLineProgram,
+        blocks: Sequence[Sequence[int]],
+        between: slice = slice(0),
+        sizes: StraightLineProgram | None = None,
     ) -> None:
         self.program, self._of_sizes, self._between = program, sizes, between
         self._blocks = np.array(blocks, dtype=np.int64)

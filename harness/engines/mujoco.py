@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 class MujocoModel:
     """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF."""
+
     def __init__(self, model: Any, joints: Sequence[str], building: str | None = None) -> None:
         self.model = model
         self._building = building

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 class PinocchioModel:
     """A ``pinocchio.Model`` and the force elements of its file."""
+
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
         self.model = model
         self._joints = joints

@@ -53,10 +53,10 @@ class FreeBodies:
         """How many equations there are, and unknowns."""
         return 6 * self.bodies + self.rows
 
-    def bind(self) -> BoundFreeBodies:
-        """The equations with the numbers of the file, at the working precision of flint in force."""
+    def bind(self, numbers: Sequence[float] | None = None) -> BoundFreeBodies:
+        """The equations with the numbers of the file, or others in their place, at the working precision of flint in force."""
         kernel = BallKernel(self.program, len(self.parameters))
-        return BoundFreeBodies(self, kernel.bind([float(value) for value in self.parameters]))
+        return BoundFreeBodies(self, kernel.bind([float(value) for value in self.parameters] if numbers is None else numbers))
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,9 @@ class _FreeBodies(WorldWriter):
             rate = linear.negative(self._rates[one.node.columns[0]])
             [(about, shift)] = one.motions
             angular, along = linear.added(angular, linear.along(rate, about)), linear.added(along, linear.along(rate, shift))
-        return [linear.dot(direction, part) for part, stiff in zip((angular, along), self._stiff[number], strict=True) for direction in stiff]
+        return [
+            linear.dot(direction, part) for part, stiff in zip((angular, along), self._stiff[number], strict=True) for direction in stiff
+        ]
 
     # What joints transmit.
 

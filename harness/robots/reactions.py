@@ -43,9 +43,7 @@ class Reactions:
     joints: tuple[str, ...]
 
 
-def reactions_program(
-    tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, points_of: Tree | None = None
-) -> Reactions:
+def reactions_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, points_of: Tree | None = None) -> Reactions:
     """The reactions of a tree; q, v and qdd follow ``joints`` as ``recursion_program`` takes them.
 
     The point of a joint is the anchor of the last joint of its body, and moves with the body: that of ``points_of``, where the same
