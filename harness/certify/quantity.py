@@ -2,8 +2,9 @@
 
 The outputs come in blocks, vectors whose length says how large an error is; each block is judged by itself, and the worst counts.
 What a program takes from a computation before it, as the accelerations that solve the equations of motion, is a ``Between``: certified
-values with their derivatives by the inputs. The data roundoff of a block is what half an ulp in every input does to it through both,
-and half an ulp in each of the values between, which every program that answers in float64 rounds as well.
+values with their derivatives by the inputs. The data roundoff of a block is what half an ulp in every input does to it through both
+steps, and what the data roundoff and the rounding of the values between do to it through the second one alone: an engine that takes
+both steps does not make the same errors in both, so that they need not cancel.
 
 Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
 says how large they are. Derivatives do not show what cancels whatever the inputs are, as the moments about a hinge that an applied
@@ -65,8 +66,8 @@ class Certified(Rows):
     Attributes:
         high, low: (n, blocks, size); the certified midpoint is high + low.
         radius: (n, blocks) length of the radius.
-        sensitivity: (n, blocks) how far a block moves when each input by itself, and each value between, moves by the whole of it;
-            the data roundoff is UNIT_ROUNDOFF times it.
+        sensitivity: (n, blocks) how far a block moves when each input, and each value between, moves by the whole of itself; the data
+            roundoff is UNIT_ROUNDOFF times it.
         sizes: (n, blocks) how large the parts are that an algorithm may form and cancel; 0 where the quantity names none.
         certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of sensitivity and size, and their sum is known.
         bits: (n,) precision that was needed.
@@ -154,12 +155,11 @@ class QuantityKernel:
         direct = np.concatenate([slopes, np.zeros((*slopes.shape[:2], between.further.shape[1]))], axis=2)
         direct[:, :, self._between] = 0.0
         scales = np.maximum(np.abs(np.concatenate([inputs, between.further], axis=1)), SMALLEST_SCALE)[:, None]
-        changes = (direct + through @ between.slopes) * scales
+        passed_on = (through @ between.slopes) * scales
+        changes = [direct * scales + passed_on, passed_on, through * np.abs(between.high)[:, None]]
+        found = sum(np.linalg.norm(change[:, self._blocks], axis=2).sum(axis=2) for change in changes)
         sizes = (np.abs(direct) + np.abs(through) @ np.abs(between.slopes)) * scales
-        rounded = through * np.abs(between.high)[:, None]
-        found, doubt = (
-            np.linalg.norm(part[:, self._blocks], axis=2).sum(axis=2) for part in (np.concatenate([changes, rounded], axis=2), sizes)
-        )
+        doubt = np.linalg.norm(sizes[:, self._blocks], axis=2).sum(axis=2)
         return found, _ROUNDINGS * UNIT_ROUNDOFF * doubt
 
     def _sizes(self, inputs: Array, like: Array) -> Array:

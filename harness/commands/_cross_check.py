@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from harness.commands._bracket import Bracket
 from harness.results.records import ACCELERATIONS
@@ -11,7 +12,7 @@ from harness.results.records import ACCELERATIONS
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
-    from harness.results.cross_check import Cause
+    from harness.results.cross_check import Cause, CrossCheckResult
 
 
 def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,)) -> CrossCheck:
@@ -23,10 +24,10 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
 
     before: CrossCheck | None = None
     for study in _studies(settings, quantities):
-        found = study.result()
+        found: CrossCheckResult = study.result()
         if before is not None:
             _append(before, study)
-        bracket.complete(study, lambda found=found: {"records": found.records, "superfluous": found.superfluous, "differs": found.differs})
+        bracket.complete(study, functools.partial(_document, found))
         before = study
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
@@ -35,6 +36,11 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     present = {name: part for name, part in further.items() if part}
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
+
+
+def _document(found: CrossCheckResult) -> Mapping[str, Any]:
+    """The parts of the JSON file while a cross-check runs."""
+    return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
 
 
 def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossCheck]:

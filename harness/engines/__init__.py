@@ -60,8 +60,8 @@ class InvalidAnswer(Exception):
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
-    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``terms(q, v, tau) -> Terms``, arguments and columns as
-    in ``forward_dynamics``; and
+    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``terms(q, v, tau) -> Terms``, arguments and
+    columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
     and may be left out. Every joint is at zero, or at ``positions`` [m or rad] for one of one position; then it is moved by
     ``steps`` along its velocities.

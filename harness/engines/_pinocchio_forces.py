@@ -30,7 +30,7 @@ class JointPlace(NamedTuple):
 
 
 class _Pull(NamedTuple):
-    """A stretched spring: its ends and its direction in the world, from the first to the second, the gradient of its length, and tension."""
+    """A stretched spring: its ends in the world, the direction from the first to the second, the gradient of its length, its tension."""
 
     point_a: Array
     point_b: Array

@@ -164,7 +164,7 @@ def _points_at_one_position(tree: Tree, joints: Sequence[str]) -> dict[str, list
     """The points in balls, at a position that no two trees agree at by chance."""
     writer = WorldWriter(tree, joints, False)
     points = writer.points(writer.moving())
-    program = writer.program({name: place for name, place in points.items()})
+    program = writer.program(points)
     numbers = [float(value) for value in writer.parameters]
     inputs = [math.sqrt(place + 2.0) for place in range(len(program.inputs) - len(numbers))]
     values = iter(BallKernel(program, len(numbers)).bind(numbers)(*inputs))

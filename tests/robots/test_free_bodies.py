@@ -25,7 +25,7 @@ from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots.free_bodies import free_bodies
 from harness.robots.reactions import have_same_points, reactions_program
 from harness.robots.recursion import recursion_program
-from harness.robots.robot import tree_of
+from harness.robots.robot import read_robot, tree_of
 from harness.robots.tree import Tree
 
 STATES = 5
@@ -138,8 +138,6 @@ def test_every_kind_of_frame(tmp_path: Path) -> None:
 def test_every_kind_of_joint_in_the_middle_of_a_robot(tmp_path: Path, kind: str, in_body: bool) -> None:
     size = {"planar": 3, "floating": 6}.get(kind, 1)
     (tmp_path / "robot.urdf").write_text(URDF_WITH_EVERYTHING.replace('name="second" type="prismatic"', f'name="second" type="{kind}"'))
-    from harness.robots.robot import read_robot
-
     tree = read_robot(tmp_path / "robot.urdf").tree
     joints = ("first", *["second"] * size, "third")
     random = np.random.default_rng(SEED)
