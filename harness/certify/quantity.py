@@ -7,8 +7,9 @@ steps, and what the data roundoff and the rounding of the values between do to i
 both steps does not make the same errors in both, so that they need not cancel.
 
 Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
-says how large they are. Derivatives do not show what cancels whatever the inputs are, as the moments about a hinge that an applied
-torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an answer that would fail without it.
+says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
+moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an
+answer that would fail without it.
 
 Sources: those of ``harness.certify.reference``.
 """
@@ -48,6 +49,7 @@ class Between(Rows):
         further: (n, m) inputs that the values depend on and the program does not take.
         slopes: (n, k, number of inputs + m) derivatives by the program's inputs, in float64, 0 by the values themselves, and by the
             further ones.
+        shares: (n, k, s) changes of the values that are granted where an answer would fail without, as the share of the motion is.
         certified: (n,) whether the values are.
     """
 
@@ -56,6 +58,7 @@ class Between(Rows):
     radius: Array
     further: Array
     slopes: Array
+    shares: Array
     certified: Flags
 
 
@@ -112,8 +115,8 @@ class QuantityKernel:
             return Certified.concatenate([self._evaluate(inputs[batch], between[batch]) for batch in batches])
 
     def _evaluate(self, inputs: Array, between: Between) -> Certified:
-        sensitivity, doubt = self._sensitivity(inputs, between)
-        sizes = self._sizes(inputs, sensitivity)
+        sensitivity, doubt, shared = self._sensitivity(inputs, between)
+        sizes = self._sizes(inputs, shared)
         # What an answer is held against in the end; where it is 0, the block is 0 whatever the inputs are.
         largest = sensitivity + sizes
         known = np.isfinite(largest) & (doubt <= MOST_DOUBT * largest)
@@ -147,8 +150,8 @@ class QuantityKernel:
         high, low, radius = (parts[:, part][self._blocks] for part in range(3))
         return high, low, radius
 
-    def _sensitivity(self, inputs: Array, between: Between) -> tuple[Array, Array]:
-        """(n, blocks) of the blocks, and of what rounding may have made of it."""
+    def _sensitivity(self, inputs: Array, between: Between) -> tuple[Array, Array, Array]:
+        """(n, blocks) of the blocks, how much of it rounding may be, and what the shares of the values between do to them."""
         slopes = np.concatenate(list(jacobians(self.program, np.ascontiguousarray(inputs.T)).values())).transpose(2, 0, 1)
         through = slopes[:, :, self._between]
         # What the program does not take it does not feel directly.
@@ -157,15 +160,22 @@ class QuantityKernel:
         scales = np.maximum(np.abs(np.concatenate([inputs, between.further], axis=1)), SMALLEST_SCALE)[:, None]
         passed_on = (through @ between.slopes) * scales
         changes = [direct * scales + passed_on, passed_on, through * np.abs(between.high)[:, None]]
-        found = sum(np.linalg.norm(change[:, self._blocks], axis=2).sum(axis=2) for change in changes)
-        sizes = (np.abs(direct) + np.abs(through) @ np.abs(between.slopes)) * scales
-        doubt = np.linalg.norm(sizes[:, self._blocks], axis=2).sum(axis=2)
-        return found, _ROUNDINGS * UNIT_ROUNDOFF * doubt
+        doubt = (np.abs(direct) + np.abs(through) @ np.abs(between.slopes)) * scales
+        return (
+            self._lengths(np.concatenate(changes, axis=2)),
+            _ROUNDINGS * UNIT_ROUNDOFF * self._lengths(doubt),
+            self._lengths(through @ between.shares),
+        )
 
-    def _sizes(self, inputs: Array, like: Array) -> Array:
+    def _lengths(self, columns: Array) -> Array:
+        """(n, blocks), the sum over columns (n, outputs, columns) of their lengths in each block."""
+        return np.asarray(np.linalg.norm(columns[:, self._blocks], axis=2).sum(axis=2))
+
+    def _sizes(self, inputs: Array, shared: Array) -> Array:
         if self._of_sizes is None:
-            return np.zeros_like(like)
-        return np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
+            return shared
+        sizes: Array = np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
+        return shared + sizes
 
 
 def judge_answers(certified: Certified, answers: Array) -> Comparison:

@@ -72,6 +72,13 @@ class ReactionTruth:
             problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
             raise InvalidModel(self._question.declared.path, None, problem)
 
+    def _shares_of_motion(self, states: States, reference: Reference, inverse: Array) -> Array:
+        """What half an ulp of twice the kinetic energy as a torque on each rotating coordinate does to the accelerations; see there."""
+        twice_the_energy = (np.einsum("nij,nj->ni", reference.norm_factor, states.v) ** 2).sum(axis=1)
+        rotating = np.flatnonzero(self._question.mechanism.rotating)
+        columns = np.einsum("nij,nkj->nik", inverse, inverse[:, rotating])
+        return np.asarray(twice_the_energy[:, None, None] * columns)
+
     def _accelerations(self, states: States, reference: Reference) -> Between:
         """The accelerations as values between, with their derivatives."""
         n, nv = states.v.shape
@@ -98,6 +105,7 @@ class ReactionTruth:
             radius=radius,
             further=values,
             slopes=np.concatenate([felt, slopes[:, :, further]], axis=2),
+            shares=self._shares_of_motion(states, reference, inverse),
             certified=reference.certified,
         )
 
