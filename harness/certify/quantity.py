@@ -183,16 +183,13 @@ def judge_answers(certified: Certified, answers: Array) -> Comparison:
     if answers.shape != certified.high.shape:
         raise ValueError(f"answers have shape {answers.shape}; the certified values have {certified.high.shape}")
     with np.errstate(all="ignore"):
-        error = np.linalg.norm((answers - certified.high) - certified.low, axis=2)
-        plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
-        granted = ~(plain.max(axis=1) <= AGREEMENT) & certified.certified
-        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
-        granted &= shared.max(axis=1) <= AGREEMENT
-        errors = np.where(granted[:, None], shared, plain)
+        errors, granted = _in_roundoffs(certified, answers)
         worst = errors.argmax(axis=1)[:, None]
-        size = np.take_along_axis(np.linalg.norm(certified.high, axis=2), worst, axis=1)[:, 0]
-        of_worst = np.take_along_axis(error, worst, axis=1)[:, 0]
-        relative = np.where(size >= np.finfo(np.float64).tiny, of_worst / size, np.nan)
+        size, error = (
+            np.take_along_axis(np.linalg.norm(values, axis=2), worst, axis=1)[:, 0]
+            for values in (certified.high, errors_of(certified, answers))
+        )
+        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
     backward = errors.max(axis=1)
     finite = np.isfinite(answers).all(axis=(1, 2))
     verdicts = np.select(
@@ -203,6 +200,34 @@ def judge_answers(certified: Certified, answers: Array) -> Comparison:
     judged = finite & certified.certified
     backward, relative = (np.where(judged, one, np.nan) for one in (backward, relative))
     return Comparison(backward, relative, granted & finite, verdicts, np.asarray(certified.bits > DOUBLE_DOUBLE))
+
+
+def farthest_block(certified: Certified, answers: Array) -> int:
+    """The block that is farthest off, over all certified states."""
+    errors, _ = _in_roundoffs(certified, answers)
+    return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
+
+
+def errors_of(certified: Certified, answers: Array) -> Array:
+    """Errors of answers, (n, blocks, size)."""
+    return np.asarray((answers - certified.high) - certified.low)
+
+
+def whitened(certified: Certified, differences: Array) -> Array:
+    """Differences of answers, (n, blocks, size), in multiples of the most that a block is held against; 0 where nothing is certified."""
+    with np.errstate(all="ignore"):
+        found = differences / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, :, None])
+    return np.where(certified.certified[:, None, None] & np.isfinite(found), found, 0.0)
+
+
+def _in_roundoffs(certified: Certified, answers: Array) -> tuple[Array, Flags]:
+    """(n, blocks) errors in data roundoffs, with the share of the parts at the states (n,) to which it is granted."""
+    with np.errstate(all="ignore"):
+        error = np.linalg.norm(errors_of(certified, answers), axis=2)
+        plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
+        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
+    granted = ~(plain.max(axis=1) <= AGREEMENT) & (shared.max(axis=1) <= AGREEMENT) & certified.certified
+    return np.where(granted[:, None], shared, plain), granted
 
 
 def _ratio(error: Array, roundoff: Array) -> Array:

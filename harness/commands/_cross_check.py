@@ -29,6 +29,8 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
             _append(before, study)
         bracket.complete(study, functools.partial(_document, found))
         before = study
+    # What engines hold is the same whatever they are asked for.
+    found.differs[:] = [one for place, one in enumerate(found.differs) if one not in found.differs[:place]]
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))

@@ -1,7 +1,7 @@
 """The cross-check of a quantity beyond accelerations: the same systems, subjects and sampled states, and a truth of its own.
 
 The numbers of one file of a mechanism are the truth, its MJCF where it has one, so that the engines are held against it and the two
-files against one another. Nothing is searched for, and nothing is looked for in the files: that is the cross-check of accelerations.
+files against one another. What disagrees is explained by a number of the subject's file where one does. No state is searched for.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from harness.certify.quantities import Quantity, Question, Truth, find_quantities
-from harness.certify.quantity import Certified, judge_answers
+from harness.certify.quantities import Quantity, find_quantities
+from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectation, load_expectations
-from harness.crosscheck.progress import Pair, Pairs, System
+from harness.crosscheck.progress import Pair, Pairs, System, answering
+from harness.crosscheck.quantity_explanation import explain_difference
+from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited
-from harness.engines import NotOffered
+from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
 from harness.errors import InvalidRequest
-from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile, read_model
 from harness.results.records import Record
-from harness.storage import Kept
 from harness.verdict import Verdict
 
 NOT_OFFERED = "not offered: "
@@ -55,10 +54,17 @@ class QuantityCheck(CrossCheck):
         self._ask(self._compared, system, pairs, compare_quantity, self._quantity.name, system.name, assignments, states, about=states)
 
     def _go_on(self, system: System) -> None:
-        pass
+        self._hold(system, [pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS])
+
+    # In place of the componentwise error: the number of the file that explains what disagrees.
 
     def _measure(self, system: System, pair: Pair) -> bool:
-        return False
+        if pair.explained is not None or pair.verdict != Verdict.DISAGREES:
+            return False
+        pair.explained = ""
+        wanted = self._quantity.name, system.name, pair.assignment, self.settings.seed
+        self._ask(self._explained, system, [pair], explain_difference, *wanted)
+        return True
 
     def _record(self, name: str, pair: Pair) -> Record:
         record = replace(super()._record(name, pair), quantity=self._quantity.name)
@@ -72,7 +78,7 @@ def compare_quantity(
     name: str, system: str, assignments: Sequence[Assignment], states: States, note: Note
 ) -> tuple[float, float, dict[str, Answers]]:
     """Seconds per certified state, 0, and by subject what it answered at ``states``; all assignments are of one mechanism."""
-    quantity, library = find_quantities()[name], assignments[0].library
+    quantity = find_quantities()[name]
     answers, seconds = {}, 0.0
     known: dict[tuple[str, bool], Certified] = {}
     for assignment in assignments:
@@ -81,7 +87,7 @@ def compare_quantity(
             model = load_audited(assignment)
             if assignment.model is None:
                 raise NotOffered(f"{assignment.subject} reads no model file, whose {name} these are")
-            truth = _truth(quantity, library, system, assignment, assignment.model)
+            truth = truth_of(quantity, system, assignment, assignment.model)
             started = time.perf_counter()
             key = assignment.model.text, frame_of(assignment)
             if key not in known:
@@ -92,31 +98,12 @@ def compare_quantity(
             started = time.perf_counter()
             found = truth.answers(model, states)
             spent = (time.perf_counter() - started) / len(states)
-            answers[str(assignment.subject)] = Answers(judge_answers(known[key], found), [spent])
+            comparison = judge_answers(known[key], found)
+            disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
+            remark = f"Farthest off is the {truth.blocks[farthest_block(known[key], found)]}" if disagrees else ""
+            answers[str(assignment.subject)] = Answers(comparison, [spent], remark=remark)
         except NotOffered as error:
             answers[str(assignment.subject)] = Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
         except Exception as error:
             answers[str(assignment.subject)] = Answers.missing(error)
     return seconds, 0.0, answers
-
-
-def _truth(quantity: Quantity, library: Library, system: str, assignment: Assignment, read: ModelFile) -> Truth:
-    """The truth for the readers of one file, made once per process."""
-    declared = declared_model(library, system)
-    key = quantity.name, assignment.mechanism.key, declared.text, read.text, frame_of(assignment)
-    return _TRUTHS.get(key, lambda: quantity.truth(Question(assignment.mechanism, declared, read, frame_of(assignment))))
-
-
-def declared_model(library: Library, system: str) -> ModelFile:
-    """The model file whose numbers are the truth: the library's own, whatever stands in for it.
-
-    Raises:
-        InvalidModel: it is invalid. NotOffered: the system has none.
-    """
-    for model_format in MODEL_SUFFIXES:
-        if library.has_model(system, model_format):
-            return read_model(library.validated_models(system)[model_format], model_format)
-    raise NotOffered(f"{system} has no model file")
-
-
-_TRUTHS: Kept[Truth] = Kept(64)

@@ -40,6 +40,7 @@ class ReactionTruth:
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of)
         if not self.reactions.joints:
             raise NotOffered("no joint of the mechanism transmits anything: all are free")
+        self.blocks = [f"{kind} of joint {name!r}" for kind in ("force", "moment") for name in self.reactions.joints]
         self._energies = ReferenceKernel(mechanism, in_body)
         self._reference = RobotReference(robot, in_body)
         self._recursion = recursion_program(robot.tree, self._joints, in_body)
