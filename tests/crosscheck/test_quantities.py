@@ -101,7 +101,7 @@ def test_an_engine_that_offers_no_reactions_is_unsupported(tmp_path: Path) -> No
     [
         ("found[:, :, 3:] *= -1", "disagrees", "Farthest off is the moment of joint 'pin'"),
         ("found[:, :, :3] *= 1 + 1e-12", "disagrees", "Farthest off is the force of joint 'pin'"),
-        ("found[3] = np.nan", "error", "answers are not finite"),
+        ("found[len(q) // 2 :] = np.nan", "error", "answers are not finite"),
         ("found = found[:, :, :3]", "error", "expected an array of shape"),
         ("raise RuntimeError('no license')", "error", "no license"),
     ],
@@ -129,22 +129,15 @@ def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
 
 # What no acceleration feels, in one file of two, and the line and value that mends it.
 UNFELT = [
-    ("furuta_pendulum", "mjcf", 'pos="0.15 0 0" mass', 'pos="0.15 0 0.001" mass', "0.0 in the place of 0.001", "moment of joint 'arm'"),
-    (
-        "cart_pendulum",
-        "mjcf",
-        'pos="0 0 0" mass="10"',
-        'pos="0.0123 0 0" mass="10"',
-        "0.0 in the place of 0.0123",
-        "moment of joint 'slide'",
-    ),
-    ("furuta_pendulum", "urdf", 'xyz="0.15 0 0"', 'xyz="0.15 0 0.001"', "0.0 in the place of 0.001", "moment of joint 'arm'"),
+    ("furuta_pendulum", "mjcf", 'pos="0.15 0 0" mass', 'pos="0.15 0 0.001" mass', "0.001", "moment of joint 'arm'"),
+    ("cart_pendulum", "mjcf", 'pos="0 0 0" mass="10"', 'pos="0.0123 0 0" mass="10"', "0.0123", "moment of joint 'slide'"),
+    ("furuta_pendulum", "urdf", 'xyz="0.15 0 0"', 'xyz="0.15 0 0.001"', "0.001", "moment of joint 'arm'"),
 ]
 
 
-@pytest.mark.parametrize(("name", "model_format", "old", "new", "mended", "vector"), UNFELT)
+@pytest.mark.parametrize(("name", "model_format", "old", "new", "wrong", "vector"), UNFELT)
 def test_what_no_acceleration_feels_is_named_by_its_line(
-    tmp_path: Path, name: str, model_format: str, old: str, new: str, mended: str, vector: str
+    tmp_path: Path, name: str, model_format: str, old: str, new: str, wrong: str, vector: str
 ) -> None:
     text = BUILT_IN.model_path(name, model_format).read_text()
     assert text.count(old) == 1
@@ -155,23 +148,24 @@ def test_what_no_acceleration_feels_is_named_by_its_line(
     for subject, record in records.items():
         if subject.endswith(model_format):
             assert record.verdict == "disagrees"
-            assert f"line {line}: {mended}" in record.message and vector in record.message
+            assert f"line {line}: 0.0 in the place of {wrong} in" in record.message and vector in record.message
         elif subject != "lagrange":
             assert record.verdict == "agrees"
     # The audit names the lines of both files.
     [difference] = study.result().differs
-    assert [Path(place).name for place in difference.places][0].startswith(f"{path.name}:{line}")
+    assert f"{path}:{line}" in difference.places and len(difference.places) == 2
 
 
 def test_where_several_numbers_are_wrong_the_vector_and_the_audit_speak(tmp_path: Path) -> None:
     """A quarter of a kilogram goes from one link to the other, where the elbow is."""
     text = BUILT_IN.model_path("arm_2r", "mjcf").read_text()
+    second = [0.2777 - 0.785**2 / 3.25, 0.1048 - 0.36**2 / 1.75]
+    heavier = f'pos="{0.785 / 3.25} 0 0" mass="3.25" diaginertia="1e-15 {second[0]} {second[0]}"'
+    lighter = f'pos="{0.36 / 1.75} 0 0" mass="1.75" diaginertia="1e-15 {second[1]} {second[1]}"'
     for old, new in (
-        ('pos="0.22 0 0" mass="3" diaginertia="1e-15 0.07 0.07"', 'pos="{} 0 0" mass="3.25" diaginertia="1e-15 {} {}"'.format(
-            0.785 / 3.25, *[0.2777 - 0.785**2 / 3.25 + 3 * 0.22**2 - 3 * 0.22**2] * 2)),
-        ('pos="0.18 0 0" mass="2" diaginertia="1e-15 0.04 0.04"', 'pos="{} 0 0" mass="1.75" diaginertia="1e-15 {} {}"'.format(
-            0.36 / 1.75, *[0.1048 - 0.36**2 / 1.75] * 2)),
-    ):  # fmt: skip
+        ('pos="0.22 0 0" mass="3" diaginertia="1e-15 0.07 0.07"', heavier),
+        ('pos="0.18 0 0" mass="2" diaginertia="1e-15 0.04 0.04"', lighter),
+    ):
         assert old in text
         text = text.replace(old, new)
     (tmp_path / "arm_2r.xml").write_text(text)
