@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 
 from harness.certify.quantities import Quantity, find_quantities
@@ -20,7 +20,7 @@ from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, Note, frame_of, load_audited
+from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
 from harness.errors import InvalidRequest
@@ -74,36 +74,43 @@ class QuantityCheck(CrossCheck):
         return record
 
 
+# Truths at one batch of states by their keys, with the seconds per state that they took: two files of a mechanism mostly say the same.
+Known = dict[Hashable, tuple[Certified, float]]
+
+
 def compare_quantity(
     name: str, system: str, assignments: Sequence[Assignment], states: States, note: Note
 ) -> tuple[float, float, dict[str, Answers]]:
     """Seconds per certified state, 0, and by subject what it answered at ``states``; all assignments are of one mechanism."""
-    quantity = find_quantities()[name]
-    answers, seconds = {}, 0.0
-    known: dict[tuple[str, bool], Certified] = {}
+    quantity, known, answers = find_quantities()[name], Known(), {}
     for assignment in assignments:
         note(json.dumps({"subject": str(assignment.subject)}))
         try:
-            model = load_audited(assignment)
-            if assignment.model is None:
-                raise NotOffered(f"{assignment.subject} reads no model file, whose {name} these are")
-            truth = truth_of(quantity, system, assignment, assignment.model)
-            started = time.perf_counter()
-            key = assignment.model.text, frame_of(assignment)
-            if key not in known:
-                known[key] = truth.evaluate(states)
-                seconds = max(seconds, (time.perf_counter() - started) / len(states))
-            # What is compiled or allocated on first use is not charged to the engine.
-            truth.answers(model, states[:1])
-            started = time.perf_counter()
-            found = truth.answers(model, states)
-            spent = (time.perf_counter() - started) / len(states)
-            comparison = judge_answers(known[key], found)
-            disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-            remark = f"Farthest off is the {truth.blocks[farthest_block(known[key], found)]}" if disagrees else ""
-            answers[str(assignment.subject)] = Answers(comparison, [spent], remark=remark)
+            answers[str(assignment.subject)] = _ask(quantity, system, assignment, states, known)
         except NotOffered as error:
             answers[str(assignment.subject)] = Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
         except Exception as error:
             answers[str(assignment.subject)] = Answers.missing(error)
-    return seconds, 0.0, answers
+    return max((seconds for _, seconds in known.values()), default=0.0), 0.0, answers
+
+
+def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States, known: Known) -> Answers:
+    """One subject's answers, timed and compared with the truth."""
+    model = load_audited(assignment)
+    if assignment.model is None:
+        raise NotOffered(f"{assignment.subject} reads no model file, whose {quantity.name} these are")
+    truth = truth_of(quantity, system, assignment, assignment.model)
+    if truth.key not in known:
+        started = time.perf_counter()
+        certified = truth.evaluate(states)
+        known[truth.key] = certified, (time.perf_counter() - started) / len(states)
+    certified, _ = known[truth.key]
+    # What is compiled or allocated on first use is not charged to the engine.
+    truth.answers(model, states[:1])
+    started = time.perf_counter()
+    found = truth.answers(model, states)
+    spent = (time.perf_counter() - started) / len(states)
+    comparison = judge_answers(certified, found)
+    disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
+    remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}" if disagrees else ""
+    return Answers(comparison, [spent], remark=remark)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -39,6 +39,10 @@ class Question:
 
 class Truth(Protocol):
     """The certified values of a quantity; made once, asked for many batches."""
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for truths that have the same values at every state."""
 
     @property
     def blocks(self) -> Sequence[str]:

@@ -6,6 +6,7 @@ have. Of these a reaction feels more than the accelerations do: a mass on an axi
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,12 @@ class ReactionTruth:
         nq, nv = mechanism.nq, mechanism.nv
         self._applied, blocks = slice(nq + nv, nq + 2 * nv), np.arange(6 * len(self.reactions.joints)).reshape(-1, 3)
         self._kernel = QuantityKernel(self.reactions.program, blocks.tolist(), self._applied, self.reactions.sizes)
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``; the program has the numbers of a second file where that has other points."""
+        numbers = tuple(map(float, self.reactions.parameters))
+        return self._question.declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body
 
     def evaluate(self, states: States) -> Certified:
         """Forces of all joints that transmit something, then moments, (n, 2 joints, 3) [N, N m].
