@@ -217,7 +217,7 @@ def sizes_of_formulations(exhibit: Exhibit) -> str:
         free = free_bodies(tree_of(model, mechanism.gravity), mechanism.joints)
     except (InvalidInput, ValueError) as problem:
         return f"{mechanism.nv} by Lagrange; with every body free none, as {problem}"
-    accelerations = f"6 accelerations of each of {free.bodies} {'body' if free.bodies == 1 else 'bodies'}"
+    accelerations = f"6 accelerations of {'its body' if free.bodies == 1 else f'each of {free.bodies} bodies'}"
     return f"{mechanism.nv} by Lagrange; {free.size} with every body free: {accelerations}, and {free.rows} reactions"
 
 
