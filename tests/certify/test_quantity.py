@@ -235,6 +235,25 @@ def test_what_no_acceleration_feels_is_felt_by_a_reaction(fault: str) -> None:
         assert set(found.verdicts.tolist()) == {"disagrees"}, found.backward_error
 
 
+@pytest.mark.parametrize(("near", "far"), [(0.03, 0.02), (0.02 + 1e-10, 0.03)], ids=["moved", "added"])
+def test_mass_on_an_axis_is_felt_where_bodies_are_fixed_to_one_another(near: float, far: float) -> None:
+    """Points of mass on a level axis turn without being felt by the motion, and bear on the pin by weight and arm."""
+    plain, point = model_of("bar_pendulum", "mjcf"), '<inertial pos="0 0 0" mass="{}" diaginertia="0 0 0"/>'
+    fixed = '<body name="{}" pos="0 {} 0">' + point + "</body>"
+    place = plain.text.index("</body>")
+
+    def with_masses(*masses: float) -> ModelFile:
+        bodies = [fixed.format(*one) for one in zip(("near", "far"), (0.1, 0.2), masses, strict=True)]
+        return parse_model(plain.path, plain.text[:place] + "".join(bodies) + plain.text[place:], "mjcf")
+
+    declared, states = with_masses(0.02, 0.03), generic_sample(load_mechanism(BUILT_IN, "bar_pendulum"), 20, SEED)
+    for read, verdict in ((declared, "agrees"), (with_masses(near, far), "disagrees")):
+        truth = truth_of("bar_pendulum", read, declared)
+        for engine in ("mujoco", "pinocchio"):
+            found = judge_answers(truth.evaluate(states), truth.answers(loaded("bar_pendulum", engine, read), states))
+            assert set(found.verdicts.tolist()) == {verdict}, engine
+
+
 def test_points_elsewhere_on_an_axis_are_no_difference() -> None:
     """The moment about another point is another one, and each reader is asked about the points of its file."""
     declared = model_of("arm_2r", "mjcf")
