@@ -16,7 +16,8 @@ Hold engines, model files, or your own program against that truth:
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
 
-Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``. The command line is
+Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
+rolling a ``Constraint``. The command line is
 ``harness --help``. Everything is loaded on first use.
 """
 
@@ -29,6 +30,7 @@ from harness.version import __version__
 
 if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load
+    from harness.equations.constraint import Constraint
     from harness.equations.euler_angles import Attitude, body_rates, rotation
     from harness.equations.system import TIME, System
     from harness.library import Library
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load"),
+    "harness.equations.constraint": ("Constraint",),
     "harness.equations.euler_angles": ("Attitude", "body_rates", "rotation"),
     "harness.equations.system": ("TIME", "System"),
     "harness.library": ("Library",),
@@ -46,6 +49,7 @@ _HOMES = {
 __all__ = [
     "TIME",
     "Attitude",
+    "Constraint",
     "Library",
     "Record",
     "Records",

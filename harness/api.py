@@ -73,6 +73,8 @@ class LoadedSystem:
     def equations(self) -> EquationsOfMotion:
         """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``.
 
+        Under constraints ``constraint_rows`` stay zero, and -J' lambda with J the ``constraint_jacobian`` is added on the right.
+
         Raises:
             harness.errors.InvalidRequest: a robot has none.
         """

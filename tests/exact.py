@@ -11,6 +11,8 @@ import mpmath
 import sympy as sp
 
 from harness.equations.assembly import energy_program_of, program_of
+from harness.equations.constraint_forces import by_multipliers, constrained_program
+from harness.equations.constraint_rows import constraints_of
 from harness.equations.derivation import load_system
 from harness.equations.lagrange import EquationsOfMotion, derive
 from harness.equations.mechanism import Mechanism
@@ -149,6 +151,8 @@ def exact_of(name: str) -> Exact:
 
 def mechanism_of(system: System) -> Mechanism:
     equations = derive(system)
+    tree = program_of(system, equations)
+    constraints = constraints_of(system, tree) if system.constraints else None
     return Mechanism(
         name="test",
         description="",
@@ -162,7 +166,8 @@ def mechanism_of(system: System) -> Mechanism:
         position_ranges=tuple(system.ranges.get(q) for q in system.coordinates),
         rate_ranges=tuple(system.ranges.get(v, DEFAULT_RATES) for v in system.rates),
         force_ranges=tuple((-10.0, 10.0) for _ in system.coordinates),
-        program=program_of(system, equations),
+        program=tree if constraints is None else constrained_program(constraints, by_multipliers),
+        constraints=constraints,
         energy_programs=(energy_program_of(system, equations),),
         equations_text="",
         equations_mathml="",

@@ -20,7 +20,8 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note, reference_kernel
+from harness.crosscheck.tasks import Note
+from harness.crosscheck.truth import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library

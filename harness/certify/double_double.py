@@ -132,8 +132,12 @@ def divide(a: Known, b: Known) -> Known:
     divides = (size > _SMALLEST) & (size < _LARGEST) & (b[2] < size / 2)
     is_proven = divides & (of_dividend >= _SMALLEST) & (of_dividend < _LARGEST)
     is_zero = divides & _is_zero(a)
-    bound = select(is_zero, 0.0, select(is_proven, bound * _UPWARDS + _UNDERFLOW, math.inf))
-    return quotient, select(is_proven, second - (quotient - first), 0.0), bound
+    # What cancels in exact arithmetic is a zero with a bound: its quotient is another.
+    is_small = divides & (of_dividend < _SMALLEST)
+    of_small = (2 * of_dividend + a[2]) / (size - b[2]) * (1 + 2.0**-40)
+    bound = select(is_small, of_small, bound) * _UPWARDS + _UNDERFLOW
+    bound = select(is_zero, 0.0, select(is_proven | is_small, bound, math.inf))
+    return select(is_small, 0.0, quotient), select(is_proven, second - (quotient - first), 0.0), bound
 
 
 def root(a: Known) -> Known:

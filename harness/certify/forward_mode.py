@@ -64,6 +64,25 @@ PARTIAL_DERIVATIVES: dict[str, Callable[..., tuple[Any, ...]]] = {
 }
 
 
+def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
+    """The outputs, (outputs of that name, n), for inputs (number of inputs, n), one column a state; nothing is compiled or raised."""
+    found: list[Array] = []
+    with np.errstate(all="ignore"):
+        for instruction in program.instructions:
+            operation, *operands = instruction
+            if operation == "input":
+                found.append(inputs[operands[0]])
+            elif operation in ("rational", "pi"):
+                found.append(np.full(inputs.shape[1], np.pi if operation == "pi" else int(operands[0]) / int(operands[1])))
+            else:
+                earlier = earlier_results(instruction)
+                found.append(FUNCTIONS[operation](*(found[place] for place in earlier), *operands[len(earlier) :]))
+    return {
+        name: np.array([found[index] for index in indices]).reshape(len(indices), inputs.shape[1])
+        for name, indices in program.outputs.items()
+    }
+
+
 def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     """d(output)/d(input), (outputs of that name, number of inputs, n), for inputs (number of inputs, n), one column a state.
 
@@ -96,18 +115,3 @@ def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
         name: np.array([zero if slopes[index] is None else slopes[index] for index in indices]).reshape(len(indices), count, n)
         for name, indices in program.outputs.items()
     }
-
-
-def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
-    """The outputs in float64, (outputs of that name, n), for inputs (number of inputs, n); not finite where they are singular."""
-    n, found = inputs.shape[1], []
-    with np.errstate(all="ignore"):
-        for operation, *operands in program.instructions:
-            if operation == "input":
-                found.append(inputs[operands[0]])
-            elif operation in ("rational", "pi"):
-                found.append(np.full(n, np.pi if operation == "pi" else int(operands[0]) / int(operands[1])))
-            else:
-                count = len(earlier_results((operation, *operands)))
-                found.append(FUNCTIONS[operation](*(found[place] for place in operands[:count]), *operands[count:]))
-    return {name: np.array([found[place] for place in places]).reshape(len(places), n) for name, places in program.outputs.items()}

@@ -11,6 +11,9 @@ Number = tuple[float, float, float]
 UNIT_ROUNDOFF = 2.0**-53
 # Numbers on which one instruction of the processor works at once.
 LANES = 4
+# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
+# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
+SMALLEST_SCALE = 2.0**-1021
 
 
 def exactly(value: Fraction) -> Number:

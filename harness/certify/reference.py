@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ from harness.certify.factorisation import (
 from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
+from harness.certify.manifold import closes, rank_condition
+from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.mechanism import Mechanism
@@ -44,9 +46,6 @@ from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 
-# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
-# UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
-SMALLEST_SCALE = 2.0**-1021
 # Bits of the numbers of ``harness.certify.interpreter``, and those that are tried one after the other beyond it.
 DOUBLE_DOUBLE = 106
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
@@ -74,7 +73,8 @@ class Reference(Rows):
         sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M; the data roundoff is UNIT_ROUNDOFF times it.
         motion: (n,) sum over rotating coordinates i of 2 T |M^-1 e_i|_M; the share of the motion is UNIT_ROUNDOFF times it.
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
-            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose.
+            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints kappa_s of M is
+            multiplied by that of J M^-1 J', which is factorised besides.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
         bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
@@ -153,8 +153,20 @@ class ReferenceKernel:
     def _evaluate(self, states: States, parameters: Array) -> Reference:
         parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
-            return parts[0][0]
+            found = parts[0][0]
+            # Without a configuration in which the constraints hold there is no motion to be asked for.
+            return (
+                found if self.mechanism.constraints is None else replace(found, certified=found.certified & closes(self.mechanism, states))
+            )
         return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
+
+    def _constrained(self, found: Reference, states: States) -> Reference:
+        """The reference under constraints: certified where a state closes them, and unstable where they all but lose rank, too."""
+        # Without a configuration in which the constraints hold there is no motion to be asked for.
+        certified = found.certified & closes(self.mechanism, states)
+        return replace(
+            found, certified=certified, instability=found.instability * rank_condition(self.mechanism, states, found.norm_factor)
+        )
 
 
 class ChartKernel:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.manifold import closed
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.storage import cache_directory, read_entry, write_entry
@@ -150,7 +151,7 @@ def _states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
     times = time[:, 0] if mechanism.feels_time else np.zeros(len(points))
-    return States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), times)
+    return closed(mechanism, States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), times))
 
 
 def _rate_ranges(mechanism: Mechanism, kind: Kind) -> Sequence[tuple[float, float]]:

@@ -14,6 +14,7 @@ import numpy as np
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.reference import Reference
+from harness.crosscheck.gaps import beside_gaps, gaps_of
 from harness.crosscheck.perturbation import Column, Whitening, diagnostic_states, find_columns, numeric_candidates, watch
 from harness.crosscheck.tasks import Assignment, Note, load_audited, reference_kernel_of
 from harness.engines import accelerations, load_engine
@@ -57,6 +58,8 @@ def explain(assignment: Assignment, seed: int, note: Note) -> Explanation | None
     mechanism, model = assignment.mechanism, assignment.model
     kernel, states = reference_kernel_of(assignment), diagnostic_states(mechanism, seed)
     reference = kernel.evaluate(states)
+    if model is not None:
+        reference = beside_gaps(reference, mechanism, states, gaps_of(load_audited(assignment), states))
     whitening = Whitening(reference)
     if model is None:
         residual = whitening.residual(accelerations(load_audited(assignment), states))

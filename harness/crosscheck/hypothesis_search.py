@@ -25,7 +25,7 @@ from harness.certify.compare import Comparison
 from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, Note, frame_of, judge_by, reference_kernel
+from harness.crosscheck.tasks import Assignment, Note, judge_by, truth_of
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -110,7 +110,7 @@ class _Panel:
         self.kept = 0
         self.simplest: dict[str, States] = {}
         self._assignments = {str(assignment.subject): assignment for assignment in assignments}
-        self._frames = {subject: frame_of(assignment) for subject, assignment in self._assignments.items()}
+        self._truths = {subject: truth_of(assignment) for subject, assignment in self._assignments.items()}
         self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._assignments}
         self._worst: dict[str, tuple[float, Array]] = {}
         self._note = note
@@ -121,13 +121,13 @@ class _Panel:
         return [subject for subject in self._assignments if subject not in self.failures]
 
     def judge(self, states: States) -> dict[str, Comparison]:
-        """The judgement of each subject's answers at ``states``; the truth is certified once per frame."""
+        """The judgement of each subject's answers at ``states``; each truth is certified once."""
         subjects = self.subjects if len(states) else []
-        references = {frame: self._certify(frame, states) for frame in {self._frames[subject] for subject in subjects}}
+        references = {truth: truth.kernel.evaluate(states) for truth in {self._truths[subject] for subject in subjects}}
         comparisons: dict[str, Comparison] = {}
         for subject in subjects:
             try:
-                comparison = comparisons[subject] = self._ask(subject, states, references[self._frames[subject]])
+                comparison = comparisons[subject] = self._ask(subject, states, references[self._truths[subject]])
             except Exception as error:
                 self.failures[subject] = error
                 continue
@@ -137,9 +137,6 @@ class _Panel:
             if subject not in self._worst or score[index] > self._worst[subject][0]:
                 self._worst[subject] = float(score[index]), rows_of(states[index : index + 1])[0]
         return comparisons
-
-    def _certify(self, frame: bool, states: States) -> Reference:
-        return reference_kernel(self.mechanism, frame).evaluate(states)
 
     def _ask(self, subject: str, states: States, reference: Reference) -> Comparison:
         self._note(note_of(subject, states))
@@ -160,7 +157,7 @@ class _Panel:
         index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
 
         def judge(states: States) -> Comparison:
-            return self._ask(subject, states, self._certify(self._frames[subject], states))
+            return self._ask(subject, states, self._truths[subject].kernel.evaluate(states))
 
         try:
             # The verdict is kept, however small the error becomes.

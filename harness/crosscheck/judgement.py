@@ -37,6 +37,7 @@ class Evidence:
             cannot be used.
         explained: the sentence of ``Explanation`` where one number explains what would be lost digits; None where none was looked for.
         remarks: sentences that change no verdict.
+        from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -56,6 +57,7 @@ class Evidence:
     failed_at: dict[str, list[float]] | None = None
     explained: str | None = None
     remarks: list[str] = field(default_factory=list)
+    from_rigid: list[Array] = field(default_factory=list)
 
     @property
     def verdict(self) -> str:
@@ -94,7 +96,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
     remarks = [evidence.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
-    remarks += [evidence.explained or "", *evidence.remarks]
+    remarks += [evidence.explained or "", *evidence.remarks, _distance(evidence)]
     found = evidence.found
     searched, added = (0, 0) if found is None else (len(found.states) - found.added, found.added)
     stored = min(evidence.stored, counts.total() - searched - added)
@@ -126,6 +128,17 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         expected_link=expectation.link,
         representative=None if shown is None else _representative(*shown, evidence, verdict),
         origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
+    )
+
+
+def _distance(evidence: Evidence) -> str:
+    """How far a model whose constraints give is from rigid, as a sentence; "" for the others."""
+    if not evidence.from_rigid:
+        return ""
+    distances = np.concatenate(evidence.from_rigid)
+    return (
+        "Held against what the file's softness of constraints declares, which is a property of the model: accelerations are "
+        f"{np.median(distances):.2g} of their size from rigid ones (median; {distances.max():.2g} at most)."
     )
 
 

@@ -21,7 +21,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
-from harness.engines import Engine, Unsupported, accelerations
+from harness.crosscheck.gaps import answers_with_gaps
+from harness.engines import Engine, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.formats import ORIENTATIONS, POINT_SPRING
@@ -52,7 +53,7 @@ _ANGLES = {"rpy", "axis", *ORIENTATIONS}
 
 
 def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States) -> Watch:
-    """The accelerations that ``engine`` answers at ``states``; what the model holds is not audited.
+    """The accelerations that ``engine`` answers at ``states``, with gaps; what the model holds is not audited.
 
     Raises:
         ValueError: the engine refuses the model as it is; harness.engines.Unsupported: it cannot express it.
@@ -65,7 +66,7 @@ def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States
             if changed is model:
                 raise
             raise ValueError(str(reason)) from reason
-        return accelerations(loaded, states)
+        return answers_with_gaps(loaded, states)
 
     return Watch(model, answer)
 

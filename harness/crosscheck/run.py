@@ -85,6 +85,7 @@ class CrossCheck(Loading):
             # What is stored stands before the sample, in the first batch.
             pair.add(states, answers.comparison, slice(0 if pair.counts else pair.stored, None))
             pair.seconds += answers.seconds
+            pair.from_rigid += [answers.from_rigid] if len(answers.from_rigid) else []
 
     def _go_on(self, system: System) -> None:
         """After the first batch: everything else, for the subjects that answered."""

@@ -6,19 +6,23 @@ answers are held against it. What was loaded or compiled stays in the process fo
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
 from harness.certify.reference import Reference
+from harness.crosscheck.gaps import beside_gaps, gaps_of, remark_on, with_gaps
 from harness.crosscheck.repeatability import precision_of, require_repeatable
-from harness.crosscheck.tasks import Assignment, Note, frame_of, is_reference_known, load_audited, may_lose_digits, reference_kernel
+from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of
+from harness.crosscheck.truth import Truth
 from harness.engines import Model, Unsupported, accelerations
-from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
@@ -40,6 +44,7 @@ class Answers:
         failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
         remark: what the answers have in common, as a sentence; "" for nothing.
         unsupported: whether the failure is that the engine cannot express the mechanism.
+        from_rigid: how far answers that are held against a declared truth are from the rigid one, relative; none for the others.
     """
 
     comparison: Comparison | None = None
@@ -48,6 +53,7 @@ class Answers:
     problem: InvalidInput | None = None
     unsupported: bool = False
     remark: str = ""
+    from_rigid: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def missing(cls, error: Exception) -> Answers:
@@ -62,45 +68,54 @@ def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -
 
     All assignments are of one mechanism. The note names the subject that is being asked.
     """
-    frames = {frame_of(assignment) for assignment in assignments}
-    references, seconds, compilation_seconds = prepare(assignments[0].mechanism, frames, states)
+    truths = set()
+    for assignment in assignments:
+        # Who has none is told when asked.
+        with contextlib.suppress(Exception):
+            truths |= {truth_of(assignment), rigid_truth_of(assignment)}
+    references, seconds, compilation_seconds = prepare(truths, states)
     answers = {}
     for assignment in assignments:
         note(json.dumps({"subject": str(assignment.subject)}))
-        answers[str(assignment.subject)] = ask(assignment, states, references[frame_of(assignment)])
+        answers[str(assignment.subject)] = ask(assignment, states, references)
     return seconds, compilation_seconds, answers
 
 
-def prepare(mechanism: Mechanism, frames: Iterable[bool], states: States) -> tuple[dict[bool, Reference], float, float]:
-    """The truth at ``states`` in each of ``frames`` (see ``frame_of``), seconds per certified state, and seconds of compilation.
+def prepare(truths: Iterable[Truth], states: States) -> tuple[dict[Truth, Reference], float, float]:
+    """Every truth at ``states``, seconds per certified state, and seconds of compilation, of the one that takes longest.
 
     Seconds of compilation are 0 where this process had compiled already.
     """
     # So that making or loading the loops, which all systems share, is not charged to this one.
     loop("evaluate")
     references, seconds, compilation_seconds = {}, 0.0, 0.0
-    for in_body in sorted(frames):
-        known = is_reference_known(mechanism, in_body)
+    for truth in truths:
+        known = truth.is_known
         started = time.perf_counter()
-        kernel = reference_kernel(mechanism, in_body)
-        kernel.evaluate(states[:1])
+        truth.kernel.evaluate(states[:1])
         compiled = time.perf_counter()
-        references[in_body] = kernel.evaluate(states)
+        references[truth] = truth.kernel.evaluate(states)
         seconds = max(seconds, (time.perf_counter() - compiled) / len(states))
         compilation_seconds = max(compilation_seconds, 0.0 if known else compiled - started)
     return references, seconds, compilation_seconds
 
 
-def ask(assignment: Assignment, states: States, reference: Reference) -> Answers:
-    """The subject's accelerations at ``states``, timed, held against each other and compared with the truth there."""
+def ask(assignment: Assignment, states: States, references: Mapping[Truth, Reference]) -> Answers:
+    """The subject's accelerations at ``states``, timed, held against each other and compared with its truth there."""
     try:
-        model = load_audited(assignment)
+        truth = truth_of(assignment)
+        reference, model = references[truth], load_audited(assignment)
         factorises = may_lose_digits(assignment, model)
         answers, seconds = timed_accelerations(model, states)
         require_repeatable(model, states, answers, reference, factorises)
-        comparison = compare(reference, answers[0], factorises)
+        gaps, mechanism = gaps_of(model, states), assignment.mechanism
+        comparison = compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers[0], gaps), factorises)
         disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-        return Answers(comparison, seconds, remark=precision_of(model, states, answers[0]) if disagrees else "")
+        remark = (remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else ""
+        if not truth.is_declared:
+            return Answers(comparison, seconds, remark=remark)
+        rigid = compare(references[rigid_truth_of(assignment)], answers[0])
+        return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
     except Exception as error:
         return Answers.missing(error)
 

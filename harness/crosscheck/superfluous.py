@@ -20,10 +20,12 @@ import msgspec
 
 from harness.arrays import Array
 from harness.certify.sampling import random_sample
-from harness.engines import Engine, Subject, accelerations, engine_paths, installed_version, load_engine
+from harness.crosscheck.gaps import gaps_of, with_gaps
+from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.formats import STAGES
 from harness.models.model_file import ModelFile
@@ -77,7 +79,7 @@ def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: T
     if parts is None:
         if not is_sound():
             return []
-        examination = _Examination(load_engine(library, subject.engine), model, mechanism)
+        examination = _Examination(load_engine(library, subject.engine), model, mechanism, _other_readers(library, subject))
         parts = sorted(examination.parts())
         write_entry(entry, msgspec.json.encode(parts).decode())
     return [SuperfluousPart(mechanism.name, str(subject), str(model.path), *part) for part in parts]
@@ -94,6 +96,18 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 
 
+def _other_readers(library: Library, subject: Subject) -> list[Engine]:
+    """The other engines that read the subject's format and are installed."""
+    names = [name for name in engine_paths(library) if name != subject.engine]
+    engines = [engine for name in names if subject.format in (engine := load_engine(library, name)).formats]
+    return [engine for engine in engines if installed_version(engine) is not None]
+
+
+def _felt(loaded: Model, states: States) -> Array:
+    """Accelerations, (n, nv), and behind them 1 m or rad with what the rows of constraints leave, which accelerations need not feel."""
+    return with_gaps(accelerations(loaded, states), {name: 1.0 + rows for name, rows in gaps_of(loaded, states).items()})
+
+
 class _Spent(Exception):
     """The evaluations are used up."""
 
@@ -101,9 +115,9 @@ class _Spent(Exception):
 class _Examination:
     """One model in one engine, and what happens to its accelerations when parts of it change or go."""
 
-    def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism) -> None:
-        self._engine, self._mechanism = engine, mechanism
-        self._format, self._text = model.format, model.text
+    def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism, others: Sequence[Engine] = ()) -> None:
+        self._engine, self._mechanism, self._others = engine, mechanism, others
+        self._model, self._format, self._text = model, model.format, model.text
         self._states = random_sample(mechanism, STATES, SEED)
         self._left = MOST_EVALUATIONS
         self._healthy: Array | None = None
@@ -120,13 +134,13 @@ class _Examination:
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
         if self._healthy is None:
-            return accelerations(loaded, states)
+            return _felt(loaded, states)
         answers = self._healthy.copy()
         for asked in (slice(0, 1), slice(1, None)):
             self._left -= len(states[asked])
             if self._left < 0:
                 raise _Spent
-            answers[asked] = accelerations(loaded, states[asked])
+            answers[asked] = _felt(loaded, states[asked])
             if largest_change(self._healthy, answers) > NOISE:
                 break
         return answers
@@ -228,9 +242,31 @@ class _Examination:
         own = {number for attribute in element.attributes for number in attribute.numbers}
         if element.tag in _WRAPPERS[self._format] and not own & needed:
             tags = (element.start, element.opened), (element.closed, element.end)
-            if self._unmoved(without(self._text, *tags), audited=True):
+            plain = without(self._text, *tags)
+            if self._unmoved(plain, audited=True) and not self._is_needed_elsewhere(model=plain):
                 return "moves nothing; remove it and keep what is inside"
         return ""
+
+    def _is_needed_elsewhere(self, model: str) -> bool:
+        """True if another reader of the file is right about it as it is, and not about the text ``model``."""
+        for engine in self._others:
+
+            def answer(file: ModelFile, engine: Engine = engine) -> Array:
+                loaded = engine.load(file, self._mechanism.joints, self._mechanism.gravity)
+                audit(loaded.loaded(), file, self._mechanism)
+                return _felt(loaded, self._states)
+
+            try:
+                watch = Watch(self._model, answer)
+            except (InvalidModel, ValueError, Unsupported):
+                continue
+            try:
+                movement = watch.movement(model)
+            except Unsupported:
+                return True
+            if movement is None or movement > NOISE:
+                return True
+        return False
 
     def _carried_by(self, element: Element) -> Element | None:
         """The link that a fixed URDF joint carries."""

@@ -15,19 +15,22 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import keep_points, random_sample
+from harness.crosscheck.gaps import beside_gaps, gaps_of, with_gaps
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
+from harness.crosscheck.truth import Truth, softened, softness_of
 from harness.engines import (
     EQUATIONS,
     Model,
     Subject,
     Unsupported,
     accelerations,
+    constraint_laws,
     factorises_mass_matrix,
     linear_velocity_in_body,
     load_engine,
     load_model,
 )
-from harness.engines._audit import audit
+from harness.engines._audit import audit, require_constraints
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -105,7 +108,9 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
     model = load_audited(assignment)
-    return compare(reference, accelerations(model, states), may_lose_digits(assignment, model))
+    gaps = gaps_of(model, states)
+    answers = with_gaps(accelerations(model, states), gaps)
+    return compare(beside_gaps(reference, assignment.mechanism, states, gaps), answers, may_lose_digits(assignment, model))
 
 
 def factorises(assignment: Assignment) -> bool:
@@ -120,7 +125,29 @@ def may_lose_digits(assignment: Assignment, model: Model) -> bool:
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
     """The certified kernel that a subject is judged by, compiled once per process."""
-    return reference_kernel(assignment.mechanism, frame_of(assignment))
+    return truth_of(assignment).kernel
+
+
+def truth_of(assignment: Assignment) -> Truth:
+    """What a subject's answers are held against.
+
+    Raises:
+        InvalidModel: the file's softness of constraints cannot be held against the mechanism's rows.
+    """
+    rigid, mechanism, model = rigid_truth_of(assignment), assignment.mechanism, assignment.model
+    if mechanism.constraints is None or model is None:
+        return rigid
+    require_constraints(model, mechanism)
+    laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), model)
+    if not laws:
+        return rigid
+    rows = softness_of(mechanism.constraints, laws, model)
+    return Truth(softened(mechanism, rows), rigid.linear_velocity_in_body, is_declared=True)
+
+
+def rigid_truth_of(assignment: Assignment) -> Truth:
+    """The mechanism's own equations, in the frame of the subject's engine."""
+    return Truth(assignment.mechanism, frame_of(assignment))
 
 
 def frame_of(assignment: Assignment) -> bool:
@@ -156,15 +183,4 @@ def load_audited(assignment: Assignment) -> Model:
     return _MODELS.get((library, subject, mechanism.key, model and model.text), load)
 
 
-def is_reference_known(mechanism: Mechanism, in_body: bool) -> bool:
-    """True if this process has compiled the kernel; ``in_body`` as of ``frame_of``."""
-    return (mechanism.key, in_body) in _KERNELS
-
-
-def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
-    in_body = linear_velocity_in_body and bool(mechanism.charts_in_body)
-    return _KERNELS.get((mechanism.key, in_body), lambda: ReferenceKernel(mechanism, in_body))
-
-
 _MODELS: Kept[Model] = Kept(64)
-_KERNELS: Kept[ReferenceKernel] = Kept(64)

@@ -18,6 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison
+from harness.certify.manifold import closed
 from harness.certify.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -53,8 +54,8 @@ def rows_of(states: States) -> Array:
 
 
 def states_of(mechanism: Mechanism, rows: Array) -> States:
-    """The states of ``rows``, (n, nq + 2 nv)."""
-    return States.at(*np.split(rows, np.cumsum([mechanism.nq, mechanism.nv]), axis=1))
+    """The states of ``rows``, (n, nq + 2 nv); what constraints determine is as they say, whatever the rows say."""
+    return closed(mechanism, States.at(*np.split(rows, np.cumsum([mechanism.nq, mechanism.nv]), axis=1)))
 
 
 def unit_quaternions(quaternions: Array) -> Array:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.certify.sampling import generic_sample
+from harness.crosscheck.gaps import beside_gaps, gaps_of
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.perturbation import diagnostic_states, watch
 from harness.crosscheck.settings import Settings
@@ -271,7 +272,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
         if model is None:
             raise
         raise InvalidModel(model.path, None, f"{assignment.subject.engine} refuses it: {error}") from error
-    answer = accelerations(loaded, states) if watched is None else watched.healthy
+    answer = accelerations(loaded, states)
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
     positions = generic_sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
@@ -279,9 +280,8 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     note("diagnosing the model")
     of_model = None
     if watched is not None:
-        of_model = diagnose(
-            watched, kernel.evaluate(states), evaluations=scope.evaluations, tolerance=scope.tolerance, factorises=factorises(assignment)
-        )
+        truth = beside_gaps(kernel.evaluate(states), mechanism, states, gaps_of(loaded, states))
+        of_model = diagnose(watched, truth, evaluations=scope.evaluations, tolerance=scope.tolerance, factorises=factorises(assignment))
     note("diagnosing the textbook's side")
     path = library.system_path(mechanism.name)
     member = member_of(path)
@@ -293,5 +293,6 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
         tolerance=scope.tolerance,
         factorises=factorises(assignment),
         evaluations=int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS),
+        parameters=len(mechanism.parameters),
     )
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)

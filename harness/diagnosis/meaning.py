@@ -13,7 +13,7 @@ import numpy as np
 
 from harness.certify.compare import compare
 from harness.certify.sampling import sample
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput

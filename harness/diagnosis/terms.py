@@ -27,7 +27,13 @@ from harness.equations.states import States
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"
-TITLES = {MASS: "mass matrix", VELOCITY: "velocity terms", GRAVITY: "gravity", PASSIVE: "springs and dampers", APPLIED: "applied forces"}
+TITLES = {
+    MASS: "mass matrix",
+    VELOCITY: "velocity terms",
+    GRAVITY: "gravity",
+    PASSIVE: "springs, dampers and constraints",
+    APPLIED: "applied forces",
+}
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}

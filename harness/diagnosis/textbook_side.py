@@ -48,6 +48,7 @@ def diagnose_textbook(
     evaluations: int | None = None,
     tolerance: float = AGREEMENT,
     factorises: bool = False,
+    parameters: int | None = None,
 ) -> Diagnosis:
     """Find the one parameter of the textbook that a subject seems to have another value of.
 
@@ -57,12 +58,13 @@ def diagnose_textbook(
         accelerations: the subject's answers, (n, nv) [SI per s^2]. file: of the system, to be named.
         evaluations: of the certified reference, after which the best so far is reported; ``textbook_evaluations`` by default.
         tolerance, factorises: as for ``harness.diagnosis.model_side.diagnose``.
+        parameters: how many of the kernel's are the textbook's; those behind them are of the subject's file. All for None.
     """
     evaluations = textbook_evaluations(kernel.mechanism) if evaluations is None else evaluations
     search = _TextbookSearch(kernel, states, accelerations, tolerance, evaluations, factorises)
     if search.is_needed:
-        candidates = [_candidate(kernel, file, number) for number in range(len(kernel.mechanism.parameters))]
-        columns = [Column(candidate, values, ROUNDING) for candidate, values in zip(candidates, search.columns(), strict=True)]
+        candidates = [_candidate(kernel, file, number) for number in range(len(kernel.mechanism.parameters))[:parameters]]
+        columns = [Column(candidate, values, ROUNDING) for candidate, values in zip(candidates, search.columns(), strict=False)]
         search.fit_best([column for column in columns if column.norm > 0])
         search.fit_from_other_starts(candidates)
     return search.diagnosis(file, partial(_tried_change, kernel))

@@ -30,6 +30,9 @@ from harness.engines._held import LoadedModel as LoadedModel
 from harness.engines._held import Terms as Terms
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
+from harness.models.constraint_law import Impedance as Impedance
+from harness.models.constraint_law import InverseWeight as InverseWeight
 from harness.models.model_file import ModelFile
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
@@ -60,8 +63,9 @@ class InvalidAnswer(Exception):
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
-    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``terms(q, v, tau) -> Terms``, arguments and
-    columns as in ``forward_dynamics``; and
+    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``gaps(q) -> Mapping[str, Array]``: what the rows of
+    each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
+    arguments and columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
     and may be left out. Every joint is at zero, or at ``positions`` [m or rad] for one of one position; then it is moved by
     ``steps`` along its velocities.
@@ -89,6 +93,8 @@ class Engine(Protocol):
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
+    One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
+    names of the constraints.
     """
 
     requires: tuple[str, str]
@@ -290,6 +296,12 @@ def linear_velocity_in_body(engine: Engine) -> bool:
 def factorises_mass_matrix(engine: Engine | Model) -> bool:
     """True where an engine or a model declares that accelerations are solved for by a factorisation of M, which may lose digits."""
     return bool(getattr(engine, "factorises_mass_matrix", False))
+
+
+def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintLaw]:
+    """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
+    laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
+    return {} if laws is None else laws(file)
 
 
 def installed_version(engine: Engine) -> str | None:

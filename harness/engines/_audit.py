@@ -18,11 +18,15 @@ AUDIT_TOLERANCE = 1e-6
 
 
 def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechanism) -> None:
-    """Check joints by name and size, gravity and total mass; nothing where an engine does not say them, or reads no file.
+    """Check constraints by name, joints by name and size, gravity and total mass; nothing where an engine reads no file.
+
+    What the engine does not say is not checked.
 
     Raises:
         InvalidModel: with the line, the value found and the value expected.
     """
+    if model is not None:
+        require_constraints(model, mechanism)
     if loaded is None or model is None:
         return
     for joint in mechanism.joints:
@@ -46,3 +50,21 @@ def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechan
     if abs(loaded.total_mass - mechanism.total_mass) > AUDIT_TOLERANCE * mechanism.total_mass:
         masses = f"{loaded.total_mass:.10g} kg in all, expected {mechanism.total_mass:.10g} kg as the system says"
         raise InvalidModel(model.path, model.root_line, f"the moving bodies have {masses}")
+
+
+def require_constraints(model: ModelFile, mechanism: Mechanism) -> None:
+    """Check that a file has the constraints of a mechanism, by name.
+
+    Raises:
+        InvalidModel: it lacks one, or has another.
+    """
+    wanted = () if mechanism.constraints is None else mechanism.constraints.names
+    found = {constraint.name: constraint.line for constraint in model.constraints}
+    for name in wanted:
+        if name not in found:
+            hint = nearest(name, sorted(found)) if found else "the model has none at all"
+            raise InvalidModel(model.path, model.root_line, f"has no constraint {name!r}, which the system needs; {hint}")
+    for name, line in found.items():
+        if name not in wanted:
+            expected = f"the system has {', '.join(map(repr, wanted))} only" if wanted else "the system has none"
+            raise InvalidModel(model.path, line, f"constraint {name!r} ties joints, but {expected}")

@@ -1,10 +1,11 @@
 """URDF elements that MuJoCo's reader passes over, supplied to its ``MjSpec`` before compilation; MuJoCo then computes them.
 
-The reader gives bodies, joints, inertias and ``<dynamics damping>``. From the same file are added: springs in joints and
-between points (as tendons), reflected inertias and a ball joint at the root. The harness gives gravity, switches off the
-constraints that joint limits would be, and takes out what the file's decoration has become. MuJoCo's compiler refuses a
-moving body without mass or with a principal inertia of zero, which a URDF may have and whose least substitute a light
-mechanism feels: such a body is compiled with the least that it accepts, and then has its own mass and inertia written back.
+The reader gives bodies, joints, inertias, ``<dynamics damping>``, and couples a joint that mimics another to it. From the same file
+are added: springs in joints and between points (as tendons), reflected inertias, a ball joint at the root, and Drake's ball
+constraints (as connected sites, soft as MuJoCo's defaults have it). The harness gives gravity, switches off joint limits, and takes
+out what the file's decoration has become. MuJoCo's compiler refuses a moving body without mass or with a principal inertia of zero,
+which a URDF may have and whose least substitute a light mechanism feels: such a body is compiled with the least that it accepts,
+and then has its own mass and inertia written back.
 
 Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming, section Model editing.
 """
@@ -12,13 +13,14 @@ Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from lxml import etree
 
 from harness.engines import Unsupported
+from harness.models.constraints import PointConstraint
 from harness.models.formats import LEAST
 from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
 from harness.models.xml import Document, describe, literal_tag, parse_document
@@ -37,7 +39,7 @@ def _text(value: Any) -> str:
         return f"[{', '.join(map(_text, value))}]"
     if isinstance(value, float):
         return "float('nan')" if math.isnan(value) else repr(value).removesuffix(".0")
-    return f"mujoco.{value}" if isinstance(value, mujoco.mjtJoint) else repr(value)
+    return f"mujoco.{value}" if isinstance(value, mujoco.mjtJoint | mujoco.mjtEq | mujoco.mjtObj) else repr(value)
 
 
 def _set(target: str, values: Mapping[str, Any]) -> str:
@@ -48,8 +50,10 @@ def _add(target: str, part: str, values: Mapping[str, Any]) -> str:
     return f"{target}.add_{part}({', '.join(f'{name}={_text(value)}' for name, value in values.items())})"
 
 
-def read(file: ModelFile, gravity: float) -> tuple[Any, str]:
+def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple[Any, str]:
     """The compiled ``mujoco.MjModel``, and Python text that makes it, ``m``, of the ``mujoco.MjSpec`` that the reader gives, ``s``.
+
+    ``joints`` are those that the caller asks accelerations of.
 
     Raises:
         Unsupported: the file holds what the reader takes otherwise than other readers, or the reader refuses it.
@@ -57,7 +61,7 @@ def read(file: ModelFile, gravity: float) -> tuple[Any, str]:
     import mujoco
 
     document = parse_document(file.path, file.text, ROOT_TAGS["urdf"])
-    refused = sorted((document.lines[element], f"{describe(element)} {why}") for element, why in _ignored(document.root))
+    refused = sorted((document.lines[element], f"{describe(element)} {why}") for element, why in _ignored(document.root, joints))
     if refused:
         raise Unsupported("MuJoCo's URDF reader: " + "; ".join(f"line {line}: {what}" for line, what in refused))
     try:
@@ -74,14 +78,14 @@ def read(file: ModelFile, gravity: float) -> tuple[Any, str]:
     return names["m"], building
 
 
-def _ignored(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
+def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[etree._Element, str]]:
     carried = {joint.find("child").get("link"): joint for joint in root.iterfind("joint")}
     if "world" in carried:
         yield carried["world"], "carries the link 'world', which MuJoCo takes for the world itself; give it another name"
     for joint in root.iterfind("joint"):
         if joint.get("type") == "planar":
             yield joint, "is planar, for which MuJoCo makes three joints of other names; write them out"
-        if joint.find("mimic") is not None:
+        if joint.find("mimic") is not None and joint.get("name") not in joints:
             yield joint, "mimics another, of which MuJoCo makes an equality constraint, and that is soft"
         if joint.get("type") == "floating":
             above: etree._Element | None = joint
@@ -99,7 +103,9 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     import mujoco
 
     flags = mujoco.mjtDisableBit
-    off = (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
+    # What is left of the constraints are those of the file.
+    unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if file.constraints else (flags.mjDSBL_CONSTRAINT,)
+    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
     edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": sum(int(flag) for flag in off)})]
     root_of_ball = None
     if file.ball_joint is not None:
@@ -112,8 +118,9 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             compiled, own = _accepted_inertia(body, moves=bool(body.joints) or body.name == root_of_ball)
             edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
             written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
-    if any(joint.get("type") == "fixed" and joint.find("parent").get("link") in written_back for joint in document.root.iterfind("joint")):
-        # Links fused into such a body would be indistinguishable from it.
+    fixed_to = {joint.find("parent").get("link") for joint in document.root.iterfind("joint[@type='fixed']")}
+    if file.constraints or fixed_to & set(written_back):
+        # Links fused into such a body would be indistinguishable from it, and constraints are scaled by what each link weighs.
         edits.append(_set("s.compiler", {"fusestatic": False}))
     for armature in file.armatures:
         edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))
@@ -123,6 +130,11 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
             edits += _tendon(element, f"spring {number}")
+    # The reader names the coupling of a joint that mimics another by nothing.
+    edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]
+    for constraint in file.constraints:
+        if isinstance(constraint, PointConstraint):
+            edits += _connect(constraint)
     return edits, [statement for statements in written_back.values() for statement in statements]
 
 
@@ -138,6 +150,22 @@ def _tendon(spring: PointSpring, name: str) -> Iterator[str]:
     }
     yield f"t = {_add('s', 'tendon', values)}"
     yield from (f"t.wrap_site({site!r})" for site in sites)
+
+
+def _connect(constraint: PointConstraint) -> Iterator[str]:
+    import mujoco
+
+    sites = (f"{constraint.name} A", f"{constraint.name} B")
+    for site, end in zip(sites, constraint.ends, strict=True):
+        yield _add(f"s.body({end.body!r})", "site", {"name": site, "pos": list(end.point)})
+    values = {
+        "name": constraint.name,
+        "type": mujoco.mjtEq.mjEQ_CONNECT,
+        "objtype": mujoco.mjtObj.mjOBJ_SITE,
+        "name1": sites[0],
+        "name2": sites[1],
+    }
+    yield _add("s", "equality", values)
 
 
 def _accepted_inertia(body: Any, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:

@@ -4,6 +4,9 @@ Applied forces go through ``qfrc_applied``. Automatic reset is switched off at l
 answers a state beyond 1e10 with the rest state's accelerations and no error. What MuJoCo's reader of URDF passes
 over is supplied to it by ``harness.engines._mujoco_urdf``.
 
+Its constraints are soft: what it solves instead of rigid ones is documented, and follows from the file
+(``harness.engines._mujoco_law``). Solver, iterations and tolerance are those of the file.
+
 Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 """
 
@@ -17,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_urdf, require_model
+from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_law, _mujoco_urdf, require_model
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -67,9 +70,24 @@ class MujocoModel:
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
+        if self.model.neq:
+            # A solver that starts from the last answer would make this one depend on it.
+            self._batch.bind("qacc_warmstart")[:] = 0.0
         accelerations = self._batch.bind("qacc")
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
+
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """``efc_pos`` of each equality; see ``harness.engines``."""
+        import mujoco
+
+        data, rows = mujoco.MjData(self.model), list[Array]()
+        for position in q:
+            data.qpos[self.addresses[0]] = position
+            mujoco.mj_fwdPosition(self.model, data)
+            owners = np.where(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY, data.efc_id, -1)
+            rows.append(data.efc_pos.copy())
+        return {self.model.equality(one).name: np.array(rows)[:, owners == one] for one in range(self.model.neq)} if rows else {}
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.reactions``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
@@ -97,7 +115,8 @@ class MujocoModel:
         return found
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers and tendons.
+        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
+        and constraints.
 
         Gravity is the bias force at rest, velocity the bias force without gravity, so that neither is what is left of a difference.
         Source: MuJoCo documentation, Computation, general framework: M v' + c = tau + J' f; API reference, ``mj_fullM``.
@@ -114,7 +133,8 @@ class MujocoModel:
                 each.qpos[positions], each.qvel[velocities], each.qfrc_applied[velocities] = q[state], v[state], tau[state]
                 mujoco.mj_forward(each.model, each)
             mujoco.mj_fullM(model, data, mass[state])
-            passive[state], applied[state], velocity[state] = data.qfrc_passive, data.qfrc_applied, without_gravity.qfrc_bias
+            applied[state], velocity[state] = data.qfrc_applied, without_gravity.qfrc_bias
+            passive[state] = data.qfrc_passive + data.qfrc_constraint
             data.qvel[:] = 0.0
             mujoco.mj_forward(model, data)
             gravity[state] = data.qfrc_bias
@@ -151,11 +171,15 @@ class MujocoEngine:
         mujoco.set_mju_user_warning(lambda message: None)
         file = require_model(source, "mujoco")
         if file.format == "urdf":
-            compiled, building = _mujoco_urdf.read(file, gravity)
+            compiled, building = _mujoco_urdf.read(file, gravity, joints)
             return MujocoModel(compiled, joints, building)
         model = mujoco.MjModel.from_xml_string(file.text)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return MujocoModel(model, joints)
+
+    def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
+        """See ``harness.engines._mujoco_law``."""
+        return _mujoco_law.constraint_laws(file)
 
 
 ENGINE = MujocoEngine()

@@ -8,6 +8,10 @@ ABA applies no springs and dampers; those the file declares are added to the app
 adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it; an MJCF does, and Pinocchio's
 reader passes over it, as over much else that ``harness.engines._pinocchio_mjcf`` refuses by name.
 
+A model with constraints is computed by ``pinocchio.constraintDynamics`` instead, with the settings that
+``harness.engines._pinocchio_constraints`` names and the reasons for them; the constraints are those of the file. Joints that mimic
+others are left to ``harness.engines._pinocchio_mimics``, since all forward dynamics refuse them.
+
 Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 documentation.
 """
 
@@ -21,7 +25,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocchio_held, _pinocchio_mjcf, require_model
+from harness.engines._pinocchio_constraints import LoopConstraints
 from harness.engines._pinocchio_forces import ForceElements
+from harness.engines._pinocchio_mimics import MimicJoints
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -31,13 +37,23 @@ if TYPE_CHECKING:
 
 
 class PinocchioModel:
-    """A ``pinocchio.Model`` and the force elements of its file."""
+    """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
 
-    def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, composites: Mapping[str, Sequence[str]] | None = None) -> None:
+    def __init__(
+        self,
+        model: Any,
+        joints: Sequence[str],
+        file: ModelFile,
+        composites: Mapping[str, Sequence[str]] | None = None,
+        mimics: MimicJoints | None = None,
+    ) -> None:
         self.model = model
         self._joints = joints
         self._file = file
         self.force_elements = ForceElements(model, file.force_elements, composites)
+        self.constraints = mimics or (LoopConstraints(model, file.constraints) if file.constraints else None)
+        # What both solve with.
+        self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
 
     def loaded(self) -> LoadedModel:
@@ -84,11 +100,18 @@ class PinocchioModel:
 
         configuration, velocity, force = self.columns(q, v, tau)
         force += self.force_elements.generalised_forces(configuration, velocity)
+        if self.constraints is not None:
+            return np.ascontiguousarray(self.constraints.accelerations((configuration, velocity, force))[:, self.addresses[1]])
         accelerations = np.empty((len(q), self.model.nv))
         # Rows of a transpose cost half of what columns cost.
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
             accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
         return np.ascontiguousarray(accelerations[:, self.addresses[1]])
+
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """See ``harness.engines``; of the frames where Pinocchio has its constraints."""
+        still = np.zeros((len(q), self.model.nv))
+        return {} if self.constraints is None else self.constraints.gaps(self.columns(q, still, still)[0])
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
@@ -116,7 +139,7 @@ class PinocchioModel:
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 
-        Passive are the force elements that the harness adds to ABA, which applies none.
+        Passive are the force elements that the harness adds to ABA, which applies none, and the forces of constraints.
         Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 (inverse dynamics) and 6 (composite rigid bodies).
         """
         import pinocchio
@@ -127,6 +150,8 @@ class PinocchioModel:
         data, without_gravity = model.createData(), weightless.createData()
         configuration, velocity, force = self.columns(q, v, tau)
         passive = self.force_elements.generalised_forces(configuration, velocity)
+        if self.constraints is not None:
+            passive = passive + self.constraints.generalised_forces((configuration, velocity, force + passive)).T
         mass, (bias, gravity) = np.empty((len(q), model.nv, model.nv)), np.empty((2, len(q), model.nv))
         for state, (position, rate) in enumerate(zip(configuration.T, velocity.T, strict=True)):
             upper = np.triu(pinocchio.crba(model, data, position))
@@ -154,11 +179,12 @@ class PinocchioModel:
         expected[self.addresses[1]] = certified
         inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
         armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
+        made, call = ("", "pin.aba(m, m.createData(), q, v, tau)") if self.constraints is None else self.constraints.reproducer(source)
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
             f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
-            f"print(pin.aba(m, m.createData(), q, v, tau).tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
+            f"{made}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
 
 
@@ -175,9 +201,7 @@ class PinocchioEngine:
             model, composites = _pinocchio_mjcf.read(file)
             model.gravity.linear = np.array(file.gravity)
             return PinocchioModel(model, joints, file, composites)
-        if file.mimics:
-            follower = file.mimics[0]
-            raise Unsupported(f"line {follower.line}: joint {follower.joint!r} mimics {follower.leader!r}, and aba refuses such a model")
+        _refuse_mimics(file, joints)
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
         with captured_standard_error() as captured:
             try:
@@ -189,7 +213,17 @@ class PinocchioEngine:
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
         for armature in file.armatures:
             model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
-        return PinocchioModel(model, joints, file)
+        return PinocchioModel(model, joints, file, mimics=MimicJoints(model, file, root) if file.mimics else None)
+
+
+def _refuse_mimics(file: ModelFile, joints: Sequence[str]) -> None:
+    """Raises Unsupported for followers that nobody asks the accelerations of, and for those beside a loop."""
+    for one in file.mimics:
+        who = f"line {one.line}: joint {one.joint!r} mimics {one.leader!r}"
+        if one.joint not in joints:
+            raise Unsupported(f"{who}, and aba refuses such a model")
+        if len(file.constraints) > len(file.mimics):
+            raise Unsupported(f"{who} in a model with a loop, and constraintDynamics refuses that")
 
 
 ENGINE = PinocchioEngine()

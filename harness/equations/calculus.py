@@ -48,10 +48,14 @@ class ProgramWriter(Assembler):
 
     def __init__(self, program: StraightLineProgram) -> None:
         super().__init__(program.inputs)
+        self.outputs = self.append(program)
+
+    def append(self, program: StraightLineProgram) -> dict[str, list[int]]:
+        """Write the instructions of a program of the same inputs; the places of its outputs."""
         places: list[int] = []
         for instruction in program.instructions:
             places.append(self.again(*with_operands(instruction, places)))
-        self.outputs = {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
+        return {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
 
     def number(self, value: Fraction | int) -> int:
         """The literal ``value``."""

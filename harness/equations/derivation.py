@@ -106,6 +106,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
 
     from harness.equations.applied_forces import applied_forces
     from harness.equations.assembly import energy_program_of, lagrange_program, program_of
+    from harness.equations.constraint_forces import by_multipliers, constrained_program
+    from harness.equations.constraint_rows import constraints_of
     from harness.equations.lagrange import derive, in_symbols
     from harness.equations.notation import printed
     from harness.equations.system import TIME
@@ -123,6 +125,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         free = any(attitude.position for attitude in system.attitudes)
         in_body = tuple(lagrange_program(chart, True) or program_of(chart, derive(chart), True) for chart, *_ in derived if free)
         energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
+        constraints = constraints_of(system, program) if system.constraints else None
+        tree, program = program, program if constraints is None else constrained_program(constraints, by_multipliers)
         total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
     except (ValueError, TypeError) as error:
         raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
@@ -142,13 +146,14 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         rotating=system.rotating,
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
-        **vars(applied_forces(program, system)),
+        **vars(applied_forces(tree, system)),
         attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
         energy_programs=energies,
         start=_start(system),
         energies_text="" if text else _energies_text(file),
+        constraints=constraints,
         program=program,
         equations_text=text,
         equations_mathml=mathml,

@@ -32,6 +32,7 @@ class EnergiesInSymbols:
         coordinates, rates: symbols of q and v (nv each).
         kinetic, potential: T and V [J].
         generalised_forces: Q, (nv, 1), the non-conservative part of the passive forces.
+        constraint_rows: the name of its constraint and the expression that stays zero, of each row that is not redundant.
     """
 
     coordinates: tuple[sp.Symbol, ...]
@@ -39,11 +40,21 @@ class EnergiesInSymbols:
     kinetic: sp.Expr
     potential: sp.Expr
     generalised_forces: sp.Matrix
+    constraint_rows: tuple[tuple[str, sp.Expr], ...] = ()
+
+    @property
+    def constraint_jacobian(self) -> sp.Matrix:
+        """J, (rows, nv), by which the rates change what stays zero, or, of a row of rates, the row itself."""
+        rows = [row for _, row in self.constraint_rows]
+        by = [self.rates if row.has(*self.rates) else self.coordinates for row in rows]
+        return sp.Matrix(len(rows), len(self.rates), lambda i, j: rows[i].diff(by[i][j]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class EquationsOfMotion(EnergiesInSymbols):
     """SymPy equations M qdd + c + g = p + tau over plain symbols, beside the energies they come from.
+
+    Under constraints they are those of the tree, to which -J' lambda is added on the right.
 
     Attributes:
         mass_matrix: M, (nv, nv), symmetric.
@@ -101,7 +112,15 @@ def in_symbols(system: System) -> EnergiesInSymbols:
     position = dict(zip(system.coordinates, q, strict=True))
     expressions = (system.kinetic, system.potential, *(system.generalised_forces.get(f, sp.S.Zero) for f in system.coordinates))
     kinetic, potential, *forces = (expression.xreplace(plain).xreplace(position) for expression in expressions)
-    return EnergiesInSymbols(coordinates=q, rates=v, kinetic=kinetic, potential=potential, generalised_forces=sp.Matrix(forces))
+    rows = [
+        (name, row.xreplace(plain).xreplace(position))
+        for name, constraint in system.constraints.items()
+        for number, row in enumerate(constraint.rows)
+        if number not in constraint.redundant
+    ]
+    return EnergiesInSymbols(
+        coordinates=q, rates=v, kinetic=kinetic, potential=potential, generalised_forces=sp.Matrix(forces), constraint_rows=tuple(rows)
+    )
 
 
 def derive(system: System) -> EquationsOfMotion:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.constraints import Constraints
 from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, used_instructions
 from harness.equations.states import States
 
@@ -38,6 +39,7 @@ class Mechanism:
             rates of its range, over a few positions [N or N m]; 0 where nothing is to be held; () where nobody asked.
         attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
             rotation takes four numbers (w, x, y, z) of q and three of v.
+        constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
         program: the equations of motion; see ``harness.equations.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
             of free joints in the body's frame, () where there is no free joint.
@@ -72,6 +74,7 @@ class Mechanism:
     static_loads: tuple[float, ...] = ()
     moving_loads: tuple[float, ...] = ()
     energies_text: str = ""
+    constraints: Constraints | None = None
 
     @property
     def nv(self) -> int:
@@ -120,9 +123,10 @@ class Mechanism:
 
     @property
     def key(self) -> Hashable:
-        """Equal for mechanisms with equal equations, joints and parameter values."""
+        """Equal for mechanisms with equal equations, constraints, joints and parameter values."""
         programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs
+        constraints = None if self.constraints is None else self.constraints.key
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints
 
     def float64(self) -> MechanismKernel:
         """The evaluator of accelerations and terms in float64; what it compiles stays in the process."""
@@ -163,6 +167,8 @@ class Mechanism:
             raise ValueError("the start does not fit the coordinates")
         if {len(self.static_loads), len(self.moving_loads)} - {0, nv}:
             raise ValueError("the loads do not fit the coordinates")
+        if self.constraints is not None:
+            self.constraints.checked(nv)
         for program in (self.program, *self.other_charts, *self.charts_in_body):
             program.checked()
             sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}

@@ -11,6 +11,7 @@ from typing import Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
+from harness.equations.constraint import Constraint
 from harness.equations.euler_angles import Attitude
 
 TIME: sp.Symbol = dynamicsymbols._t
@@ -44,6 +45,11 @@ class System:
             coordinate without one is an angle and takes every value; rates default to +-10 per second.
         start: coordinate, or its ``diff(t)``, to its value where computed motions start; what it leaves out is
             0. Without one they start at a place of the harness's choice.
+        constraints: name, under which both models hold it, to what ties the joints. The coordinates, and the joints of both models,
+            are those of the tree that is left without the constraints.
+        assembly: coordinate to its position in one configuration in which all constraints hold, to about three digits; what it leaves
+            out is 0. States are on the branch that is reached from there when the coordinates that no constraint determines
+            move straight to their values.
 
     A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
     whenever it forms a product, is refused.
@@ -65,6 +71,8 @@ class System:
     start: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
     attitudes: tuple[Attitude, ...] = ()
     measured_from: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
+    constraints: Mapping[str, Constraint] = field(default_factory=lambda: _EMPTY)
+    assembly: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for name in ("kinetic", "potential", "total_mass"):
@@ -75,6 +83,7 @@ class System:
         self._check_parameters()
         self._check_expressions()
         self._check_ranges()
+        self._check_constraints()
 
     @property
     def rates(self) -> tuple[sp.Expr, ...]:
@@ -108,7 +117,14 @@ class System:
             if q in forces and q in self.measured_from:
                 forces[self.measured_from[q]] = forces.get(self.measured_from[q], sp.S.Zero) + forces[q]
         return replace(
-            self, kinetic=written(self.kinetic), potential=written(self.potential), generalised_forces=forces, measured_from=_EMPTY
+            self,
+            kinetic=written(self.kinetic),
+            potential=written(self.potential),
+            generalised_forces=forces,
+            measured_from=_EMPTY,
+            constraints={
+                name: replace(constraint, rows=tuple(map(written, constraint.rows))) for name, constraint in self.constraints.items()
+            },
         )
 
     def _check_coordinates(self) -> None:
@@ -162,6 +178,8 @@ class System:
     def _check_expressions(self) -> None:
         expressions = {"kinetic": self.kinetic, "potential": self.potential, "total_mass": self.total_mass}
         expressions |= {f"generalised force on {q}": force for q, force in self.generalised_forces.items()}
+        for name, constraint in self.constraints.items():
+            expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
         rates = set(self.rates)
         allowed = set(self.parameters) | {TIME}
         for name, expression in expressions.items():
@@ -179,7 +197,7 @@ class System:
             raise ValueError("total_mass depends on a coordinate; expected an expression of the parameters")
         used = sp.Tuple(*expressions.values()).free_symbols
         for symbol in sorted(set(self.parameters) - used, key=str):
-            raise ValueError(f"parameter {symbol} enters neither energy nor force nor mass; remove it or use it")
+            raise ValueError(f"parameter {symbol} enters neither energy nor force nor mass nor constraint; remove it or use it")
 
     def _check_ranges(self) -> None:
         known = [*self.coordinates, *self.rates]
@@ -200,6 +218,33 @@ class System:
                 raise ValueError(f"start of {key} is {value!r}; expected a finite number")
         if self.start and self.attitudes:
             raise ValueError("start is given in coordinates, and a ball or free joint has none; leave it out")
+
+    def _check_constraints(self) -> None:
+        if self.constraints and self.attitudes:
+            raise ValueError("constraints beside ball or free joints; write these as hinges and slides, one behind the other")
+        determined: set[sp.Expr] = set()
+        for name, constraint in self.constraints.items():
+            try:
+                constraint.is_rolling(self.rates)
+            except ValueError as error:
+                raise ValueError(f"constraint {name!r} {error}") from error
+            if any(TIME in row.xreplace(dict.fromkeys([*self.rates, *self.coordinates], sp.S.One)).free_symbols for row in constraint.rows):
+                raise ValueError(f"constraint {name!r} depends on time explicitly; expected a function of coordinates and rates")
+            for q in constraint.determines:
+                if q not in self.coordinates:
+                    raise ValueError(
+                        f"constraint {name!r} determines {q}, which is no coordinate; expected one of {list(self.coordinates)}"
+                    )
+                if q in determined:
+                    raise ValueError(f"constraint {name!r} determines {q}, which is determined already; each coordinate is by one row")
+                determined.add(q)
+        if len(determined) == len(self.coordinates):
+            raise ValueError("constraints determine all coordinates, so that nothing moves")
+        for q, value in self.assembly.items():
+            if q not in self.coordinates or not math.isfinite(value):
+                raise ValueError(f"assembly has {q} at {value!r}; expected coordinates and finite numbers")
+        if self.assembly and not self.constraints:
+            raise ValueError("assembly is given, and there is no constraint; leave it out")
 
 
 def _check_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> None:

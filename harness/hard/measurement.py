@@ -26,7 +26,8 @@ from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
 from harness.crosscheck.perturbation import Whitening
-from harness.crosscheck.tasks import Note, reference_kernel
+from harness.crosscheck.tasks import Note
+from harness.crosscheck.truth import reference_kernel
 from harness.engines import (
     EQUATIONS,
     Engine,

@@ -13,13 +13,15 @@ import itertools
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from harness.models.values import Choice, Numbers, Rule, Text, no_dry_friction, not_negative, not_zero, positive, unit
+from harness.models.values import Choice, Numbers, Rule, Text, no_dry_friction, not_negative, not_zero, one_sign, positive, unit, whole
 
 # Name of an attribute to what it holds; "" is the text between the tags.
 Attributes = Mapping[str, Rule]
 NOTHING: Attributes = MappingProxyType({})
 # Drake's element for a spring and damper between two points; its parts are called so with a suffix.
 POINT_SPRING = "drake:linear_spring_damper"
+# Drake's element that holds two points together; its parts are called so with a suffix.
+BALL_CONSTRAINT = "drake:ball_constraint"
 
 _NAME, _SCALAR, _VECTOR = Text(), Numbers(), Numbers(3)
 _NOT_NEGATIVE, _LIMIT = Numbers(check=not_negative), Numbers(check=not_negative, required=True)
@@ -56,6 +58,25 @@ _TENDON: Attributes = {
     "armature": _NOT_NEGATIVE,
     "frictionloss": _NO_FRICTION,
 }
+_SOFTNESS: Attributes = {
+    "class": _NAME,
+    "active": Choice(("true", "false")),
+    "solref": Numbers(1, 2, check=one_sign),
+    "solimp": Numbers(1, 5),
+}
+_EQUALITY: Mapping[str, Attributes] = {
+    "connect": {"site1": Text(required=True), "site2": Text(required=True)},
+    "weld": {"site1": Text(required=True), "site2": Text(required=True), "torquescale": Numbers(check=positive)},
+    "joint": {"joint1": Text(required=True), "joint2": _NAME, "polycoef": Numbers(1, 5)},
+    "tendon": {"tendon1": Text(required=True), "tendon2": _NAME, "polycoef": Numbers(1, 5)},
+}
+# Attributes of an option that bear on constraints alone.
+SOLVER_OPTIONS: Attributes = {
+    "timestep": Numbers(check=positive),
+    "solver": Choice(("PGS", "CG", "Newton")),
+    "iterations": Numbers(check=whole),
+    "tolerance": Numbers(check=not_negative),
+}
 _IN_BODY: Mapping[str, Attributes] = {
     "body": {"name": _NAME, "childclass": _NAME, **_POSE},
     "frame": {"name": _NAME, "childclass": _NAME, **_POSE},
@@ -73,7 +94,9 @@ STAGES: Mapping[str, tuple[str, ...]] = {
     "mjcf": ("constraint", "contact", "actuation", "sensor", "gravity", "spring", "damper"),
     "urdf": (),
 }
-_FLAGS = "autoreset clampctrl equality eulerdamp filterparent frictionloss island limit midphase multiccd nativeccd refsafe warmstart"
+_FLAGS = (
+    "autoreset clampctrl diagexact equality eulerdamp filterparent frictionloss island limit midphase multiccd nativeccd refsafe warmstart"
+)
 
 # format -> element that holds, as its tag or as its parent's and its own -> element held -> attributes
 SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
@@ -87,20 +110,24 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
                 ),
                 "fusestatic": Choice(("true", "false")),
             },
-            "option": {"gravity": _VECTOR},
+            "option": {"gravity": _VECTOR, **SOLVER_OPTIONS},
             "default": {"class": _NAME},
             "worldbody": NOTHING,
             "tendon": NOTHING,
+            "equality": NOTHING,
         },
         "option": {"flag": dict.fromkeys([*STAGES["mjcf"], *_FLAGS.split()], Choice(("enable", "disable")))},
         "worldbody": {tag: _IN_BODY[tag] for tag in ("body", "frame", "site")},
         "body": _IN_BODY,
         "frame": {tag: _IN_BODY[tag] for tag in ("body", "frame", "joint", "freejoint", "site")},
-        "default": {"default": {"class": _NAME}, "joint": _JOINT, "site": _POSE, "tendon": _TENDON},
+        "default": {"default": {"class": _NAME}, "joint": _JOINT, "site": _POSE, "tendon": _TENDON, "equality": _SOFTNESS},
         "default/tendon": {},
+        "default/equality": {},
+        "equality": {tag: {"name": _NAME, **_SOFTNESS, **own} for tag, own in _EQUALITY.items()},
+        "equality/tendon": {},
         "tendon": {"spatial": {"name": _NAME, **_TENDON}, "fixed": {"name": _NAME, **_TENDON}},
         "spatial": {"site": {"site": Text(required=True)}, "pulley": {"divisor": Numbers(check=positive, required=True)}},
-        "fixed": {"joint": {"joint": Text(required=True), "coef": _SCALAR}},
+        "fixed": {"joint": {"joint": Text(required=True), "coef": Numbers(required=True)}},
     },
     "urdf": {
         "": {"robot": {"name": _NAME, "version": _NAME}},
@@ -113,6 +140,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             "gazebo": {"reference": _NAME},
             "transmission": {"name": _NAME, "type": _NAME},
             POINT_SPRING: NOTHING,
+            BALL_CONSTRAINT: {"name": _NAME},
             "drake:joint": {"name": _NAME, "type": Choice(("ball",), required=True)},
         },
         "drake:joint": {"parent": {"link": _NAME}, "child": {"link": _NAME}},
@@ -143,6 +171,12 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             f"{POINT_SPRING}_free_length": {"value": Numbers(check=positive, required=True)},
             f"{POINT_SPRING}_stiffness": {"value": _LIMIT},
             f"{POINT_SPRING}_damping": {"value": _LIMIT},
+        },
+        BALL_CONSTRAINT: {
+            f"{BALL_CONSTRAINT}_body_A": {"name": _NAME},
+            f"{BALL_CONSTRAINT}_p_AP": {"value": Numbers(3, required=True)},
+            f"{BALL_CONSTRAINT}_body_B": {"name": _NAME},
+            f"{BALL_CONSTRAINT}_p_BQ": {"value": Numbers(3, required=True)},
         },
     },
 }

@@ -15,6 +15,7 @@ from lxml import etree
 
 from harness.errors import InvalidModel
 from harness.library import Library
+from harness.models.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, TendonConstraint
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
@@ -109,6 +110,21 @@ def point_springs(model: ModelFile) -> list[str]:
         ]
     document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
     return [f"line {document.lines[tendon]}: {_summary(tendon)}" for tendon in document.root.iterfind("tendon/*")]
+
+
+def constraint_texts(model: ModelFile) -> list[str]:
+    """A line of text for each constraint."""
+    return [f"line {one.line}: constraint {one.name} {_tied(one)}" for one in model.constraints]
+
+
+def _tied(constraint: ModelConstraint) -> str:
+    if isinstance(constraint, PointConstraint | FrameConstraint):
+        return f"holds a {constraint.kind} " + " at one ".join(f"of {end.body} at {_numbers(end.point)}" for end in constraint.ends)
+    if isinstance(constraint, JointConstraint):
+        return f"moves joint {constraint.joint} by {_numbers(constraint.coefficients)} of powers of {constraint.leader or 'nothing'}"
+    assert isinstance(constraint, TendonConstraint)
+    leader = constraint.leader.name if constraint.leader else "nothing"
+    return f"has tendon {constraint.tendon.name} as long as {_numbers(constraint.coefficients)} of powers of {leader}"
 
 
 def _numbers(values: tuple[float, ...]) -> str:

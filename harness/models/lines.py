@@ -167,7 +167,9 @@ def _spring_lines(text: _Text, spring: Element, names: Sequence[str], quantity: 
 
 def _mjcf_parts(elements: Sequence[Element], joint: str) -> Iterator[tuple[str, Element]]:
     """The joint, its body with the frames around joint and body, and the inertials of all that is welded to the body."""
-    own = next((element for element in elements if element.tag in ("joint", "freejoint") and element.get("name") == joint), None)
+    # A constraint may have the tag and the name of a joint.
+    named = (element for element in elements if element.tag in ("joint", "freejoint") and element.get("name") == joint)
+    own = next((element for element in named if "worldbody" in element.path), None)
     if own is None:
         return
     yield "joint", own

@@ -68,13 +68,19 @@ def of_class(element: etree._Element, name_of_class: str, name: str) -> Written 
 
 def _in_class(element: etree._Element, name_of_class: str, name: str) -> Iterator[Written]:
     classes = _classes(element.getroottree().getroot())
-    key = _DEFAULT_TAG.get(element.tag, element.tag), name
+    key = _default_tag(element), name
     # A class inside another of its name, which MuJoCo refuses, is around itself.
     chain = [name_of_class]
     for one in chain:
         if one in classes:
             yield from classes[one].given.get(key, ())
             chain += [around for around in classes[one].around if around not in chain]
+
+
+def _default_tag(element: etree._Element) -> str:
+    """The tag under which defaults of ``element`` stand: constraints of all kinds share one."""
+    parent = element.getparent()
+    return "equality" if parent is not None and parent.tag == "equality" else _DEFAULT_TAG.get(element.tag, str(element.tag))
 
 
 @dataclass

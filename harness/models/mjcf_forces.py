@@ -40,7 +40,7 @@ def read_forces(document: Document) -> tuple[tuple[ForceElement, ...], tuple[Une
     )
 
 
-def _in_degrees(root: etree._Element) -> bool:
+def in_degrees(root: etree._Element) -> bool:
     """True where the file's angles are in degrees, as they are where it does not say."""
     return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
 
@@ -91,7 +91,7 @@ def _of_joints(document: Document) -> Iterator[ForceElement | Unexpressed]:
             yield _unexpressed(document, joint, "stiffness", resolved(joint, "stiffness"), f"is a spring in a {kind} joint")
         elif stiffness:
             reference = float(resolved_text(joint, "springref", "0"))
-            if kind == "hinge" and _in_degrees(document.root):
+            if kind == "hinge" and in_degrees(document.root):
                 reference = math.radians(reference)
             yield JointSpring(name, stiffness, reference, _line(document, joint, "stiffness"))
         if isinstance(damping, Unexpressed):

@@ -20,14 +20,17 @@ URDF states neither springs nor reflected inertias. These conventions, and no ot
   transmission_interface/SimpleTransmission and ``<joint name>``: gear_ratio^2 rotor_inertia is added to the
   joint's own inertia. As in Drake, the joint's effort limit must be above zero. Source: Drake, "Parsing
   model files", tags drake:rotor_inertia and drake:gear_ratio, and "Reflected Inertia";
+- two points held together, ``<drake:ball_constraint>``, with a ``name`` that the harness finds it by. Source: Drake, "Parsing model
+  files", tag drake:ball_constraint (``harness.models.urdf_constraints``);
 - a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
   Drake, "Parsing model files", tag drake:joint.
 
-A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.models.urdf_mimics``). No
-engine gives the accelerations of such a model, and each refuses it for itself.
+A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.models.urdf_mimics``), and is
+one of the ``constraints``. An engine that is not asked for its acceleration refuses the model for itself.
 
 MJCF states gravity, springs, dampers and ``armature`` itself. MuJoCo applies them; for readers that pass over them
-they are listed like those of a URDF (``harness.models.mjcf_forces``).
+they are listed like those of a URDF (``harness.models.mjcf_forces``). It states constraints in ``<equality>``
+(``harness.models.mjcf_constraints``).
 """
 
 from __future__ import annotations
@@ -38,7 +41,9 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.models import mjcf_constraints, urdf_constraints
 from harness.models.checks import check_elements, check_inertia, numbers
+from harness.models.constraints import ModelConstraint
 from harness.models.mjcf_forces import Unexpressed, gravity, read_forces
 from harness.models.urdf_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
 from harness.models.urdf_mimics import Mimic, is_follower, mimics
@@ -67,6 +72,7 @@ class ModelFile:
         armatures: reflected inertias that a URDF declares, in document order, to be added likewise; none for MJCF.
         ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
         mimics: joints of a URDF that mimic another.
+        constraints: what closes loops and couples joints, in document order; a joint that mimics another is among them.
         gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
         unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
     """
@@ -83,6 +89,7 @@ class ModelFile:
     mimics: tuple[Mimic, ...] = ()
     gravity: tuple[float, float, float] | None = None
     unexpressed: tuple[Unexpressed, ...] = ()
+    constraints: tuple[ModelConstraint, ...] = ()
 
 
 def read_model(path: Path, format: str) -> ModelFile:
@@ -147,6 +154,7 @@ def _read_mjcf(document: Document) -> ModelFile:
         force_elements=forces,
         gravity=gravity(root),
         unexpressed=unexpressed,
+        constraints=mjcf_constraints.read_constraints(document, joints),
     )
 
 
@@ -212,6 +220,7 @@ def _read_urdf(document: Document) -> ModelFile:
     root_link = _check_urdf_tree(document, links, joints, root_moves=bool(balls))
     for joint in balls.values():
         _check_ball_joint(document, joint, root_link)
+    followers = tuple(mimics(document, joints))
     return ModelFile(
         path=document.path,
         format="urdf",
@@ -222,7 +231,8 @@ def _read_urdf(document: Document) -> ModelFile:
         force_elements=tuple(force_elements(document, links, joints)),
         armatures=tuple(armatures(document, joints)),
         ball_joint=next(iter(balls), None),
-        mimics=tuple(mimics(document, joints)),
+        mimics=followers,
+        constraints=urdf_constraints.read_constraints(document, links, followers),
     )
 
 

@@ -18,6 +18,7 @@ _OF_ACTUATORS = "belongs to actuators, which the harness does not use; remove it
 _CHANGES_MASS = "changes masses or inertias behind the <inertial> elements; remove it and write them there"
 _MESHES = "is for meshes; write their paths out in full"
 _CODE = "runs code that this file does not spell out; remove it"
+_AT_ZERO = "takes one of its points from the zero position, where a loop need not be closed; write site1 and site2"
 _NO_PART = "computes what no acceleration needs, or changes what is computed; remove it"
 
 # format -> element, or parent/element -> why it is refused
@@ -29,7 +30,8 @@ ELEMENTS: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("extension", "plugin"), _CODE),
         "actuator": "adds forces of its own; the harness applies tau at the joints, remove it",
         **dict.fromkeys(("sensor", "size", "lengthrange"), _NOT_FELT),
-        "equality": _CONSTRAINT,
+        **dict.fromkeys(("flexvert", "flexstrain"), _DEFORMS),
+        "distance": "is a constraint that MuJoCo knows no more; write a <spatial> tendon between the sites, and <tendon> in <equality>",
         "contact": _CONSTRAINT,
         "keyframe": "holds states, which the harness chooses; remove it",
         "spatial/geom": "wraps the tendon around a geom, which is not understood; lead it through sites",
@@ -48,6 +50,9 @@ ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("joint@range", "joint@limited", "joint@margin", "joint@solreflimit", "joint@solimplimit"), _LIMIT),
         **dict.fromkeys((f"{tag}@{name}" for tag in ("spatial", "fixed", "tendon") for name in ("range", "limited", "margin")), _LIMIT),
         **dict.fromkeys(("joint@actuatorfrcrange", "joint@actuatorfrclimited", "joint@actuatorgravcomp"), _OF_ACTUATORS),
+        "option@integrator": _NOT_FELT,
+        **dict.fromkeys((f"{tag}@{name}" for tag in ("connect", "weld") for name in ("body1", "body2", "anchor")), _AT_ZERO),
+        "weld@relpose": _AT_ZERO,
         "joint@springdamper": "makes a stiffness and a damping that this file does not spell out; write those",
         "@springyield": "lets a spring yield, which the equations of motion do not hold; remove it",
         "body@gravcomp": "takes gravity away from one body, which other readers ignore; remove it",
@@ -60,7 +65,7 @@ ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("compiler@alignfree", "freejoint@align"), "turns the frame of a free body; remove it"),
         **dict.fromkeys(("compiler@meshdir", "compiler@texturedir", "compiler@assetdir", "compiler@strippath"), _MESHES),
         **dict.fromkeys(
-            (f"flag@{name}" for name in ("diagexact", "energy", "fwdinv", "invdiscrete", "ipc", "override", "sleep", "speculative")),
+            (f"flag@{name}" for name in ("energy", "fwdinv", "invdiscrete", "ipc", "override", "sleep", "speculative")),
             _NO_PART,
         ),
     },

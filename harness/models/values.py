@@ -32,9 +32,19 @@ def positive(values: tuple[float, ...]) -> str | None:
     return "is not positive; expected more than zero" if min(values) <= 0 else None
 
 
+def whole(values: tuple[float, ...]) -> str | None:
+    """A check: a number of times, which is 1 or more."""
+    return None if values[0] >= 1 and values[0].is_integer() else "is no number of times; expected 1, 2, 3, ..."
+
+
 def not_zero(values: tuple[float, ...]) -> str | None:
     """A check: a direction or a rotation needs a length."""
     return None if any(values) else "is zero; expected a direction or rotation"
+
+
+def one_sign(values: tuple[float, ...]) -> str | None:
+    """A check: all positive or none, which says which of two meanings a pair has."""
+    return "mixes signs; expected both positive, or none" if len({value > 0 for value in values}) > 1 else None
 
 
 def unit(values: tuple[float, ...]) -> str | None:

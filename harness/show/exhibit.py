@@ -17,7 +17,7 @@ from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.library import Library, member_of
-from harness.models.joint_table import COLUMNS, JointRow, joint_rows, point_springs
+from harness.models.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
 from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
 from harness.robots.free_bodies import free_bodies
@@ -49,7 +49,7 @@ class Exhibit:
     Attributes:
         models: format to its file; a missing or invalid one is absent.
         joints: for each joint the rows of the formats that have it, as (format, row).
-        springs: (format, text) of the springs that do not stand in a joint.
+        ties: (format, text) of the springs that do not stand in a joint, and of the constraints.
         reasons: subject to the reason why it has no model, as the library's expected verdicts say.
         holdings: one per subject that reads a model.
         placements: the mechanism at its zero configuration and moved a little, if a picture was asked for.
@@ -58,7 +58,7 @@ class Exhibit:
     mechanism: Mechanism
     models: dict[str, ModelFile] = field(default_factory=dict)
     joints: dict[str, list[tuple[str, JointRow]]] = field(default_factory=dict)
-    springs: list[tuple[str, str]] = field(default_factory=list)
+    ties: list[tuple[str, str]] = field(default_factory=list)
     reasons: dict[Subject, str] = field(default_factory=dict)
     holdings: list[Holding] = field(default_factory=list)
     placements: tuple[Placement, Placement] | None = None
@@ -136,7 +136,8 @@ class Exhibition(Rounds):
             exhibit.models[model_format] = outcome.value
             for row in joint_rows(outcome.value):
                 exhibit.joints.setdefault(row.joint, []).append((model_format, row))
-            exhibit.springs += [(model_format, text) for text in point_springs(outcome.value)]
+            texts = [*point_springs(outcome.value), *constraint_texts(outcome.value)]
+            exhibit.ties += [(model_format, text) for text in texts]
         for subject in self._holdings:
             model, file = exhibit.models.get(subject.format), engine_files(self._library)[subject.engine]
             if subject in exhibit.reasons:
@@ -238,8 +239,9 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     mechanism = exhibit.mechanism
     yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
     yield "\nEquations of motion (' is d/dt, tau the applied force):"
+    sources = "T and V" if mechanism.constraints is None else "T, V and the constraints"
     yield from _indented(
-        mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from T and V:\n\n{mechanism.energies_text}"
+        mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
     )
     if formulations := sizes_of_formulations(exhibit):
         yield f"\nEquations and unknowns: {formulations}"
@@ -254,7 +256,7 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     if exhibit.joints:
         yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
         yield from _indented(str(joint_table(exhibit)))
-    yield from (f"  {model_format}, {text}" for model_format, text in exhibit.springs)
+    yield from (f"  {model_format}, {text}" for model_format, text in exhibit.ties)
     yield "\nAfter loading:"
     yield from _indented(str(audit_table(exhibit)))
     if compared := comparison_of_holdings(exhibit):
@@ -269,11 +271,13 @@ def parameter_table(mechanism: Mechanism) -> Table:
 
 
 def coordinate_table(mechanism: Mechanism) -> Table:
-    """Joint and sampled range of each coordinate."""
-    rows = [
-        [coordinate, joint, "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}"]
-        for coordinate, joint, bounds in zip(mechanism.coordinates, mechanism.joints, mechanism.position_ranges, strict=True)
+    """Joint and sampled range of each coordinate; those that constraints determine are not sampled."""
+    sampled = [
+        "any angle" if bounds is None else f"{number_text(bounds[0])} to {number_text(bounds[1])}" for bounds in mechanism.position_ranges
     ]
+    for number, constraint in ({} if mechanism.constraints is None else mechanism.constraints.determined_by).items():
+        sampled[number] = f"by constraint {constraint}"
+    rows = [list(row) for row in zip(mechanism.coordinates, mechanism.joints, sampled, strict=True)]
     return Table(["coordinate", "joint", "sampled"], rows, "Coordinates")
 
 

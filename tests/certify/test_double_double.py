@@ -59,6 +59,9 @@ def operands(generator: np.random.Generator, count: int) -> Array:
     special = [0.0, 1.0, -1.0, 0.5, 3.0, math.pi, math.pi / 2, 5e-324, 2.0**-1022, 1.7e308, 2.0**20, math.inf, math.nan, -0.0]
     extreme = np.array([(value, 0.0, 0.0) for value in special])
     found = np.column_stack([high, low, bound])
+    # What cancelled: nothing is left but the bound.
+    cancelled = generator.random(count) < 0.05
+    found[cancelled, :2] *= generator.choice([0.0, 2.0**-420], cancelled.sum())[:, None]
     # A float64 of which no second half is left is what it is.
     found[~(np.abs(found[:, 0]) > 2.0**-960), 1] = 0.0
     found[: len(extreme)] = extreme
@@ -101,7 +104,7 @@ def test_what_a_result_stands_for_is_within_its_bound(count: int) -> None:
     found = results_of(a, b)
     assert violations(a, b, found) == dict.fromkeys(EXACT, 0)
     # A bound of infinity is no answer: most have one.
-    moderate = (np.abs(np.log2(np.abs(a[:, 0]))) < 30) & (np.abs(np.log2(np.abs(b[:, 0]))) < 30)
+    moderate = np.logical_and(*(np.abs(np.frexp(part[:, 0])[1] - 0.5) < 30 for part in (a, b))) & (a[:, 0] != 0) & (b[:, 0] != 0)
     positive = a[:, 0] > 0
     for name, results in zip(EXACT, found, strict=True):
         answered = np.isfinite(results[:, 2])
@@ -128,3 +131,11 @@ def test_the_exact_zero_stays_exact() -> None:
     found = results_of(zero, other)
     assert (found[0, 0] == other[0]).all()
     assert not found[1:5].any() and found[5, 0].tolist() == [1.0, 0.0, found[5, 0, 2]]
+
+
+def test_a_zero_with_a_bound_has_a_quotient_with_one() -> None:
+    """As what cancels in exact arithmetic; an infinite bound would send the whole state to ball arithmetic."""
+    cancelled, other = np.array([[0.0, 0.0, 1e-30], [1e-130, 0.0, 1e-30]]), np.array([[0.7, 1e-18, 1e-30]] * 2)
+    quotients = results_of(cancelled, other)[2]
+    assert (quotients[:, :2] == 0).all()
+    assert (quotients[:, 2] > 1e-30 / 0.7).all() and (quotients[:, 2] < 1.001e-30 / 0.7).all()

@@ -137,8 +137,7 @@ class Judge:
         self.mechanism = load_mechanism(BUILT_IN, name)
         self.states = generic_sample(self.mechanism, 8, 3)
         self.of = [Assignment(BUILT_IN, Subject(engine, model_format), self.mechanism, None) for engine in ENGINES]
-        frames = {tasks.frame_of(assignment) for assignment in self.of}
-        self.references, _, _ = stages.prepare(self.mechanism, frames, self.states)
+        self.references, _, _ = stages.prepare({tasks.truth_of(assignment) for assignment in self.of}, self.states)
 
     def verdicts(self, model: ModelFile) -> tuple[str, ...]:
         """Of each engine the gravest verdict, or what it refuses the model with."""
@@ -146,7 +145,7 @@ class Judge:
         found = []
         for one in self.of:
             assignment = Assignment(one.library, one.subject, one.mechanism, model)
-            answers = stages.ask(assignment, self.states, self.references[tasks.frame_of(assignment)])
+            answers = stages.ask(assignment, self.states, self.references)
             if answers.comparison is not None:
                 found.append(str(answers.comparison.verdicts[answers.comparison.worst]))
             else:

@@ -155,7 +155,7 @@ NOT_STRAIGHT, INERTIA = "line 21: .*does not run straight from one site to anoth
 FLAGS = {
     f"flag@{flag}": [one("<flag ", f'<flag {flag}="disable" ', UNFELT)]
     for flag in SUPPORTED["mjcf"]["option"]["flag"]
-    if flag != "constraint"
+    if flag not in ("constraint", "diagexact")
 }
 MJCF_VARIANTS: dict[str, list[Variant]] = {
     "mujoco@model": [one('model="base"', 'model="x"', UNFELT), one(' model="base"', "", UNFELT)],
@@ -372,7 +372,7 @@ URDF_VARIANTS: dict[str, list[Variant]] = {
     "joint/dynamics@friction": [one(LIMIT, '<dynamics damping="0" friction="0"/>' + LIMIT, UNFELT)],
 }
 # Elements that hold others of which the tag alone does not tell what they are.
-TOLD_BY_HOLDER = {"default", "spatial", "fixed", "inertial", "joint", "gazebo", "transmission", "actuator"}
+TOLD_BY_HOLDER = {"default", "equality", "spatial", "fixed", "inertial", "joint", "gazebo", "transmission", "actuator"}
 VARIANTS = {"mjcf": MJCF_VARIANTS, "urdf": URDF_VARIANTS}
 ALL = [(model_format, key, number) for model_format, table in VARIANTS.items() for key in table for number in range(len(table[key]))]
 
@@ -533,10 +533,109 @@ def test_a_joint_that_mimics_another_is_supported_by_no_engine(engine: str) -> N
         load_engine(LIBRARY, engine).load(file, ("shoulder",), 9.81)
 
 
+# A loop in the model: both engines read it, Pinocchio as rigid and MuJoCo as soft, so that each is held against itself. What
+# the values mean is tested in tests/engines/test_constraints.py.
+CONNECT, SECOND_EYE = '<connect name="loop" site1="wall" site2="eye"/>', '<site name="other" pos="0 0.1 0"/><site name="eye"'
+KINDS = {
+    "connect": CONNECT,
+    "weld": CONNECT.replace("connect", "weld"),
+    "joint": '<joint name="loop" joint1="slider" joint2="shoulder"/>',
+    "tendon": '<tendon name="loop" tendon1="cord"/>',
+    "default/equality": CONNECT,
+    "option": CONNECT,
+    "flag": CONNECT,
+}
+COUPLES = r"line \d+: constraint 'loop' couples (joint|tendon)s"
+_SOFT = {
+    "active": ('name="loop"', 'name="loop" active="true"', False, False),
+    "class": ('name="loop"', 'name="loop" class="stiff"', True, False),
+    "name": ('name="loop"', 'name="hoop"', False, False),
+    "solref": ('name="loop"', 'name="loop" solref="0.05 1"', True, False),
+    "solimp": ('name="loop"', 'name="loop" solimp="0.8 0.85"', True, False),
+}
+_STIFF = '<default class="stiff"><equality solref="0.05"/></default>'
+# Key to what is changed into what, and whether MuJoCo and Pinocchio feel it. A rigid constraint says J qdd = -J' v, where the place
+# of a point of the world has no part; the rows of a weld are those of the twist of the second body against the first frame.
+CONSTRAINTS: dict[str, tuple[str, str, bool, bool]] = {
+    **{f"equality/{kind}@{name}": change for kind in ("connect", "weld", "joint", "tendon") for name, change in _SOFT.items()},
+    **{
+        f"equality/{kind}@{name}": (name + ended, name + other, True, (name == "site2") == (kind == "connect"))
+        for kind in ("connect", "weld")
+        for name, ended, other in (("site1", '="wall"', '="ceiling"'), ("site2", '="eye"', '="other"'))
+    },
+    "equality/weld@torquescale": ('name="loop"', 'name="loop" torquescale="0.5"', True, False),
+    "equality/joint@joint1": ('joint1="slider" joint2="shoulder"', 'joint1="shoulder"', True, True),
+    "equality/joint@joint2": (' joint2="shoulder"', "", True, True),
+    "equality/joint@polycoef": ('name="loop"', 'name="loop" polycoef="0.1 2"', True, True),
+    "equality/tendon@tendon1": ('tendon1="cord"', 'tendon1="sum"', True, True),
+    "equality/tendon@tendon2": ('tendon1="cord"', 'tendon1="cord" tendon2="sum"', True, True),
+    "equality/tendon@polycoef": ('name="loop"', 'name="loop" polycoef="0.1"', True, True),
+    "default/equality@class": (_STIFF, _STIFF.replace('"stiff"', '"stiffer"'), False, False),
+    "default/equality@active": (_STIFF, _STIFF + '<equality active="true"/>', False, False),
+    "default/equality@solref": (_STIFF, _STIFF + '<equality solref="0.05"/>', True, False),
+    "default/equality@solimp": (_STIFF, _STIFF + '<equality solimp="0.8 0.85"/>', True, False),
+    "flag@diagexact": ('gravity="1 2 -9.81">', 'gravity="1 2 -9.81"><flag diagexact="enable"/>', True, False),
+    "option@timestep": ('gravity="1 2 -9.81"', 'gravity="1 2 -9.81" timestep="0.05"', True, False),
+    "option@solver": ('gravity="1 2 -9.81"', 'gravity="1 2 -9.81" solver="CG"', False, False),
+    "option@iterations": ('gravity="1 2 -9.81"', 'gravity="1 2 -9.81" iterations="10"', False, False),
+    "option@tolerance": ('gravity="1 2 -9.81"', 'gravity="1 2 -9.81" tolerance="0"', False, False),
+}
+
+
+@pytest.mark.parametrize("key", CONSTRAINTS)
+def test_a_constraint_is_read_by_both_engines_or_refused(key: str) -> None:
+    kind = key.partition("@")[0].removeprefix("equality/")
+    old, new, *felt = CONSTRAINTS[key]
+    tendons = (
+        '<spatial name="cord"><site site="wall"/><site site="eye"/></spatial><fixed name="sum"><joint joint="slider" coef="2"/></fixed>'
+    )
+    text = re.sub("<tendon>.*</tendon>", f"<tendon>{tendons}</tendon><equality>{KINDS[kind]}</equality>", MJCF, flags=re.DOTALL)
+    text = text.replace('<flag constraint="disable"/>', "").replace("<default>", f"<default>{_STIFF}", 1)
+    text = text.replace('<site name="eye"', SECOND_EYE).replace("<worldbody>", '<worldbody><site name="ceiling" pos="0 0 3"/>')
+    assert old in text
+    sound, file = (parse_model(Path("model.xml"), one, "mjcf") for one in (text, text.replace(old, new)))
+    for engine, is_felt in zip(("mujoco", "pinocchio"), felt, strict=True):
+        if engine == "pinocchio" and kind in ("joint", "tendon"):
+            for each in (sound, file):
+                with pytest.raises(Unsupported, match=COUPLES.replace("loop", "(l|h)oop")):
+                    accelerations(engine, each)
+        else:
+            assert (difference(accelerations(engine, sound), accelerations(engine, file)) > FELT) == is_felt
+
+
+BALL_CONSTRAINT = """<drake:ball_constraint name="loop">
+    <drake:ball_constraint_body_A name="world"/>
+    <drake:ball_constraint_p_AP value="0.3 -0.2 0.9"/>
+    <drake:ball_constraint_body_B name="fore"/>
+    <drake:ball_constraint_p_BQ value="0.1 0 -0.3"/>
+  </drake:ball_constraint>"""
+# Key to what is changed into what, and whether MuJoCo and Pinocchio feel it.
+BALL_CONSTRAINTS = {
+    "drake:ball_constraint@name": ('name="loop"', 'name="hoop"', False, False),
+    "drake:ball_constraint_body_A@name": ('body_A name="world"', 'body_A name="upper"', True, True),
+    "drake:ball_constraint_p_AP@value": ('"0.3 -0.2 0.9"', '"0.3 -0.2 0.5"', True, False),
+    "drake:ball_constraint_body_B@name": ('body_B name="fore"', 'body_B name="upper"', True, True),
+    "drake:ball_constraint_p_BQ@value": ('"0.1 0 -0.3"', '"0.1 0 -0.7"', True, True),
+}
+
+
+@pytest.mark.parametrize("key", BALL_CONSTRAINTS)
+def test_a_ball_constraint_is_read_by_both_engines(key: str) -> None:
+    old, new, *felt = BALL_CONSTRAINTS[key]
+    text = URDF.replace("</robot>", f"{BALL_CONSTRAINT}</robot>")
+    sound, file = parsed(text), parsed(text.replace(old, new))
+    for engine, is_felt in zip(("mujoco", "pinocchio"), felt, strict=True):
+        assert (difference(accelerations(engine, sound), accelerations(engine, file)) > FELT) == is_felt
+
+
 TESTED_ALONE: Mapping[str, Mapping[str, Callable[..., None]]] = {
-    "mjcf": {"freejoint@name": test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it},
+    "mjcf": {
+        "freejoint@name": test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it,
+        **dict.fromkeys(CONSTRAINTS, test_a_constraint_is_read_by_both_engines_or_refused),
+    },
     "urdf": {
         "drake:joint": test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco,
+        **dict.fromkeys(BALL_CONSTRAINTS, test_a_ball_constraint_is_read_by_both_engines),
         **{f"joint/mimic@{name}": test_a_joint_that_mimics_another_is_supported_by_no_engine for name in ("joint", "multiplier", "offset")},
     },
 }

@@ -21,6 +21,8 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
+from harness.equations.constraint_forces import MULTIPLIERS
+from harness.equations.constraints import JACOBIAN
 from harness.equations.derivation import load_system
 from harness.equations.euler_angles import body_rates, sines_and_cosines
 from harness.equations.kernels import Float64Kernel
@@ -99,7 +101,8 @@ def size(values: Sequence[Any]) -> flint.arb:
 
 
 class Energies:
-    """T, V and the generalised forces Q, straight from the system file, as functions of joint positions and velocities.
+    """T, V, the generalised forces Q and the rows of constraints, straight from the system file, as functions of joint positions and
+    velocities.
 
     Only a ball or free joint needs a change of variables: Euler angles from the quaternion, and their rates from the
     angular velocity in the body's frame.
@@ -128,6 +131,9 @@ class Energies:
 
         forces = sp.Matrix([system.generalised_forces.get(x, sp.S.Zero) for x in coordinates])
         outputs = {"kinetic": [system.kinetic], "potential": [system.potential], "forces": transform.T * forces}
+        for name, rolling in (("holonomic", False), ("rolling", True)):
+            constraints = [one for one in system.constraints.values() if one.is_rolling(system.rates) == rolling]
+            outputs[name] = [row for one in constraints for number, row in enumerate(one.rows) if number not in one.redundant]
         self.conservative = not any(forces)
         self._parameters = [flint.arb(float(value)) for value, _ in system.parameters.values()]
         self._program = assemble(
@@ -141,6 +147,11 @@ class Energies:
     def potential(self, q: Sequence[Any], time: Any) -> Any:
         rest = [flint.arb(0)] * (len(self._program.inputs) - len(q) - 1 - len(self._parameters))
         return evaluate(self._program, [*q, *rest, time, *self._parameters], ["potential"])["potential"][0]
+
+    def rows(self, q: Sequence[Any], v: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+        """Those of constraints that are not redundant: holonomic ones, and rolling ones."""
+        found = evaluate(self._program, [*q, *v, flint.arb(0), *self._parameters], ["holonomic", "rolling"])
+        return found["holonomic"], found["rolling"]
 
     def forces(self, q: Sequence[Any], v: Sequence[Any], time: Any) -> list[Any]:
         return evaluate(self._program, [*q, *v, time, *self._parameters], ["forces"])["forces"]
@@ -173,18 +184,21 @@ class Case:
         return few_bits(generic_sample(self.mechanism, COUNT, OTHER_SEED).tau)
 
     @cached_property
-    def _references(self) -> dict[str, Reference]:
+    def _variants(self) -> dict[str, States]:
         base = self.states
-        variants = {
+        return {
             "base": base,
             "reversed": States(base.q, -base.v, base.tau, base.time),
             "free": States(base.q, base.v, 0 * base.tau, base.time),
             "other": States(base.q, base.v, self.other_forces, base.time),
             "both": States(base.q, base.v, base.tau + self.other_forces, base.time),
         }
-        reference = ReferenceKernel(self.mechanism).evaluate(States.concatenate(list(variants.values())))
+
+    @cached_property
+    def _references(self) -> dict[str, Reference]:
+        reference = ReferenceKernel(self.mechanism).evaluate(States.concatenate(list(self._variants.values())))
         assert reference.certified.all()
-        return {name: reference[number * COUNT : (number + 1) * COUNT] for number, name in enumerate(variants)}
+        return {name: reference[number * COUNT : (number + 1) * COUNT] for number, name in enumerate(self._variants)}
 
     def accelerations(self, variant: str, index: int) -> list[flint.arb]:
         reference = self._references[variant]
@@ -206,6 +220,18 @@ class Case:
         """q, v, tau and time of one state."""
         state = self.states[index : index + 1]
         return balls(state.q[0]), balls(state.v[0]), balls(state.tau[0]), flint.arb(float(state.time[0]))
+
+    def constraint_forces(self, variant: str, index: int) -> list[Any]:
+        """-J' lambda in one variant: what holds the constraints, and does work only as far as rounded rates leave them open."""
+        constraints, nv = self.mechanism.constraints, self.mechanism.nv
+        if constraints is None:
+            return [flint.arb(0)] * nv
+        state = self._variants[variant][index : index + 1]
+        inputs = [*balls(state.q[0]), *balls(state.v[0]), *balls(state.tau[0]), flint.arb(float(state.time[0]))]
+        inputs += balls(self.mechanism.parameter_values)
+        multipliers = evaluate(self.mechanism.program, inputs, [MULTIPLIERS])[MULTIPLIERS]
+        jacobian = evaluate(constraints.program, inputs, [JACOBIAN])[JACOBIAN]
+        return [-dot(multipliers, [jacobian[row * nv + place] for row in constraints.independent]) for place in range(nv)]
 
     def velocity_terms(self, index: int, v: Sequence[Any]) -> list[Any]:
         """Those of one state, at other velocities."""
@@ -267,6 +293,14 @@ def few_bits(forces: Any) -> Any:
     return np.round(forces / unit) * unit
 
 
+def summed(*forces: Sequence[Any]) -> list[Any]:
+    return [sum(entries, flint.arb(0)) for entries in zip(*forces, strict=True)]
+
+
+def less(first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+    return [a - b for a, b in zip(first, second, strict=True)]
+
+
 def times(matrix: list[list[Any]], vector: Sequence[Any]) -> list[Any]:
     return [dot(row, vector) for row in matrix]
 
@@ -321,7 +355,7 @@ def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
 
 @pytest.mark.costly
 def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
-    """dh/dt = sum (Q + tau) v - dL/dt along the motion with v' = the certified qdd.
+    """dh/dt = sum (Q + tau - J' lambda) v - dL/dt along the motion with v' = the certified qdd.
 
     h is Jacobi's energy function, T + V where T is quadratic in the rates. An error of qdd does the power v' M dqdd.
     """
@@ -332,7 +366,7 @@ def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
         passing = flint.arb_series([time, 1])
         growth = slope(energies.jacobi(line(q, case.position_rates(index)), line(v, case.accelerations("base", index)), passing))
         lagrangian = slope(energies.kinetic(q, v, passing)) - slope(energies.potential(q, passing))
-        power = dot([given + applied for given, applied in zip(energies.forces(q, v, time), tau, strict=True)], v)
+        power = dot(summed(energies.forces(q, v, time), tau, case.constraint_forces("base", index)), v)
         allowed = dot(v, times(mass, v)).sqrt() * case.uncertainty("base", index, mass)
         # The second summand is for the radius of the left-hand side alone, which the precision makes tiny.
         assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
@@ -365,7 +399,8 @@ def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: 
 
 
 def test_time_reversal(case: Case) -> None:
-    """M (qdd(q, v) - qdd(q, -v)) = Q(q, v) - Q(q, -v), which is zero for a conservative system: it runs back as it came.
+    """M (qdd(q, v) - qdd(q, -v)) = F(q, v) - F(q, -v), F = Q - J' lambda, which is zero for a conservative system: it runs back
+    as it came.
 
     Unless T has terms linear in the rates, as in a magnetic field, whose gyroscopic forces turn round with them.
     """
@@ -394,17 +429,18 @@ def check_time_reversal(case: Case) -> None:
     for index in range(COUNT):
         q, v, _, time = case.state(index)
         back, mass = [-rate for rate in v], case.mass(index)
-        forces = [a - b for a, b in zip(case.energies.forces(q, v, time), case.energies.forces(q, back, time), strict=True)]
+        forces = less(case.energies.forces(q, v, time), case.energies.forces(q, back, time))
+        held = less(case.constraint_forces("base", index), case.constraint_forces("reversed", index))
         assert not case.energies.conservative or all(force == 0 for force in forces)
-        forces = [force + 2 * turning for force, turning in zip(forces, case.gyroscopic_forces(index), strict=True)]
-        change = [a - b for a, b in zip(case.accelerations("base", index), case.accelerations("reversed", index), strict=True)]
+        forces = [force + 2 * turning for force, turning in zip(summed(forces, held), case.gyroscopic_forces(index), strict=True)]
+        change = less(case.accelerations("base", index), case.accelerations("reversed", index))
         allowed = case.uncertainty("base", index, mass) + case.uncertainty("reversed", index, mass)
         for i, (found, expected) in enumerate(zip(times(mass, change), forces, strict=True)):
             assert abs(found - expected) <= mass[i][i].sqrt() * allowed + AT_ZERO * abs(expected), case.states.as_json(index)
 
 
 def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
-    """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau."""
+    """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau, and what it changes in -J' lambda."""
     for index in range(COUNT):
         mass = case.mass(index)
         base, other, both, free = (case.accelerations(name, index) for name in ("base", "other", "both", "free"))
@@ -414,6 +450,32 @@ def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
         for i, rest in enumerate(superposed):
             assert abs(rest) <= mass[i][i].sqrt() * sum(unknown.values(), flint.arb(0))
         for name, moved in (("base", base), ("other", other)):
-            felt = times(mass, [a - b for a, b in zip(moved, free, strict=True)])
-            for i, force in enumerate(forces[name].tolist()):
+            felt = times(mass, less(moved, free))
+            held = less(case.constraint_forces(name, index), case.constraint_forces("free", index))
+            for i, force in enumerate(summed(balls(forces[name]), held)):
                 assert abs(felt[i] - force) <= mass[i][i].sqrt() * (unknown[name] + unknown["free"]) + AT_ZERO * abs(force)
+
+
+@pytest.mark.costly
+def test_accelerations_keep_the_constraints(case: Case) -> None:
+    """The second derivative of holonomic rows, and the first of rolling ones, is zero along the motion with v' = the certified qdd.
+
+    All derivatives are those of power series of the rows in the system file.
+    """
+    flint.ctx.cap = 3
+    energies, nv = case.energies, case.mechanism.nv
+    axes = [[int(i == j) for j in range(nv)] for i in range(nv)]
+    for index in range(COUNT if case.system.constraints else 0):
+        q, v, _, _ = case.state(index)
+        a = case.accelerations("base", index)
+        moved = [flint.arb_series([x, rate, acceleration / 2]) for x, rate, acceleration in zip(q, v, a, strict=True)]
+        holonomic, rolling = energies.rows(moved, line(v, a))
+        left = [2 * row[2] for row in holonomic] + [row[1] for row in rolling]
+        columns = [(energies.rows(line(q, axis), v)[0], energies.rows(q, line(v, axis))[1]) for axis in axes]
+        jacobian = [[slope(entry) for entry in row] for part in zip(*columns, strict=True) for row in zip(*part, strict=True)]
+        mass = case.mass(index)
+        allowed = case.uncertainty("base", index, mass)
+        for row, rest in zip(jacobian, left, strict=True):
+            compliance = flint.arb_mat(mass).solve(flint.arb_mat(nv, 1, row))
+            felt = dot(row, [compliance[place, 0] for place in range(nv)]).sqrt()
+            assert abs(rest) <= felt * allowed, case.states.as_json(index)

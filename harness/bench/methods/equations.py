@@ -18,7 +18,7 @@ import numpy as np
 from harness.bench.methods import Accelerations, Method, Prepared
 from harness.certify.reference import Reference
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.derivation import load_system
 from harness.equations.kernels import heyoka_expressions, solve_symmetric

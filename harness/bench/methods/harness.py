@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.certify.compare import compare
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.truth import reference_kernel
 from harness.engines import accelerations, linear_velocity_in_body, load_engine
 from harness.equations.states import States
 

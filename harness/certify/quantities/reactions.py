@@ -31,6 +31,8 @@ class ReactionTruth:
 
     def __init__(self, question: Question) -> None:
         mechanism, declared = question.mechanism, question.declared
+        if mechanism.constraints is not None or declared.constraints:
+            raise NotOffered("the reactions of trees alone are certified, and its coordinates are tied by constraints")
         self._question = question
         self._joints = tuple(dict.fromkeys(mechanism.joints))
         robot = replace(robot_of(declared, mechanism.gravity), joints=self._joints)

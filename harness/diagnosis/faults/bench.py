@@ -15,9 +15,10 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.expected import AGREES, load_expectations
+from harness.crosscheck.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
-from harness.crosscheck.tasks import reference_kernel
+from harness.crosscheck.tasks import Assignment, reference_kernel_of
 from harness.diagnosis.faults.baseline import RED, Baseline, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
@@ -30,7 +31,6 @@ from harness.engines import (
     accelerations,
     engine_files,
     factorises_mass_matrix,
-    linear_velocity_in_body,
     load_engine,
     select_subjects,
 )
@@ -105,12 +105,17 @@ class FaultBench:
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
-    def _reference(self, engine: Engine, diagnostic: bool = False) -> Reference:
-        """Certified once: it does not depend on the fault."""
-        kernel = reference_kernel(self.mechanism, linear_velocity_in_body(engine))
+    def _reference(self, subject: Subject, model: ModelFile | None, diagnostic: bool = False) -> Reference:
+        """The truth of a subject on an unmodified model, certified once."""
+        assignment = Assignment(self._library, subject, self.mechanism, model)
+        kernel, states = reference_kernel_of(assignment), self._diagnostic_states if diagnostic else self._states
         if (kernel, diagnostic) not in self._references:
-            self._references[kernel, diagnostic] = kernel.evaluate(self._diagnostic_states if diagnostic else self._states)
-        return self._references[kernel, diagnostic]
+            self._references[kernel, diagnostic] = kernel.evaluate(states)
+        reference = self._references[kernel, diagnostic]
+        if model is not self.model:
+            return reference
+        gaps = gaps_of(self._load(load_engine(self._library, subject.engine), model), states)
+        return beside_gaps(reference, self.mechanism, states, gaps)
 
     def _join(self, subject: Subject) -> str:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
@@ -135,7 +140,7 @@ class FaultBench:
             return f"{subject}: {reason}"
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
-        reference = self._reference(engine)
+        reference = self._reference(subject, source if isinstance(source, ModelFile) else None)
         expected = self._expected.get((self._name, str(subject)), AGREES)
         comparison = compare(reference, answers, factorises_mass_matrix(engine))
         require_sound(path, self._name, subject, comparison, expected)
@@ -151,7 +156,7 @@ class FaultBench:
     def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
-            reference = self._reference(reader.engine, diagnostic=True)
+            reference = self._reference(reader.subject, self.model, diagnostic=True)
             sound = Baseline(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
@@ -168,7 +173,7 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
-                answers = accelerations(loaded, self._states)
+                answers = answers_with_gaps(loaded, self._states)
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue

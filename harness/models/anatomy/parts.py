@@ -143,7 +143,7 @@ class Anatomy:
 
     Attributes:
         bodies: in document order.
-        positions: every vector of lengths beside offsets and centres of mass: points of springs, places of joints.
+        positions: every vector of lengths beside offsets and centres of mass: points of springs and constraints, places of joints.
         gravity: None in a URDF. stages: those of MJCF that a file can switch off. angle: unit of MJCF's angles;
             euler_sequence: axes they turn about, lower case where these move along.
         others: springs and dampers between points: (stiffness, damping, length).

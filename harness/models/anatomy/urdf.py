@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Body, Inertial, Joint, Parts, Slot
-from harness.models.formats import POINT_SPRING
+from harness.models.formats import BALL_CONSTRAINT, POINT_SPRING
 from harness.models.text import Edit, Element
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
@@ -27,7 +27,12 @@ def anatomy(parts: Parts) -> Anatomy:
     """Take the model apart."""
     carried = {_link(parts, joint, "child"): joint for joint in parts.all("robot", "joint")}
     springs = parts.all("robot", POINT_SPRING)
-    points = [parts.inside(spring, f"{POINT_SPRING}_{end}") for spring in springs for end in ("p_AP", "p_BQ")]
+    points = [
+        parts.inside(pair, f"{tag}_{end}")
+        for tag in (POINT_SPRING, BALL_CONSTRAINT)
+        for pair in parts.all("robot", tag)
+        for end in ("p_AP", "p_BQ")
+    ]
     return Anatomy(
         model=parts.model,
         bodies=tuple(_body(parts, link, carried.get(link.get("name"))) for link in parts.all("robot", "link")),

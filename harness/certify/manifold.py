@@ -1,0 +1,119 @@
+"""States of a mechanism with constraints: the coordinates that constraints determine, found on the branch of its assembly.
+
+The other coordinates are given float64 numbers. ``harness.certify.branch`` finds the configuration in float64, and
+``harness.certify.enclosure`` proves that it is one. A state holds the float64 numbers nearest to what was enclosed.
+
+Where that fails the state keeps the determined coordinates of the assembly. It does not close the constraints there, so that its truth
+is undecided (``harness.certify.reference``), and nobody is judged by a state that was made up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.branch import Branch
+from harness.certify.enclosure import Encloser, Enclosure, nearest
+from harness.certify.forward_mode import jacobians, values
+from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.equations.constraints import JACOBIAN, RATE, RESIDUAL
+from harness.equations.mechanism import Mechanism
+from harness.equations.program import without_unused
+from harness.equations.states import States
+from harness.storage import Kept
+
+# Of data roundoffs of a row: evaluating it in float64 rounds about as often as its inputs are rounded.
+_ROUNDINGS = 16
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+def closed(mechanism: Mechanism, states: States) -> States:
+    """``states`` with the coordinates and rates that constraints determine at their values; the same states for a tree.
+
+    A state that the branch does not reach keeps the positions of the assembly for them.
+    """
+    if mechanism.constraints is None or not len(states):
+        return states
+    constraints = mechanism.constraints
+    positions, rates = list(constraints.positions), list(constraints.rates)
+    branch, encloser = _closures(mechanism)
+    q, v = branch.at(states.q), states.v.copy()
+    for index in range(len(q)):
+        found = encloser.enclose(q[index].tolist(), v[index].tolist()) if np.isfinite(q[index]).all() else None
+        if found is None:
+            q[index, positions] = np.array(constraints.assembly)[positions]
+            continue
+        q[index, positions] = [nearest(ball) for ball in found.positions]
+        v[index, rates] = [nearest(ball) for ball in found.rates]
+    return States(q, v, states.tau, states.time)
+
+
+def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:
+    """The configuration that has the given coordinates that no constraint determines, and the others near those of q, (nv,).
+
+    None where no ball can be proved to hold one configuration and no other. ``mechanism`` has constraints.
+    """
+    return _closures(mechanism)[1].enclose(q.tolist(), v.tolist())
+
+
+def closes(mechanism: Mechanism, states: States) -> Flags:
+    """(n,) whether a state closes all constraints, in positions and in rates, as far as half an ulp of each input leaves it open."""
+    if mechanism.constraints is None:
+        return np.ones(len(states), dtype=np.bool_)
+    left, open_by_data = rows_left(mechanism, states)
+    allowed = _ROUNDINGS * open_by_data
+    found: Flags = np.asarray((np.abs(left) <= allowed).all(axis=1))
+    # Lengths that cancel in a row are rounded in float64, which a row near zero angles need not forgive: balls tell.
+    finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(allowed).all(axis=1)
+    for index in np.flatnonzero(~found & finite).tolist():
+        found[index] = _closures(mechanism)[1].is_closed(states.q[index].tolist(), states.v[index].tolist(), allowed[index].tolist())
+    return found
+
+
+def rows_left(mechanism: Mechanism, states: States) -> tuple[Array, Array]:
+    """What the rows and their rates leave, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
+
+    ``mechanism`` has constraints.
+    """
+    assert mechanism.constraints is not None
+    program = mechanism.constraints.program
+    rows = without_unused(replace(program, outputs={name: program.outputs[name] for name in (RESIDUAL, RATE)}))
+    inputs = mechanism.inputs(states)
+    scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
+    # In a sum with another angle a large one would round its digits away.
+    for place in set(program.turning) & set(range(mechanism.nq)):
+        inputs[place] = np.arctan2(np.sin(inputs[place]), np.cos(inputs[place]))
+    left, slopes = values(rows, inputs), jacobians(rows, inputs)
+    with np.errstate(all="ignore"):
+        moved = [UNIT_ROUNDOFF * (np.abs(slopes[name]) * scales).sum(axis=1).T for name in (RESIDUAL, RATE)]
+    return np.hstack([left[name].T for name in (RESIDUAL, RATE)]), np.hstack(moved)
+
+
+def rank_condition(mechanism: Mechanism, states: States, norm_factor: Array) -> Array:
+    """(n,) condition number of J M^-1 J' scaled to unit diagonal, over the rows that are not redundant; infinite where they lose rank.
+
+    ``norm_factor``, (n, nv, nv), is the factor R of M = R'R. ``mechanism`` has constraints.
+    """
+    assert mechanism.constraints is not None
+    program, nv = mechanism.constraints.program, mechanism.nv
+    rows = without_unused(replace(program, outputs={JACOBIAN: program.outputs[JACOBIAN]}))
+    jacobian = values(rows, mechanism.inputs(states))[JACOBIAN].reshape(-1, nv, len(states)).transpose(2, 1, 0)
+    with np.errstate(all="ignore"):
+        pivots = np.diagonal(norm_factor, axis1=1, axis2=2)
+        regular = np.asarray(np.isfinite(norm_factor).all(axis=(1, 2)) & (pivots != 0).all(axis=1))
+        factor = np.where(regular[:, None, None], norm_factor, np.eye(nv))
+        columns = np.linalg.solve(factor.transpose(0, 2, 1), jacobian[:, :, list(mechanism.constraints.independent)])
+        columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)
+        usable = np.asarray(regular & np.isfinite(columns).all(axis=(1, 2)))
+        sizes = np.linalg.svd(np.where(usable[:, None, None], columns, 0.0), compute_uv=False)
+        return np.where(usable, (sizes[:, 0] / sizes[:, -1]) ** 2, np.inf)
+
+
+_CLOSURES: Kept[tuple[Branch, Encloser]] = Kept(64)
+
+
+def _closures(mechanism: Mechanism) -> tuple[Branch, Encloser]:
+    return _CLOSURES.get(mechanism.key, lambda: (Branch(mechanism), Encloser(mechanism)))

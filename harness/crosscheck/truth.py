@@ -1,0 +1,101 @@
+"""What the answers of a subject are held against: the equations of its mechanism, or of one whose constraints give by a declared law.
+
+``rigid`` truth holds constraints exactly. An engine may document that it solves another problem, in which constraints give by numbers
+of the model file. Its answers are held against that *declared* problem, and how far they are from rigid is a property of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from harness.certify.reference import ReferenceKernel
+from harness.engines import ConstraintLaw
+from harness.equations.constraint_forces import Softness, softened_program
+from harness.equations.constraints import Constraints
+from harness.equations.mechanism import Mechanism
+from harness.errors import InvalidModel
+from harness.models.model_file import ModelFile
+from harness.robots.inverse_weights import inverse_weights
+from harness.storage import Kept
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Equations, and the frame of the linear velocity of free joints; equal where the equations are.
+
+    Attributes:
+        linear_velocity_in_body: whether that is the body's frame, not the joint's.
+        is_declared: whether constraints give by a law of the model file.
+    """
+
+    mechanism: Mechanism
+    linear_velocity_in_body: bool = False
+    is_declared: bool = False
+
+    @property
+    def key(self) -> Hashable:
+        return self.mechanism.key, self.linear_velocity_in_body
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Truth) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def kernel(self) -> ReferenceKernel:
+        """The certified kernel, compiled once per process."""
+        return _KERNELS.get(self.key, lambda: ReferenceKernel(self.mechanism, self.linear_velocity_in_body))
+
+    @property
+    def is_known(self) -> bool:
+        """True if this process has compiled the kernel."""
+        return self.key in _KERNELS
+
+
+def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
+    """The certified kernel of a mechanism's own equations, compiled once per process."""
+    return Truth(mechanism, linear_velocity_in_body and bool(mechanism.charts_in_body)).kernel
+
+
+def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:
+    """The law of each row of a mechanism's constraints near which it stays, by the laws that an engine declares of a model file.
+
+    Raises:
+        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many.
+    """
+    weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
+    rows = []
+    for name in constraints.names:
+        law, count = laws[name], constraints.rows.count(name)
+        inverse_masses: list[float | None] = [None] * count
+        if law.weights is not None:
+            own = [sum(weights[part] for part in row) for row in law.weights]
+            if len(own) != count and len(set(own)) > 1:
+                line = next(one.line for one in model.constraints if one.name == name)
+                raise InvalidModel(model.path, line, f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
+            inverse_masses = list(own if len(own) == count else [own[0]] * count)
+        impedance = law.impedance.at(0.0)
+        # R = (1 - d) / d A is no less than the engine's least number.
+        least = law.least_regularisation * impedance / (1 - impedance)
+        rows += [
+            Softness(impedance, law.stiffness, law.damping, mass if mass is None else max(mass, least), law.has_curvature)
+            for mass in inverse_masses
+        ]
+    return rows
+
+
+def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
+    """The mechanism whose constraints give by ``rows``, one law for each row, whose numbers are its last parameters."""
+
+    def write() -> Mechanism:
+        assert mechanism.constraints is not None
+        program, numbers = softened_program(mechanism.constraints, rows)
+        return replace(mechanism, program=program, parameters=(*mechanism.parameters, *((name, value, "") for name, value in numbers)))
+
+    return _SOFTENED.get((mechanism.key, tuple(rows)), write)
+
+
+_KERNELS: Kept[ReferenceKernel] = Kept(64)
+_SOFTENED: Kept[Mechanism] = Kept(64)

@@ -1,0 +1,85 @@
+"""The law of each constraint that MuJoCo documents, from the model file alone.
+
+Stiffness and damping follow from ``solref``, the impedance from ``solimp``. Two things stand in the program alone: couplings of joints
+and tendons leave J' v out, so that a coupling that is not linear is wrong by it however stiff it is; and a body that only slides along
+its axes, and carries none, has for its inverse weight 1/m instead of a mean over three directions.
+
+Source: MuJoCo documentation, Computation, section Solver parameters; MuJoCo 4.0, engine_core_constraint.c (getsolparam,
+mj_makeImpedance, mj_diagApprox, mj_Jdotv).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from lxml import etree
+
+from harness.models.constraint_law import ConstraintLaw, Impedance, InverseWeight
+from harness.models.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, Softness, TendonConstraint
+from harness.models.mjcf_forces import is_on
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.xml import parse_document
+
+# mjMINIMP, mjMAXIMP and mjMINVAL.
+LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15
+_TIMESTEP = 0.002
+
+
+def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
+    """The law of each constraint by name; those of a URDF, which says nothing of it, are as soft as MuJoCo's defaults."""
+    if not file.constraints:
+        return {}
+    root = parse_document(file.path, file.text, ROOT_TAGS[file.format]).root
+    least_time = _least_time_constant(root)
+    exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
+    return {one.name: _law(one, least_time, exact) for one in file.constraints}
+
+
+def _least_time_constant(root: etree._Element) -> Fraction:
+    """What ``solref`` is raised to: two steps, unless the flag "refsafe" is off."""
+    written = [option.get("timestep") for option in root.iterfind("option[@timestep]")]
+    return 2 * Fraction(float(written[-1]) if written else _TIMESTEP) if is_on(root, "refsafe") else Fraction(0)
+
+
+def _law(constraint: ModelConstraint, least_time: Fraction, exact: bool) -> ConstraintLaw:
+    softness = constraint.softness or Softness()
+    impedance = _impedance(softness)
+    stiffness, damping = _stiffness_and_damping(softness, Fraction(impedance.most), least_time)
+    return ConstraintLaw(
+        impedance=impedance,
+        stiffness=float(stiffness),
+        damping=float(damping),
+        weights=None if exact else _weights(constraint),
+        has_curvature=isinstance(constraint, PointConstraint | FrameConstraint),
+        least_regularisation=LEAST_NUMBER,
+    )
+
+
+def _impedance(softness: Softness) -> Impedance:
+    least, most, width, midpoint, power = softness.solimp
+    bounded = (min(MOST_IMPEDANCE, max(LEAST_IMPEDANCE, value)) for value in (least, most, midpoint))
+    least, most, midpoint = bounded
+    return Impedance(least, most, max(0.0, width), midpoint, max(1.0, power))
+
+
+def _stiffness_and_damping(softness: Softness, most: Fraction, least_time: Fraction) -> tuple[Fraction, Fraction]:
+    time, ratio = map(Fraction, softness.solref)
+    least = Fraction(LEAST_NUMBER)
+    if time <= 0:
+        return -time / max(least, most**2), -ratio / max(least, most)
+    time = max(time, least_time)
+    return 1 / max(least, (most * time * ratio) ** 2), 2 / max(least, most * time)
+
+
+def _weights(constraint: ModelConstraint) -> tuple[tuple[InverseWeight, ...], ...]:
+    if isinstance(constraint, PointConstraint | FrameConstraint):
+        bodies = [end.body for end in constraint.ends]
+        translation, rotation = (
+            (InverseWeight("translation", bodies[0]), InverseWeight("translation", bodies[1])),
+            (InverseWeight("rotation", bodies[0]), InverseWeight("rotation", bodies[1])),
+        )
+        return (translation,) * 3 + ((rotation,) * 3 if isinstance(constraint, FrameConstraint) else ())
+    if isinstance(constraint, JointConstraint):
+        return (tuple(InverseWeight("joint", name) for name in (constraint.joint, constraint.leader) if name is not None),)
+    assert isinstance(constraint, TendonConstraint)
+    return (tuple(InverseWeight("tendon", one.name) for one in (constraint.tendon, constraint.leader) if one is not None),)

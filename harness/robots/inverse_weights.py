@@ -1,0 +1,237 @@
+"""The inverse weights by which MuJoCo scales soft constraints, from a model file alone: diagonals of J M^-1 J' in its zero position.
+
+There every body stands where its pose says, so that no joint turns anything: each velocity is a motion about or along a line of the
+file. M is summed over the bodies in the frame of the world, and everything is evaluated in balls.
+
+MuJoCo's program makes an exception that its documentation does not hold: a body that only slides along its own axes, that hangs on
+the world, carries no body, and whose inertia is given in its own frame, has 1/m for its translation and for each slide.
+
+Source: MuJoCo 4.0, engine_setconst.c (set0) and user_model.cc (body_simple).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from typing import Any
+
+from harness.equations.kernels import BallKernel
+from harness.equations.program import without_unused
+from harness.models.constraint_law import InverseWeight
+from harness.models.constraints import End, Tendon, TendonConstraint
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.xml import parse_document
+from harness.robots.bounds import bounded
+from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.robot import tree_of
+from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.tree import WORLD, Body, Given, Joint, Tree, vector
+
+_BITS = 192
+# IsNullPose and mjEPS of MuJoCo's compiler.
+_NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
+
+# A motion of the world's frame: angular velocity, and velocity of the world's origin.
+Motion = tuple[Three, Three]
+
+
+def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[InverseWeight, float]:
+    """Each inverse weight, rounded once [1/kg, or 1/(kg m^2)]; 0 for what no joint moves.
+
+    Raises:
+        InvalidModel: as ``read_robot``. ValueError: the zero position has no inverse of M.
+    """
+    # Gravity has no part in it.
+    tree = bounded(tree_of(model, 0.0))
+    return _AtZero(model, tree).evaluated(list(dict.fromkeys(wanted)))
+
+
+class _AtZero(BodyWriter):
+    """Writes M, and rows J, of one tree in its zero position."""
+
+    def __init__(self, model: ModelFile, tree: Tree) -> None:
+        super().__init__(())
+        self._tree = tree
+        self.scale_to(tree)
+        self._motions: list[Motion] = []
+        self._columns: dict[str, list[int]] = {}
+        self._armatures: list[int] = []
+        self._frames: dict[str, tuple[Matrix, Three]] = {WORLD: (self.identity, self.still)}
+        # The velocities that move each body, of its own joints and of those before.
+        self._moved_by: dict[str, list[int]] = {WORLD: []}
+        self._rigids: dict[str, Rigid] = {}
+        # The body that an engine makes one with what is fixed to it.
+        self._carrier = {WORLD: WORLD}
+        fuses = _fuses(model)
+        for body in tree.bodies:
+            self._place(body)
+            self._carrier[body.name] = self._carrier[body.parent] if fuses and not body.joints else body.name
+        self._tendons = {
+            one.name: one for each in model.constraints if isinstance(each, TendonConstraint) for one in (each.tendon, each.leader) if one
+        }
+
+    def _place(self, body: Body) -> None:
+        turn, shift = self._frames[body.name] = self.placed(*self._frames[body.parent], body.pose)
+        for joint in body.joints:
+            columns = self._columns[joint.name] = list(range(len(self._motions), len(self._motions) + len(self._add(joint, turn, shift))))
+            self._armatures += [self.given(joint.armature)] * len(columns)
+        own = [column for joint in body.joints for column in self._columns[joint.name]]
+        self._moved_by[body.name] = [*self._moved_by[body.parent], *own]
+        rigid = Rigid(self.zero, self.still, [self.still] * 3)
+        for part in self.parts(body):
+            rigid = self.joined(rigid, self.moved(part, turn, shift))
+        self._rigids[body.name] = rigid
+
+    def _add(self, joint: Joint, turn: Matrix, shift: Three) -> list[Motion]:
+        """Add the motions of a joint of a body in its frame."""
+        frame, offset = self.placed(turn, shift, joint.pose)
+        anchor = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
+        if joint.kind in ("hinge", "slide"):
+            axis = self.turned(frame, self.direction(joint.axis))
+            found = [(axis, self.cross(anchor, axis)) if joint.kind == "hinge" else (self.still, axis)]
+        else:
+            found = [(axis, self.cross(anchor, axis)) for axis in transposed(turn)]
+            if joint.kind == "free":
+                found = [*((self.still, row) for row in self.identity), *found]
+        self._motions += found
+        return found
+
+    def _mass_matrix(self) -> list[list[int]]:
+        size = len(self._motions)
+        entries = [[self.zero] * size for _ in range(size)]
+        for body in self._tree.bodies:
+            rigid, columns = self._rigids[body.name], self._moved_by[body.name]
+            for column in columns:
+                angular, linear = self._motions[column]
+                moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
+                momentum = self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
+                for row in columns:
+                    power = self.sum(self.dot(self._motions[row][0], moment), self.dot(self._motions[row][1], momentum))
+                    entries[row][column] = self.sum(entries[row][column], power)
+        for column, armature in enumerate(self._armatures):
+            entries[column][column] = self.sum(entries[column][column], armature)
+        return entries
+
+    def _rows(self, wanted: InverseWeight) -> list[list[int]]:
+        """The rows of J of an inverse weight."""
+        if wanted.kind == "joint":
+            columns = self._columns[wanted.of]
+            # Of a free joint the translations, as those of its first velocity.
+            return [[self.number(int(column == own)) for column in range(len(self._motions))] for own in columns[:3]]
+        if wanted.kind == "tendon":
+            return [self._tendon(self._tendons[wanted.of])]
+        columns = self._moved_by[wanted.of]
+        centre = self._centre(wanted.of) if wanted.kind == "translation" and columns else self.still
+        found = [[self.zero] * len(self._motions) for _ in range(3)]
+        for column in columns:
+            felt = self._motions[column][0] if wanted.kind == "rotation" else self._velocity(column, centre)
+            for axis in range(3):
+                found[axis][column] = felt[axis]
+        return found
+
+    def _centre(self, name: str) -> Three:
+        """The centre of mass of a body with all that is made one with it."""
+        whole = Rigid(self.zero, self.still, [self.still] * 3)
+        for body, carrier in self._carrier.items():
+            if carrier == self._carrier[name] and body != WORLD:
+                whole = self.joined(whole, self._rigids[body])
+        return [self.quotient(value, whole.mass) for value in whole.first]
+
+    def _velocity(self, column: int, point: Three) -> Three:
+        angular, linear = self._motions[column]
+        return self.added(linear, self.cross(angular, point))
+
+    def _tendon(self, tendon: Tendon) -> list[int]:
+        found = [self.zero] * len(self._motions)
+        for name, multiple in tendon.joints:
+            (column,) = self._columns[name]
+            found[column] = self.sum(found[column], self.number(Fraction(multiple)))
+        places = [self._point(end) for end in tendon.points]
+        for (first, start), (second, end) in itertools.pairwise(places):
+            span = self.added(end, self.minus(start))
+            along = self.unit(span)
+            for sign, body, point in ((1, second, end), (-1, first, start)):
+                for column in self._moved_by[body]:
+                    rate = self.product(self.number(sign), self.dot(along, self._velocity(column, point)))
+                    found[column] = self.sum(found[column], rate)
+        return found
+
+    def _point(self, end: End) -> tuple[str, Three]:
+        turn, shift = self._frames[end.body]
+        return end.body, self.added(shift, self.turned(turn, self.numbers(vector(end.point))))
+
+    def evaluated(self, wanted: Sequence[InverseWeight]) -> dict[InverseWeight, float]:
+        """The inverse weights."""
+        import flint
+
+        sliders = {name: body for body in self._tree.bodies if self._only_slides(body) for name in (body.name, *_names(body.joints))}
+        rows = {one: [] if one.of in sliders and one.kind != "tendon" else self._rows(one) for one in wanted}
+        outputs = {"mass": [entry for row in self._mass_matrix() for entry in row]}
+        outputs |= {str(number): [entry for row in each for entry in row] for number, each in enumerate(rows.values())}
+        masses = {name: self._rigids[body.name].mass for name, body in sliders.items()}
+        outputs["sliders"] = list(masses.values())
+        program = without_unused(self.program(outputs))
+        with flint.ctx.workprec(_BITS):
+            evaluate = BallKernel(program, len(self.parameters)).bind([float(value) for value in self.parameters])
+            values = iter(evaluate())
+            found: dict[str, list[Any]] = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
+            mass = flint.arb_mat(len(self._motions), len(self._motions), found["mass"])
+            of_slider = dict(zip(masses, found["sliders"], strict=True))
+            weights = {}
+            for number, one in enumerate(rows):
+                if one.of in of_slider and one.kind != "tendon":
+                    weights[one] = 0.0 if one.kind == "rotation" else float(1 / of_slider[one.of])
+                else:
+                    weights[one] = _mean_diagonal(mass, found[str(number)])
+            return weights
+
+    def _only_slides(self, body: Body) -> bool:
+        """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
+        hangs = body.parent == WORLD or (not self._moved_by[body.parent] and self._parent(body.parent) == WORLD)
+        is_leaf = all(other.parent != body.name for other in self._tree.bodies)
+        slides = bool(body.joints) and all(joint.kind == "slide" and _is_along_one(joint) for joint in body.joints)
+        return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
+
+    def _parent(self, name: str) -> str:
+        return next(body.parent for body in self._tree.bodies if body.name == name)
+
+
+def _names(joints: Iterable[Joint]) -> tuple[str, ...]:
+    return tuple(joint.name for joint in joints)
+
+
+def _is_along_one(joint: Joint) -> bool:
+    """True for an axis along one of the body's, through the body's origin."""
+    is_still = not joint.pose and all(abs(value) < _NO_SHIFT for value in joint.anchor)
+    return is_still and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
+
+
+def _stands_in_body(body: Body) -> bool:
+    """True where a body's inertia is given about its origin, along its axes, in falling order where that is found by diagonalising."""
+    assert body.inertia is not None
+    xx, yy, zz, *products = body.inertia.moments
+    is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
+    in_order = not any(products) and (not is_matrix or xx >= yy >= zz)
+    return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
+
+
+def _fuses(model: ModelFile) -> bool:
+    """True where MuJoCo makes bodies that no joint moves one with their parents; in a URDF with constraints it is told not to."""
+    if model.format == "urdf":
+        return False
+    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
+    return [compiler.get("fusestatic") for compiler in root.iterfind("compiler[@fusestatic]")][-1:] == ["true"]
+
+
+def _mean_diagonal(mass: Any, entries: list[Any]) -> float:
+    """The mean of the diagonal of J M^-1 J', J by rows in ``entries``."""
+    import flint
+
+    size = mass.nrows()
+    jacobian = flint.arb_mat(len(entries) // size, size, entries)
+    try:
+        weights = jacobian * mass.solve(jacobian.transpose())
+    except ZeroDivisionError:
+        raise ValueError("the mass matrix has no inverse in the zero position of the model") from None
+    return float(sum((weights[i, i] for i in range(weights.nrows())), flint.arb(0)) / weights.nrows())
