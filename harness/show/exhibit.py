@@ -210,8 +210,8 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
 
 
 def sizes_of_formulations(exhibit: Exhibit) -> str:
-    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model."""
-    if not exhibit.models:
+    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model, and for one with loops."""
+    if not exhibit.models or exhibit.mechanism.constraints is not None:
         return ""
     mechanism, model = exhibit.mechanism, next(iter(exhibit.models.values()))
     try:

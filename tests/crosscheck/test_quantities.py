@@ -181,7 +181,7 @@ def test_the_declared_file_is_the_librarys_own() -> None:
     assert declared_model(BUILT_IN, "arm_2r").path == BUILT_IN.model_path("arm_2r", "mjcf")
     assert declared_model(BUILT_IN, "simple_pendulum.mimic").path == BUILT_IN.model_path("simple_pendulum.mimic", "urdf")
     with pytest.raises(NotOffered, match="has no model file"):
-        declared_model(BUILT_IN, "cycloid_bead")
+        declared_model(BUILT_IN, "whipple_bicycle")
 
 
 def test_a_library_that_is_wrong_itself_is_no_truth(tmp_path: Path) -> None:
