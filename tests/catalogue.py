@@ -22,7 +22,7 @@ def is_tied(name: str) -> bool:
     """Whether a built-in system has constraints beside its joints."""
     path = BUILT_IN.system_path(name)
     member = member_of(path)
-    return "constraints={" in (path if member is None else member[0]).read_text(encoding="utf-8")
+    return "constraints=" in (path if member is None else member[0]).read_text(encoding="utf-8")
 
 
 # Systems whose joints carry their coordinates themselves.

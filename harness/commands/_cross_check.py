@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from harness.commands._bracket import Bracket
+from harness.results.records import ACCELERATIONS
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
-    from harness.results.cross_check import Cause
+    from harness.results.cross_check import Cause, CrossCheckResult
 
 
-def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
-    """Run to the end, and find why some records are not as expected; the causes are added to the result."""
-    from harness.crosscheck.run import CrossCheck
+def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,)) -> CrossCheck:
+    """Run to the end, and find why some records are not as expected; the causes are added to the result.
+
+    One cross-check follows the other where there are several quantities; the last has the records of all, and what failed.
+    """
     from harness.results.cross_check import CrossCheckResult
 
-    study = CrossCheck(settings)
-    found = study.result()
-    bracket.complete(study, lambda: {"records": found.records, "superfluous": found.superfluous, "differs": found.differs})
-    found.records.sort(key=lambda record: (record.system, record.subject))
+    before: CrossCheck | None = None
+    for study in _studies(settings, quantities):
+        found: CrossCheckResult = study.result()
+        if before is not None:
+            _append(before, study)
+        bracket.complete(study, functools.partial(_document, found))
+        before = study
+    # What engines hold is the same whatever they are asked for.
+    found.differs[:] = [one for place, one in enumerate(found.differs) if one not in found.differs[:place]]
+    found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
     further = {"causes": found.causes, "remarks": settings.library.remarks()}
@@ -29,9 +40,35 @@ def cross_check(bracket: Bracket, settings: Settings) -> CrossCheck:
     return study
 
 
+def _document(found: CrossCheckResult) -> Mapping[str, Any]:
+    """The parts of the JSON file while a cross-check runs."""
+    return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
+
+
+def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossCheck]:
+    """The cross-check of each quantity, each made when the one before is complete; accelerations come first."""
+    from harness.certify.quantities import find_quantities
+    from harness.crosscheck.quantities import QuantityCheck
+    from harness.crosscheck.run import CrossCheck
+
+    if ACCELERATIONS in quantities:
+        yield CrossCheck(settings)
+    yield from (QuantityCheck(settings, quantity) for name, quantity in find_quantities().items() if name in quantities)
+
+
+def _append(before: CrossCheck, study: CrossCheck) -> None:
+    """Add what was found before to what a study has found so far."""
+    study.result().extend(before.result())
+    for problem in before.problems:
+        study.report(problem)
+    study.faults += before.faults
+    study.crashes |= before.crashes
+    study.crashed |= before.crashed
+
+
 def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
-    """Why those records are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
-    records = study.result().records
+    """Why those records of accelerations are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+    records = [record for record in study.result().records if record.quantity == ACCELERATIONS]
     if all(record.as_expected for record in records):
         return []
     # Imported late: a run in which all is well needs nothing of it.

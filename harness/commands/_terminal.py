@@ -146,7 +146,7 @@ def print_unexpected(records: Sequence[Record]) -> None:
         say("", *record.explanation.split("\n"))
     for record in Records(records):
         if record.as_expected and record.message and record.backward_error is not None:
-            say("", f"{record.system} {record.subject}: {record.message}")
+            say("", f"{record.title}: {record.message}")
 
 
 def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart], differs: Sequence[HeldDifference] = ()) -> None:

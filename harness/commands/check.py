@@ -13,18 +13,25 @@ import click
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
 from harness.commands._model_files import refuse_alone
-from harness.commands._options import stand_in_options, states_option, subjects_option
+from harness.commands._options import known_quantities, quantities_option, stand_in_options, states_option, subjects_option
 
 
 @click.command("check")
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
+@quantities_option
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
 def command(
-    bracket: Bracket, names: tuple[str, ...], states: int, subjects: tuple[str, ...], stand_ins: Mapping[str, Path], state: str | None
+    bracket: Bracket,
+    names: tuple[str, ...],
+    states: int,
+    subjects: tuple[str, ...],
+    quantities: tuple[str, ...],
+    stand_ins: Mapping[str, Path],
+    state: str | None,
 ) -> None:
     """Cross-check NAMEs, or all there are, and print a table.
 
@@ -39,6 +46,7 @@ def command(
       harness check 'double_pendulum*'
       harness check double_pendulum arm_7r --states 10000
       harness check double_pendulum --mjcf edited.xml
+      harness check double_pendulum --quantity reactions
       harness check --library mine --subject mujoco/mjcf --json out.json
       harness check robot.urdf --floating-base
     """
@@ -58,7 +66,7 @@ def command(
         replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
     bracket.begin(states, "check")
-    finish(bracket, cross_check(bracket, settings))
+    finish(bracket, cross_check(bracket, settings, known_quantities(quantities)))
 
 
 def _parse_state(text: str | None) -> Any:

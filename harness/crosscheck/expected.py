@@ -4,6 +4,8 @@
 ``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with the verdict
 ``unstable`` also bounds what the reason explains of the sampled states: the ``median_backward_error``, and the ``share`` of them that
 is unstable. An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
+An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
+for anything.
 """
 
 from __future__ import annotations
@@ -16,9 +18,11 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from harness.certify.quantities import find_quantities
 from harness.engines import Subject, subjects
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.results.records import ACCELERATIONS
 from harness.verdict import SEVERITY, Verdict
 
 Text = Annotated[str, msgspec.Meta(min_length=1)]
@@ -61,6 +65,7 @@ class Expectation(Entry, frozen=True, kw_only=True):
     """A table about a system; its verdict holds up to ``limit``, so that a fault still shows beside it."""
 
     system: Text
+    quantity: Text = ACCELERATIONS
 
 
 # Of a pair without an entry.
@@ -125,8 +130,8 @@ def read_entries(
     return entries
 
 
-def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]:
-    """Expectations by (label of a system, subject); a pair without an entry is expected to agree.
+def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Mapping[tuple[str, str], Expectation]:
+    """Expectations of a quantity by (label of a system, subject); a pair without an entry is expected to agree.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
@@ -137,10 +142,13 @@ def load_expectations(library: Library) -> Mapping[tuple[str, str], Expectation]
         "system": library.expectable_names(),
         "subject": list(map(str, subjects(library))),
         "verdict": SEVERITY,
+        "quantity": [ACCELERATIONS, *find_quantities()],
     }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject"), compared, TABLES)
-    return {(entry.system, entry.subject): entry for entry in entries.values()}
+    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject", "quantity"), compared, TABLES)
+    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
+    own = [entry for entry in entries.values() if entry.quantity == quantity]
+    return {(entry.system, entry.subject): entry for entry in (*everywhere, *own)}
 
 
 def why_no_model(library: Library, system: str, subject: Subject, expectations: Mapping[tuple[str, str], Expectation]) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import load_expectations, why_no_model
+from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
 from harness.crosscheck.progress import Asking, Pair, Pairs, System, answering
 from harness.crosscheck.settings import Settings, stored_states
 from harness.crosscheck.static_audit import load_expected_differences
@@ -36,7 +36,7 @@ class Loading(Asking):
         super().__init__(settings)
         self.names = settings.library.select(settings.names, with_variants=True)
         self.subjects = select_subjects(settings.library, settings.subjects)
-        self.expectations = load_expectations(settings.library)
+        self.expectations = self._expectations()
         self.expected_differences = load_expected_differences(settings.library)
         if settings.stand_ins and len(self.names) != 1:
             raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
@@ -64,6 +64,10 @@ class Loading(Asking):
                         self.crashes.add((name, str(subject)))
         for system in self._systems.values():
             self._load(system)
+
+    def _expectations(self) -> Mapping[tuple[str, str], Expectation]:
+        """What is expected by (label of a system, subject)."""
+        return load_expectations(self.settings.library)
 
     def subjects_of(self, name: str) -> list[Subject]:
         """The subjects that are asked of a system or of a variant."""

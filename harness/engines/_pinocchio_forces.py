@@ -20,20 +20,31 @@ from harness.models.model_file import ForceElement, JointDamper, JointSpring, Po
 
 
 class JointPlace(NamedTuple):
-    """First index and number of a joint's positions and velocities."""
+    """First index and number of a joint's positions and velocities, and the number of the joint of the model that it is, or a part of."""
 
     idx_q: int
     nq: int
     idx_v: int
     nv: int
+    joint: int
+
+
+class _Pull(NamedTuple):
+    """A stretched spring: its ends in the world, the direction from the first to the second, the gradient of its length, its tension."""
+
+    point_a: Array
+    point_b: Array
+    along: Array
+    gradient: Array
+    tension: float
 
 
 def _joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
     """The joints of a file by name, in Pinocchio's order: several joints of one body are one composite joint of another name."""
     places: dict[str, JointPlace] = {}
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+    for number, (name, joint) in enumerate(zip(list(model.names)[1:], list(model.joints)[1:], strict=True), start=1):
         parts = [(name, joint)] if name not in composites else zip(composites[name], joint.extract().joints, strict=True)
-        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv) for part, one in parts}
+        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv, number) for part, one in parts}
     return places
 
 
@@ -97,15 +108,46 @@ class ForceElements:
         pinocchio.computeJointJacobians(self._model, self._data, configuration)
         total = np.zeros(self._model.nv)
         for spring in self._point_springs:
-            point_a, jacobian_a = self._point(spring.body_a, np.array(spring.point_a))
-            point_b, jacobian_b = self._point(spring.body_b, np.array(spring.point_b))
-            span = point_b - point_a
-            length = np.linalg.norm(span)
-            # Rate of the length is (its gradient) . velocity; the tension does work along it.
-            gradient = (span / length) @ (jacobian_b - jacobian_a)
-            tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ velocity)
-            total -= tension * gradient
+            pull = self._pull(spring, velocity)
+            total -= pull.tension * pull.gradient
         return total
+
+    def on_bodies(self, configuration: Array, velocity: Array) -> list[Any]:
+        """What springs between points do to the body of each joint, as a ``pinocchio.Force`` in the frame of the joint, at one state."""
+        import pinocchio
+
+        found = [pinocchio.Force.Zero() for _ in range(self._model.njoints)]
+        if self._point_springs:
+            pinocchio.computeJointJacobians(self._model, self._data, configuration)
+        for spring in self._point_springs:
+            pull = self._pull(spring, velocity)
+            for body, point, sign in ((spring.body_a, pull.point_a, 1.0), (spring.body_b, pull.point_b, -1.0)):
+                if joint := self._joint_of(body):
+                    place = self._data.oMi[joint]
+                    force = sign * pull.tension * pull.along
+                    turn = place.rotation.T
+                    found[joint] += pinocchio.Force(turn @ force, turn @ np.cross(point - place.translation, force))
+        return found
+
+    def _pull(self, spring: PointSpring, velocity: Array) -> _Pull:
+        """A spring at the configuration of the Jacobians in ``_data``."""
+        point_a, jacobian_a = self._point(spring.body_a, np.array(spring.point_a))
+        point_b, jacobian_b = self._point(spring.body_b, np.array(spring.point_b))
+        span = point_b - point_a
+        length = np.linalg.norm(span)
+        along = span / length
+        # Rate of the length is (its gradient) . velocity; the tension does work along it.
+        gradient = along @ (jacobian_b - jacobian_a)
+        tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ velocity)
+        return _Pull(point_a, point_b, along, gradient, float(tension))
+
+    def _joint_of(self, body: str) -> int:
+        """The joint of the model that carries a body; 0 for the world."""
+        import pinocchio
+
+        if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
+            return 0
+        return int(self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)].parentJoint)
 
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) and translational Jacobian (3, nv) of a point fixed in ``body``."""

@@ -89,6 +89,31 @@ class MujocoModel:
             rows.append(data.efc_pos.copy())
         return {self.model.equality(one).name: np.array(rows)[:, owners == one] for one in range(self.model.neq)} if rows else {}
 
+    def reactions(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines.reactions``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
+
+        It stands as (moment, force) along the world's axes, about the centre of mass of the whole tree that the body is in.
+        Spatial tendons pull at bodies from outside.
+        Source: MuJoCo documentation, API reference, ``mj_rnePostConstraint``, and ``mjData.cfrc_int``.
+        """
+        import mujoco
+
+        model, (positions, velocities) = self.model, self.addresses
+        data = mujoco.MjData(model)
+        bodies = np.array([model.joint(name).bodyid[0] for name in dict.fromkeys(self._joints)])
+        last = model.body_jntadr[bodies] + model.body_jntnum[bodies] - 1
+        found = np.empty((len(q), len(bodies), 6))
+        for state in range(len(q)):
+            data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            moments, forces = np.split(data.cfrc_int[bodies], 2, axis=1)
+            # The anchor of a slide in xanchor is where it stood before it slid.
+            anchors = data.xpos[bodies] + np.einsum("bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), model.jnt_pos[last])
+            found[state, :, :3] = forces
+            found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - anchors, forces)
+        return found
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
         and constraints.

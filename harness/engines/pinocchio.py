@@ -113,6 +113,29 @@ class PinocchioModel:
         still = np.zeros((len(q), self.model.nv))
         return {} if self.constraints is None else self.constraints.gaps(self.columns(q, still, still)[0])
 
+    def reactions(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
+
+        It is what a joint transmits to its body, in the frame of the joint. Springs between points, which neither algorithm knows,
+        are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``.
+        Source: Pinocchio documentation, ``rnea`` and ``Data::f``; Featherstone, section 5.3.
+        """
+        import pinocchio
+
+        model, data = self.model, self._data
+        configuration, velocity, force = self.columns(q, v, tau)
+        force += self.force_elements.generalised_forces(configuration, velocity)
+        joints = [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
+        found = np.empty((len(q), len(joints), 6))
+        for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
+            accelerations = pinocchio.aba(model, data, *inputs)
+            pinocchio.rnea(model, data, *inputs[:2], accelerations, self.force_elements.on_bodies(*inputs[:2]))
+            pinocchio.updateGlobalPlacements(model, data)
+            for place, joint in enumerate(joints):
+                turn, transmitted = data.oMi[joint].rotation, data.f[joint]
+                found[state, place] = *(turn @ transmitted.linear), *(turn @ transmitted.angular)
+        return found
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
 

@@ -19,6 +19,8 @@ from typing import Any
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
+# Of a record that names none.
+ACCELERATIONS = "accelerations"
 _VERDICTS = [verdict.value for verdict in Verdict]
 
 
@@ -67,6 +69,7 @@ class Record:
             it is certainly not beyond ``AGREEMENT`` and was not asked for, and where it is not known.
         granted: number of states that agree only with the share of the motion, see ``harness.certify.reference``.
         in_balls: number of states whose truth double-double could not decide, and ball arithmetic did.
+        quantity: what was compared.
         origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
             of this run and of earlier ones, which come on top; empty for a given state.
 
@@ -102,11 +105,17 @@ class Record:
     expected_median_backward_error: float = math.inf
     expected_share: float = 1.0
     failed: bool = False
+    quantity: str = ACCELERATIONS
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
             if verdict not in _VERDICTS:
                 raise ValueError(f"{verdict!r} is no verdict; expected one of {', '.join(_VERDICTS)}")
+
+    @property
+    def title(self) -> str:
+        """System and subject, and the quantity where it is not the usual one."""
+        return " ".join([self.system, self.subject, *([] if self.quantity == ACCELERATIONS else [self.quantity])])
 
     @property
     def as_expected(self) -> bool:
@@ -126,7 +135,7 @@ class Record:
     @property
     def explanation(self) -> str:
         """Verdict, message, states and replay commands, a line each: what a person needs to go on from an unexpected record."""
-        lines = [f"{self.system} {self.subject}: {self.verdict}, expected {self.expected}"]
+        lines = [f"{self.title}: {self.verdict}, expected {self.expected}"]
         if self.backward_error is not None:
             over = f"over {self.states:,} states; up to {AGREEMENT:g} agrees"
             lines.append(f"worst backward error {self.backward_error:.3g} data roundoffs {over}")
@@ -157,7 +166,7 @@ class Records(UserList[Record]):
     """The records of a run, by system and subject; a table on a terminal and in a notebook."""
 
     def __init__(self, records: Iterable[Record] = ()) -> None:
-        super().__init__(sorted(records, key=lambda record: (record.system, record.subject)))
+        super().__init__(sorted(records, key=lambda record: (record.system, record.subject, record.quantity)))
 
     @property
     def unexpected(self) -> Records:
@@ -176,12 +185,14 @@ class Records(UserList[Record]):
         return f"states: {sampled} sampled, {searched} searched for by hypothesis{on_top}"
 
     def table(self) -> Table:
-        """One row per record."""
+        """One row per record; the quantity has a column where it is not the usual one in all of them."""
+        several = any(record.quantity != ACCELERATIONS for record in self)
         return Table.of(
             self,
             {
                 "system": "system",
                 "subject": "subject",
+                **({"quantity": "quantity"} if several else {}),
                 Column("states", "count"): "states",
                 "verdict": _verdict_cell,
                 "expected": "expected",

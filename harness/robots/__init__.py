@@ -11,5 +11,8 @@ have. ``urdf`` and ``mjcf`` read the tree from the elements of a ``source``; ``b
 writes its program in the vectors of ``spatial`` and the joints of ``nodes``; ``mechanism`` makes a mechanism of it, for all that works
 on mechanisms, and ``accelerations`` evaluates it in balls.
 
+``free_bodies`` and ``reactions`` write other programs of the same tree, from the bodies as ``world_motion`` has them in the world: every
+body kept free, and what each joint transmits.
+
 Certified accelerations at states are those of ``harness.certify.robot_reference``.
 """

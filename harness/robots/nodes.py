@@ -41,7 +41,12 @@ class Node:
 
 
 class NodeWriter(BodyWriter):
-    """Writes the nodes of one tree, parents before their children."""
+    """Writes the nodes of one tree, parents before their children.
+
+    ``INPUTS`` names the three vectors that stand before the time: positions, velocities, and one more as long as these.
+    """
+
+    INPUTS = ("q", "v", "tau")
 
     def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool) -> None:
         self._in_body = linear_velocity_in_body
@@ -51,7 +56,7 @@ class NodeWriter(BodyWriter):
             raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
         sizes = [SIZES[kinds[name]] for name in order]
         nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
-        names = [f"{kind}{i}" for kind, count in (("q", nq), ("v", self.nv), ("tau", self.nv)) for i in range(count)]
+        names = [f"{kind}{i}" for kind, count in zip(self.INPUTS, (nq, self.nv, self.nv), strict=True) for i in range(count)]
         super().__init__((*names, "t"))
         self._first_rate = nq
         self._places: dict[str, tuple[list[int], list[int]]] = {}
@@ -61,6 +66,13 @@ class NodeWriter(BodyWriter):
             q, v = q + positions, v + velocities
         self.tree = tree = bounded(tree)
         self.scale_to(tree)
+        self._plant(tree)
+
+    # The tree.
+
+    def _plant(self, tree: Tree) -> None:
+        """Write the nodes of a tree, in place of any others."""
+        self.planted = tree
         self.nodes: list[Node] = []
         # Node, and the body's frame in that of the node.
         self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
@@ -68,8 +80,6 @@ class NodeWriter(BodyWriter):
             self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
             if self.frames[body.name][0] >= 0:
                 self._load(self.frames[body.name], body)
-
-    # The tree.
 
     def _grow(self, parent: str, pose: Pose, joints: Iterable[Joint]) -> tuple[int, Matrix, Three]:
         """Add the nodes of a body's joints; the body's frame in the last of them."""

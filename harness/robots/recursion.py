@@ -13,10 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.robots.nodes import Node, NodeWriter, Pair
+from harness.robots.joint_forces import JointForceWriter
+from harness.robots.nodes import Node, Pair
 from harness.robots.rigid import Rigid
 from harness.robots.spatial import Matrix, Three
-from harness.robots.tree import Coupling, Given, Pose, Spring, Tree
+from harness.robots.tree import Given, Pose, Spring, Tree
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     return _Recursion(tree, joints, linear_velocity_in_body).written()
 
 
-class _Recursion(NodeWriter):
+class _Recursion(JointForceWriter):
     """Writes the program of one tree."""
 
     def _down(self, node: Node, motion: Pair) -> Pair:
@@ -144,40 +145,11 @@ class _Recursion(NodeWriter):
     # Springs and dampers.
 
     def _passive_forces(self, velocities: list[Pair]) -> Three:
-        found = [self.zero] * self.nv
-        for node in self.nodes:
-            joint, multiplier = node.joint, self.given(node.joint.multiplier)
-            for column in node.columns if joint.damping else ():
-                rate = self.product(multiplier, self._first_rate + column)
-                force = self.product(multiplier, self.product(self.given(joint.damping), rate))
-                found[column] = self.difference(found[column], force)
-            if joint.stiffness and joint.kind in ("hinge", "slide"):
-                (column,) = node.columns
-                moved = self.difference(self._position(joint), self.angle(joint.spring_reference, joint.in_degrees))
-                force = self.product(multiplier, self.product(self.given(joint.stiffness), moved))
-                found[column] = self.difference(found[column], force)
-        for coupling in self.tree.couplings:
-            self._couple(coupling, found)
+        found = self.forces_of_joints()
         on_nodes: list[Pair] = [(self.still, self.still)] * len(self.nodes)
         for spring in self.tree.springs:
             self._pull(spring, velocities, on_nodes)
         return self.added(found, self._generalised(on_nodes))
-
-    def _couple(self, coupling: Coupling, found: Three) -> None:
-        """Add the forces of a coupling to the generalised forces ``found``."""
-        joints = {node.joint.name: node for node in self.nodes}
-        total, rate, rest, columns = self.zero, self.zero, self.zero, []
-        for name, multiple in coupling.joints:
-            node, factor = joints[name], self.given(multiple)
-            slope = self.product(factor, self.given(node.joint.multiplier))
-            total = self.sum(total, self.product(factor, self._position(node.joint)))
-            rate = self.sum(rate, self.product(slope, self._first_rate + node.columns[0]))
-            rest = self.sum(rest, self.product(factor, self.angle(node.joint.spring_reference, node.joint.in_degrees)))
-            columns.append((node.columns[0], slope))
-        stretch = self.difference(total, rest if coupling.rest is None else self.given(coupling.rest))
-        tension = self.sum(self.product(self.given(coupling.stiffness), stretch), self.product(self.given(coupling.damping), rate))
-        for column, slope in columns:
-            found[column] = self.difference(found[column], self.product(slope, tension))
 
     def _pull(self, spring: Spring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
         """Add the forces of a spring between two points to those on their nodes."""

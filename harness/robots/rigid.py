@@ -23,6 +23,15 @@ class Rigid:
     second: Matrix
 
 
+@dataclass
+class Lump:
+    """A part of a body: its mass, its centre of mass, and its moments of inertia about that, in the axes and from the origin of a frame."""
+
+    mass: int
+    centre: Three
+    moments: Matrix
+
+
 class BodyWriter(SolidWriter):
     """Writes what bodies weigh."""
 
@@ -42,15 +51,19 @@ class BodyWriter(SolidWriter):
         return total
 
     def parts(self, body: Body) -> Iterator[Rigid]:
-        """A body's inertia and solids, each in the body's frame."""
+        """A body's inertia and solids, each about the origin of the body's frame."""
+        for lump in self.lumps(body):
+            yield self.moved(Rigid(lump.mass, self.still, lump.moments), self.identity, lump.centre)
+
+    def lumps(self, body: Body) -> Iterator[Lump]:
+        """A body's inertia and solids, each about its own centre of mass, in the body's frame."""
         given: tuple[Inertia | Solid, ...] = (body.inertia, *body.solids) if body.inertia else body.solids
         for part in given:
             turn, centre = self.placed(self.identity, self.still, part.pose)
             mass, moments = self._of_inertia(part) if isinstance(part, Inertia) else self._of_solid(part)
             if self._scale is not None:
                 mass, moments = self.product(self._scale, mass), [self.times(self._scale, row) for row in moments]
-            second = self.multiplied(self.multiplied(turn, moments), transposed(turn))
-            yield self.moved(Rigid(mass, self.still, second), self.identity, centre)
+            yield Lump(mass, centre, self.multiplied(self.multiplied(turn, moments), transposed(turn)))
 
     def _of_inertia(self, inertia: Inertia) -> tuple[int, Matrix]:
         xx, yy, zz, xy, xz, yz = (self.given(moment) for moment in inertia.moments)

@@ -28,7 +28,7 @@ from harness.robots.tree import Joint, Tree
 if TYPE_CHECKING:
     from lxml import etree
 
-__all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "tree_of"]
+__all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"]
 
 # What an empty file should have been.
 _EXPECTED = "a robot: a URDF, whose root element is <robot>, or an MJCF, whose root element is <mujoco>"
@@ -110,9 +110,14 @@ def _format(source: Source, root: etree._Element) -> str:
     return _FORMATS[root.tag]
 
 
+def robot_of(model: ModelFile, gravity: float) -> Robot:
+    """The robot in a validated model file; ``gravity`` as of ``read_robot``."""
+    return _read(parse_any(model.path, model.text, _EXPECTED), False, gravity)
+
+
 def tree_of(model: ModelFile, gravity: float) -> Tree:
     """The tree of a validated model file; ``gravity`` as of ``read_robot``."""
-    return _read(parse_any(model.path, model.text, _EXPECTED), False, gravity).tree
+    return robot_of(model, gravity).tree
 
 
 def _read(document: Document, floating_base: bool, gravity: float, compile_meshes: CompileMeshes | None = None) -> Robot:

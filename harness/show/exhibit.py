@@ -20,6 +20,8 @@ from harness.library import Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
 from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
+from harness.robots.free_bodies import free_bodies
+from harness.robots.robot import tree_of
 from harness.show.placement import Placement, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -207,6 +209,19 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
     return soundness(rows, rounded)
 
 
+def sizes_of_formulations(exhibit: Exhibit) -> str:
+    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model, and for one with loops."""
+    if not exhibit.models or exhibit.mechanism.constraints is not None:
+        return ""
+    mechanism, model = exhibit.mechanism, next(iter(exhibit.models.values()))
+    try:
+        free = free_bodies(tree_of(model, mechanism.gravity), mechanism.joints)
+    except (InvalidInput, ValueError) as problem:
+        return f"{mechanism.nv} by Lagrange; with every body free none, as {problem}"
+    accelerations = f"6 accelerations of {'its body' if free.bodies == 1 else f'each of {free.bodies} bodies'}"
+    return f"{mechanism.nv} by Lagrange; {free.size} with every body free: {accelerations}, and {free.rows} reactions"
+
+
 def joint_table(exhibit: Exhibit) -> Table:
     """For each joint a row per format; columns that are empty throughout are left out."""
     rows = [
@@ -228,6 +243,8 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     yield from _indented(
         mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
     )
+    if formulations := sizes_of_formulations(exhibit):
+        yield f"\nEquations and unknowns: {formulations}"
     yield "\nParameters:"
     yield from _indented(str(parameter_table(mechanism)))
     yield "\nCoordinates:"

@@ -72,6 +72,17 @@ def test_long_equations_are_shown_by_their_energies(name: str, words: str) -> No
     assert not load_mechanism(Library.built_in(), "collar").energies_text
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("arm_2r", "2 by Lagrange; 22 with every body free: 6 accelerations of each of 2 bodies, and 10 reactions"),
+        ("heavy_top", "3 by Lagrange; 9 with every body free: 6 accelerations of its body, and 3 reactions"),
+    ],
+)
+def test_equations_and_unknowns_are_counted_both_ways(name: str, said: str) -> None:
+    assert f"Equations and unknowns: {said}\n" in harness("show", name).stdout
+
+
 def test_the_page_has_landmarks_contents_and_captions(library: Path) -> None:
     harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
     page = lxml.html.fromstring((library / "page.html").read_text())

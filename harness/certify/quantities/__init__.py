@@ -1,0 +1,81 @@
+"""What else engines compute than accelerations, each a ``Quantity`` declared in a module of this package.
+
+Accelerations have a cross-check of their own. A quantity here is judged by certified values in blocks, see
+``harness.certify.quantity``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from harness.arrays import Array
+from harness.certify.quantity import Certified
+from harness.engines import Model
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.models.model_file import ModelFile
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a quantity is asked of.
+
+    Attributes:
+        mechanism: whose joints q, v and tau follow.
+        declared: the model file whose numbers are the truth for all that read another of the same mechanism.
+        read: the model file that the engine reads.
+        linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
+    """
+
+    mechanism: Mechanism
+    declared: ModelFile
+    read: ModelFile
+    linear_velocity_in_body: bool
+
+
+class Truth(Protocol):
+    """The certified values of a quantity; made once, asked for many batches."""
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for truths that have the same values at every state."""
+
+    @property
+    def blocks(self) -> Sequence[str]:
+        """What each block is, as a report says it."""
+
+    def evaluate(self, states: States) -> Certified:
+        """The values at ``states``."""
+
+    def answers(self, model: Model, states: States) -> Array:
+        """Those of an engine, in the shape of the certified ones.
+
+        Raises:
+            harness.engines.NotOffered: the engine does not offer them.
+            harness.engines.InvalidAnswer: it returns something else.
+        """
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity.
+
+    Attributes:
+        name: for the command line and the records.
+        truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
+            ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+    """
+
+    name: str
+    truth: Callable[[Question], Truth]
+
+
+def find_quantities() -> dict[str, Quantity]:
+    """Every quantity that a module of this package holds, by name."""
+    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
+    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Quantity)}
+    return dict(sorted(found.items()))

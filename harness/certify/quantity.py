@@ -1,0 +1,235 @@
+"""Certified values of any program's outputs, their data roundoff, and the judgement of an engine's answers by them.
+
+The outputs come in blocks, vectors whose length says how large an error is; each block is judged by itself, and the worst counts.
+What a program takes from a computation before it, as the accelerations that solve the equations of motion, is a ``Between``: certified
+values with their derivatives by the inputs. The data roundoff of a block is what half an ulp in every input does to it through both
+steps, and what the data roundoff and the rounding of the values between do to it through the second one alone: an engine that takes
+both steps does not make the same errors in both, so that they need not cancel.
+
+Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
+says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
+moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an
+answer that would fail without it.
+
+Sources: those of ``harness.certify.reference``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array, Rows
+from harness.certify.compare import Comparison
+from harness.certify.forward_mode import jacobians, values
+from harness.certify.in_balls import parts_of
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SMALLEST_SCALE, SOUGHT_RADIUS, Flags
+from harness.equations.kernels import BallKernel
+from harness.equations.mechanism_kernel import Indices
+from harness.equations.program import StraightLineProgram
+from harness.verdict import AGREEMENT, Verdict
+
+_PRECISIONS = (128, 256, 512)
+# Numbers of the derivatives that are held at once.
+_ROOM = 2**24
+# Roundings that a derivative in float64 takes, at most, of each of the products that it is the sum of.
+_ROUNDINGS = 64
+
+
+@dataclass(frozen=True)
+class Between(Rows):
+    """Certified values that a program takes as inputs, k of them at n states.
+
+    Attributes:
+        high, low: (n, k); the certified midpoint is high + low. radius: (n, k).
+        further: (n, m) inputs that the values depend on and the program does not take.
+        slopes: (n, k, number of inputs + m) derivatives by the program's inputs, in float64, 0 by the values themselves, and by the
+            further ones.
+        shares: (n, k, s) changes of the values that are granted where an answer would fail without, as the share of the motion is.
+        certified: (n,) whether the values are.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    further: Array
+    slopes: Array
+    shares: Array
+    certified: Flags
+
+
+@dataclass(frozen=True)
+class Certified(Rows):
+    """Certified values of n states in blocks of one size.
+
+    Attributes:
+        high, low: (n, blocks, size); the certified midpoint is high + low.
+        radius: (n, blocks) length of the radius.
+        sensitivity: (n, blocks) how far a block moves when each input, and each value between, moves by the whole of itself; the data
+            roundoff is UNIT_ROUNDOFF times it.
+        sizes: (n, blocks) how large the parts are that an algorithm may form and cancel; 0 where the quantity names none.
+        certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of sensitivity and size, and their sum is known.
+        bits: (n,) precision that was needed.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    sensitivity: Array
+    sizes: Array
+    certified: Flags
+    bits: Indices
+
+    def __len__(self) -> int:
+        return len(self.high)
+
+
+class QuantityKernel:
+    """Certified values of one program's outputs; compile once, evaluate many batches.
+
+    ``blocks``, (blocks, size), are places among the program's outputs, flattened in order. ``between`` are those of the program's
+    inputs that are values between. ``sizes`` is a program of the same inputs with one output a block, see ``Certified``.
+    """
+
+    def __init__(
+        self,
+        program: StraightLineProgram,
+        blocks: Sequence[Sequence[int]],
+        between: slice = slice(0),
+        sizes: StraightLineProgram | None = None,
+    ) -> None:
+        self.program, self._of_sizes, self._between = program, sizes, between
+        self._blocks = np.array(blocks, dtype=np.int64)
+        self._kernel = BallKernel(program, 0)
+        self._bound: dict[int, Any] = {}
+
+    def evaluate(self, inputs: Array, between: Between) -> Certified:
+        """The values at ``inputs``, (n, number of inputs), in whose columns ``between`` stand the midpoints of the values between."""
+        rows = max(1, _ROOM // (len(self.program.instructions) * inputs.shape[1]))
+        batches = [slice(start, start + rows) for start in range(0, max(len(inputs), 1), rows)]
+        with np.errstate(all="ignore"):
+            return Certified.concatenate([self._evaluate(inputs[batch], between[batch]) for batch in batches])
+
+    def _evaluate(self, inputs: Array, between: Between) -> Certified:
+        sensitivity, doubt, shared = self._sensitivity(inputs, between)
+        sizes = self._sizes(inputs, shared)
+        # What an answer is held against in the end; where it is 0, the block is 0 whatever the inputs are.
+        largest = sensitivity + sizes
+        known = np.isfinite(largest) & (doubt <= MOST_DOUBT * largest)
+        shape = (len(inputs), *self._blocks.shape)
+        high, low, radii = (np.full(shape, np.nan) for _ in range(3))
+        bits, radius = np.zeros(len(inputs), dtype=np.int64), np.full(sensitivity.shape, np.nan)
+        pending = np.flatnonzero(known.all(axis=1) & between.certified & np.isfinite(inputs).all(axis=1))
+        for precision in _PRECISIONS:
+            for index in pending.tolist():
+                high[index], low[index], radii[index] = self._in_balls(inputs[index], between[[index]], precision)
+            bits[pending] = precision
+            radius[pending] = np.linalg.norm(radii[pending], axis=2)
+            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * largest[pending]).all(axis=1)]
+            # More bits do not shrink the balls of the values between.
+            if not len(pending) or not (between.radius[pending] == 0).all():
+                break
+        certified = (known & (radius <= CERTIFIED_RADIUS * largest)).all(axis=1) & between.certified
+        return Certified(high, low, radius, sensitivity, sizes, certified, bits)
+
+    def _in_balls(self, inputs: Array, between: Between, precision: int) -> tuple[Array, Array, Array]:
+        """High, low and radius, (blocks, size) each, at one state."""
+        import flint
+
+        with flint.ctx.workprec(precision):
+            given: list[Any] = inputs.tolist()
+            rows = (between.high[0].tolist(), between.low[0].tolist(), between.radius[0].tolist())
+            given[self._between] = [flint.arb(flint.arb(high) + flint.arb(low), radius) for high, low, radius in zip(*rows, strict=True)]
+            if precision not in self._bound:
+                self._bound[precision] = self._kernel.bind(())
+            parts = np.array([parts_of(ball) for ball in self._bound[precision](*given)])
+        high, low, radius = (parts[:, part][self._blocks] for part in range(3))
+        return high, low, radius
+
+    def _sensitivity(self, inputs: Array, between: Between) -> tuple[Array, Array, Array]:
+        """(n, blocks) of the blocks, how much of it rounding may be, and what the shares of the values between do to them."""
+        slopes = np.concatenate(list(jacobians(self.program, np.ascontiguousarray(inputs.T)).values())).transpose(2, 0, 1)
+        through = slopes[:, :, self._between]
+        # What the program does not take it does not feel directly.
+        direct = np.concatenate([slopes, np.zeros((*slopes.shape[:2], between.further.shape[1]))], axis=2)
+        direct[:, :, self._between] = 0.0
+        scales = np.maximum(np.abs(np.concatenate([inputs, between.further], axis=1)), SMALLEST_SCALE)[:, None]
+        passed_on = (through @ between.slopes) * scales
+        changes = [direct * scales + passed_on, passed_on, through * np.abs(between.high)[:, None]]
+        doubt = (np.abs(direct) + np.abs(through) @ np.abs(between.slopes)) * scales
+        return (
+            self._lengths(np.concatenate(changes, axis=2)),
+            _ROUNDINGS * UNIT_ROUNDOFF * self._lengths(doubt),
+            self._lengths(through @ between.shares),
+        )
+
+    def _lengths(self, columns: Array) -> Array:
+        """(n, blocks), the sum over columns (n, outputs, columns) of their lengths in each block."""
+        return np.asarray(np.linalg.norm(columns[:, self._blocks], axis=2).sum(axis=2))
+
+    def _sizes(self, inputs: Array, shared: Array) -> Array:
+        if self._of_sizes is None:
+            return shared
+        sizes: Array = np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
+        return shared + sizes
+
+
+def judge_answers(certified: Certified, answers: Array) -> Comparison:
+    """Judge ``answers``, (n, blocks, size), against the certified values of the same states."""
+    if answers.shape != certified.high.shape:
+        raise ValueError(f"answers have shape {answers.shape}; the certified values have {certified.high.shape}")
+    with np.errstate(all="ignore"):
+        errors, granted = _in_roundoffs(certified, answers)
+        worst = errors.argmax(axis=1)[:, None]
+        size, error = (
+            np.take_along_axis(np.linalg.norm(values, axis=2), worst, axis=1)[:, 0]
+            for values in (certified.high, errors_of(certified, answers))
+        )
+        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
+    backward = errors.max(axis=1)
+    finite = np.isfinite(answers).all(axis=(1, 2))
+    verdicts = np.select(
+        [~finite, ~certified.certified, backward <= AGREEMENT],
+        [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
+        Verdict.DISAGREES.value,
+    )
+    judged = finite & certified.certified
+    backward, relative = (np.where(judged, one, np.nan) for one in (backward, relative))
+    return Comparison(backward, relative, granted & finite, verdicts, np.asarray(certified.bits > DOUBLE_DOUBLE))
+
+
+def farthest_block(certified: Certified, answers: Array) -> int:
+    """The block that is farthest off, over all certified states."""
+    errors, _ = _in_roundoffs(certified, answers)
+    return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
+
+
+def errors_of(certified: Certified, answers: Array) -> Array:
+    """Errors of answers, (n, blocks, size)."""
+    return np.asarray((answers - certified.high) - certified.low)
+
+
+def whitened(certified: Certified, differences: Array) -> Array:
+    """Differences of answers, (n, blocks, size), in multiples of the most that a block is held against; 0 where nothing is certified."""
+    with np.errstate(all="ignore"):
+        found = differences / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, :, None])
+    return np.where(certified.certified[:, None, None] & np.isfinite(found), found, 0.0)
+
+
+def _in_roundoffs(certified: Certified, answers: Array) -> tuple[Array, Flags]:
+    """(n, blocks) errors in data roundoffs, with the share of the parts at the states (n,) to which it is granted."""
+    with np.errstate(all="ignore"):
+        error = np.linalg.norm(errors_of(certified, answers), axis=2)
+        plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
+        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
+    granted = ~(plain.max(axis=1) <= AGREEMENT) & (shared.max(axis=1) <= AGREEMENT) & certified.certified
+    return np.where(granted[:, None], shared, plain), granted
+
+
+def _ratio(error: Array, roundoff: Array) -> Array:
+    """Error in data roundoffs; 0 for no error, where there is no roundoff either."""
+    return np.where(error == 0, 0.0, error / roundoff)
