@@ -37,9 +37,10 @@ from harness.certify.factorisation import (
 from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
-from harness.certify.manifold import closes, rank_condition
+from harness.certify.manifold import closes
 from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
+from harness.certify.rank import free_size, rank_condition
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
@@ -73,8 +74,8 @@ class Reference(Rows):
         sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M; the data roundoff is UNIT_ROUNDOFF times it.
         motion: (n,) sum over rotating coordinates i of 2 T |M^-1 e_i|_M; the share of the motion is UNIT_ROUNDOFF times it.
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
-            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints kappa_s of M is
-            multiplied by that of J M^-1 J', which is factorised besides.
+            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
+            are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
         bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
@@ -153,20 +154,18 @@ class ReferenceKernel:
     def _evaluate(self, states: States, parameters: Array) -> Reference:
         parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
-            found = parts[0][0]
-            # Without a configuration in which the constraints hold there is no motion to be asked for.
-            return (
-                found if self.mechanism.constraints is None else replace(found, certified=found.certified & closes(self.mechanism, states))
-            )
+            return parts[0][0] if self.mechanism.constraints is None else self._constrained(parts[0][0], states, parameters)
         return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
 
-    def _constrained(self, found: Reference, states: States) -> Reference:
-        """The reference under constraints: certified where a state closes them, and unstable where they all but lose rank, too."""
+    def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
+        """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified = found.certified & closes(self.mechanism, states)
-        return replace(
-            found, certified=certified, instability=found.instability * rank_condition(self.mechanism, states, found.norm_factor)
-        )
+        constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
+        assert constraints is not None
+        free = free_size(constraints, inputs, states.tau, found.norm_factor)
+        cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
+        return replace(found, certified=certified, instability=cancelling * rank_condition(constraints, inputs, found.norm_factor))
 
 
 class ChartKernel:
