@@ -217,7 +217,7 @@ def test_andrews_squeezer_starts_as_published() -> None:
 
     The parameters are the decimal numbers of the text, whose coordinates and rows are those here.
     """
-    mechanism = load("andrews_squeezer", "bricard")
+    mechanism = load("andrews_squeezer")
     published = {
         "beta": "-0.0617138900142764496358948458001",
         "theta": "0",
