@@ -96,12 +96,16 @@ class Encloser:
         """Whether rows and, behind the holonomic ones, their rates certainly leave no more than ``allowed``."""
         import flint
 
-        with flint.ctx.workprec(_PRECISIONS[0]):
-            outputs = self._bound(_PRECISIONS[0])(*q, *v, *[0.0] * (self._mechanism.nv + 1))
-            rows, first = len(self._constraints.rows), self._constraints.holonomic
-            rates = first + rows * self._mechanism.nv
-            left = [*outputs[:first], *outputs[rates : rates + rows]]
-            return all(abs(row) <= most for row, most in zip(left, allowed, strict=True))
+        left: list[Any] = []
+        for precision in _PRECISIONS:
+            with flint.ctx.workprec(precision):
+                outputs = self._bound(precision)(*q, *v, *[0.0] * (self._mechanism.nv + 1))
+                rows, first = len(self._constraints.rows), self._constraints.holonomic
+                rates = first + rows * self._mechanism.nv
+                left = [*outputs[:first], *outputs[rates : rates + rows]]
+                if all(abs(row) <= most or abs(row) > most for row, most in zip(left, allowed, strict=True)):
+                    break
+        return all(abs(row) <= most for row, most in zip(left, allowed, strict=True))
 
     def _is_proved(self, balls: list[Any], evaluate: Callable[..., Any], nothing: Sequence[float], reach: Any) -> bool:
         """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does."""

@@ -191,6 +191,7 @@ def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
     mechanism = load_mechanism(Library.built_in(), "bricard")
     states = sample(mechanism, 400, seed=1)
     states.q[:100, 0] *= 1e-6
+    states.q[100, 0] = 1e-160
     states = closed(mechanism, states)
     left, open_by_data = rows_left(mechanism, states)
     assert (np.abs(left) > 16 * open_by_data).any()

@@ -18,6 +18,7 @@ from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample, sample_in_blocks
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
 from harness.library import Library
 from harness.verdict import AGREEMENT
 
@@ -217,7 +218,7 @@ def test_andrews_squeezer_starts_as_published() -> None:
 
     The parameters are the decimal numbers of the text, whose coordinates and rows are those here.
     """
-    mechanism = load("andrews_squeezer", "bricard")
+    mechanism = load("andrews_squeezer")
     published = {
         "beta": "-0.0617138900142764496358948458001",
         "theta": "0",
@@ -261,3 +262,24 @@ def test_bricard_has_threefold_symmetry(count: int) -> None:
                 assert abs(rates[place] - first * rate) < SAME * (1 + abs(rate))
                 expected = first * accelerations[0] + second * rate**2
                 assert abs(accelerations[place] - expected) < SAME * (1 + abs(accelerations[0]) + rate**2)
+
+
+def test_flyball_governor_starts_with_its_springs_at_rest() -> None:
+    """IFToMM A05: arms at 30 degrees below the horizontal, slider at half height, 2 pi rad/s; by hand, since no spring pulls there.
+
+    I a'' = Iz' omega^2 / 2 - V', with Iz the arm's moment of inertia about the shaft. The slider falls freely.
+    """
+    mechanism = load("flyball_governor")
+    p = {name: value for name, value, _ in mechanism.parameters}
+    angle, omega = np.pi / 3, 2 * np.pi
+    sine, cosine = np.sin(angle), np.cos(angle)
+    across, along = p["m_r"] * (p["L"] ** 2 + p["w"] ** 2) / 12, p["m_r"] * p["w"] ** 2 / 6
+    about_hinge = p["m_r"] * p["L"] ** 2 / 4 + across + p["m_b"] * p["L"] ** 2
+    middle, end = p["L"] / 2, p["L"]
+    outwards = p["m_r"] * (p["e"] + middle * sine) * middle * cosine + p["m_b"] * (p["e"] + end * sine) * end * cosine
+    outwards += (across - along) * sine * cosine
+    swing = (outwards * omega**2 - p["g"] * (p["m_r"] * middle + p["m_b"] * end) * sine) / about_hinge
+    start = States.at(np.array([[0.3, angle, angle, 0.5]]), np.array([[omega, 0.0, 0.0, 0.0]]), np.zeros((1, 4)))
+    found = ReferenceKernel(mechanism).evaluate(start).high[0]
+    # Half an ulp of an angle stretches a spring of 8e5 N/m.
+    np.testing.assert_allclose(found, [0.0, swing, swing, -p["g"]], rtol=1e-9, atol=1e-9)
