@@ -32,15 +32,17 @@ settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("local", deadline=None)
 settings.load_profile("ci" if IN_CI else "local")
 
-# The desk runs the costly tests of a file, and those over the catalogue, on one in so many systems, each file on others; CI runs
-# them on all.
-ONE_IN = 4
+# One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
+# of tests marked ``costly`` and of tests over the catalogue; in CI of those that are both, whose cases repeat each other on other
+# systems. What CI leaves out is marked ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
+AT_THE_DESK_ONE_IN = 6, 4
+IN_CI_ONE_IN = 3, 1
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
-# two processes make it at once. Then come rooms whose tests start processes and wait for them, so that no processor is left with
-# one of their files in the end.
-SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis")
+# two processes make it at once. Then come rooms whose tests start processes and wait for them, and the files beside the rooms, so
+# that no processor is left with one of their files in the end.
+SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis", "hostile", "tests")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -63,6 +65,13 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     from support import InThisProcess
 
     monkeypatch.setattr("harness.workers.Workers", InThisProcess)
+
+
+@pytest.fixture
+def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports whose pages have no charts, which take nearly all of the time: for what else is in them."""
+    for module in ("charts", "benchmark_charts", "hard_charts"):
+        monkeypatch.setattr(f"harness.report.{module}.plots", lambda summary: {})
 
 
 @pytest.fixture(scope="session")
@@ -154,14 +163,25 @@ def plain_mechanism(plain_name: str) -> Mechanism:
     return _mechanism(plain_name)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Before pytest looks at the marks, of which this gives some."""
     items.sort(key=_turn)
-    if IN_CI:
+    if _asked_for_by_name(config):
         return
-    left_out = _left_out(items)
+    at_the_desk = _left_out([item for item in items if _is_marked(item) or _is_over_the_catalogue(item)], *AT_THE_DESK_ONE_IN)
+    at_night = _left_out([item for item in items if _is_marked(item) and _is_over_the_catalogue(item)], *IN_CI_ONE_IN)
+    for item in at_night:
+        item.add_marker("nightly")
+    left_out = set() if IN_CI else at_the_desk - at_night
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]
+
+
+def _asked_for_by_name(config: pytest.Config) -> bool:
+    """Whether the command line names tests or cases, as one does for a mechanism that is new or a test that has failed."""
+    return bool(config.option.keyword) or any("::" in argument for argument in config.args)
 
 
 def _turn(item: pytest.Item) -> int:
@@ -170,22 +190,27 @@ def _turn(item: pytest.Item) -> int:
     return 1 if item.path.parent.name in SLOW_ROOMS else 2
 
 
-def _left_out(items: list[pytest.Item]) -> set[pytest.Item]:
-    """What the desk leaves to CI: of each costly test all but one case in so many, and most costly tests without cases."""
+def _left_out(items: list[pytest.Item], one_case_in: int, one_test_in: int) -> set[pytest.Item]:
+    """Of each test all but one case in so many, and of tests without cases all but one in so many; long ones are left alone."""
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
-        if _is_costly(item) and not item.get_closest_marker("nightly"):
+        if not item.get_closest_marker("nightly"):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     left_out: set[pytest.Item] = set()
     for name, several in cases.items():
-        by_lot = sorted(several, key=_lot)
-        drawn = by_lot[: math.ceil(len(several) / ONE_IN)] if len(several) > 1 or zlib.crc32(name.encode()) % ONE_IN == 0 else []
-        left_out.update(set(several) - set(drawn))
+        if len(several) > 1:
+            left_out.update(sorted(several, key=_lot)[math.ceil(len(several) / one_case_in) :])
+        elif zlib.crc32(name.encode()) % one_test_in:
+            left_out.update(several)
     return left_out
 
 
-def _is_costly(item: pytest.Item) -> bool:
-    return item.get_closest_marker("costly") is not None or not CATALOGUE.isdisjoint(getattr(item, "fixturenames", ()))
+def _is_marked(item: pytest.Item) -> bool:
+    return item.get_closest_marker("costly") is not None
+
+
+def _is_over_the_catalogue(item: pytest.Item) -> bool:
+    return not CATALOGUE.isdisjoint(getattr(item, "fixturenames", ()))
 
 
 def _lot(item: pytest.Item) -> int:

@@ -24,16 +24,17 @@ DIGITS = 80
 
 
 class ExactMotion:
-    """Accelerations of a mechanism at inputs that are balls, the parameters among them."""
+    """Accelerations of a mechanism at inputs that are balls of BITS bits, the parameters among them."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        # No parameter is fixed.
-        self._evaluate = BallKernel(mechanism.program, 0).bind
+        with flint.ctx.workprec(BITS):
+            # No parameter is fixed.
+            self._evaluate = BallKernel(mechanism.program, 0).bind(())
 
     def of(self, q: list[Any], v: list[Any], tau: list[Any], parameters: list[Any]) -> tuple[list[Any], list[Any]]:
         """Accelerations, and the multipliers of the rows that are not redundant."""
-        nv, outputs = self.mechanism.nv, iter(self._evaluate(())(*q, *v, *tau, flint.arb(0), *parameters))
+        nv, outputs = self.mechanism.nv, iter(self._evaluate(*q, *v, *tau, flint.arb(0), *parameters))
         parts = {name: [next(outputs) for _ in places] for name, places in self.mechanism.program.outputs.items()}
         mass = flint.arb_mat(nv, nv)
         for (i, j), entry in zip(upper_triangle(nv), parts["mass"], strict=True):

@@ -1,13 +1,19 @@
-"""What the desk leaves to CI: cases of costly tests, and most costly tests without cases; never the whole of several cases."""
+"""What the desk leaves to CI, and CI to the night: cases of costly tests, never all of several; and at the desk costly tests without
+cases."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from catalogue import BUILT_IN
 
 
 @dataclass(frozen=True)
@@ -31,10 +37,17 @@ class Item:
 
 
 @pytest.fixture
-def left_out(request: pytest.FixtureRequest) -> Callable[[Iterable[Item]], set[Item]]:
-    conftest: Any = request.config.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
-    found: Callable[[Iterable[Item]], set[Item]] = conftest._left_out
-    return found
+def conftest(request: pytest.FixtureRequest) -> Any:
+    return request.config.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
+
+
+@pytest.fixture
+def left_out(conftest: Any) -> Callable[[Iterable[Item]], set[Item]]:
+    def at_the_desk(items: Iterable[Item]) -> set[Item]:
+        found: set[Item] = conftest._left_out(items, *conftest.AT_THE_DESK_ONE_IN)
+        return found
+
+    return at_the_desk
 
 
 def cases(test: str, count: int, **rest: Any) -> list[Item]:
@@ -42,21 +55,22 @@ def cases(test: str, count: int, **rest: Any) -> list[Item]:
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 36])
-def test_of_several_cases_the_desk_runs_one_in_four_and_at_least_one(left_out: Callable[[Iterable[Item]], set[Item]], count: int) -> None:
+def test_of_several_cases_the_desk_runs_one_in_six_and_at_least_one(left_out: Callable[[Iterable[Item]], set[Item]], count: int) -> None:
     several = cases("test_costly", count)
-    assert len(set(several) - left_out(several)) == -(-count // 4)
+    assert len(set(several) - left_out(several)) == -(-count // 6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 36])
+def test_ci_runs_a_third_of_several_cases_with_all_that_the_desk_runs(conftest: Any, count: int) -> None:
+    several = cases("test_costly", count)
+    desk, ci = (set(several) - conftest._left_out(several, *one_in) for one_in in ((6, 1), conftest.IN_CI_ONE_IN))
+    assert desk <= ci and len(ci) == -(-count // 3)
 
 
 def test_tests_of_a_file_are_drawn_on_the_same_systems(left_out: Callable[[Iterable[Item]], set[Item]]) -> None:
     left = left_out([*cases("test_one", 36), *cases("test_other", 36)])
     one, other = ({item.name.partition("[")[2] for item in left if item.name.startswith(name)} for name in ("test_one", "test_other"))
-    assert one == other and len(one) == 27
-
-
-def test_a_test_over_the_catalogue_needs_no_mark(left_out: Callable[[Iterable[Item]], set[Item]]) -> None:
-    over = cases("test_over", 8, marks=frozenset(), fixturenames=("case", "built_in_name"))
-    assert len(left_out(over)) == 6
-    assert left_out(cases("test_cheap", 8, marks=frozenset(), fixturenames=("tmp_path",))) == set()
+    assert one == other and len(one) == 30
 
 
 def test_one_in_four_tests_without_cases_is_drawn_whatever_its_file(left_out: Callable[[Iterable[Item]], set[Item]]) -> None:
@@ -66,3 +80,88 @@ def test_one_in_four_tests_without_cases_is_drawn_whatever_its_file(left_out: Ca
 
 def test_the_night_is_left_alone(left_out: Callable[[Iterable[Item]], set[Item]]) -> None:
     assert left_out(cases("test_long", 8, marks=frozenset({"costly", "nightly"}))) == set()
+
+
+TESTS = """
+import pytest
+
+@pytest.mark.costly
+def test_costly(built_in_name):
+    pass
+
+def test_over(built_in_name):
+    pass
+
+@pytest.mark.costly
+@pytest.mark.parametrize("number", range(12))
+def test_several(number):
+    pass
+
+def test_cheap():
+    pass
+"""
+
+
+@pytest.fixture
+def collected(tmp_path: Path) -> Callable[..., set[str]]:
+    """The tests that pytest would run of a file of costly ones beside this suite's ``conftest.py``."""
+    tests = Path(__file__).parent
+    (tmp_path / "conftest.py").write_text((tests / "conftest.py").read_text())
+    (tmp_path / "test_it.py").write_text(TESTS)
+    settings = [
+        "-c",
+        str(tests.parent / "pyproject.toml"),
+        "--rootdir",
+        str(tmp_path),
+        "-o",
+        f"pythonpath={tests}",
+        "-p",
+        "no:cacheprovider",
+    ]
+
+    def collect(*arguments: str, ci: bool) -> set[str]:
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            *settings,
+            "--collect-only",
+            "-q",
+            "-n",
+            "0",
+            *arguments,
+            *([] if "::" in str(arguments) else ["."]),
+        ]
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_") and name != "CI"}
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment | ({"CI": "1"} if ci else {}), capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return {line.rpartition("::")[2] for line in done.stdout.splitlines() if "::" in line}
+
+    return collect
+
+
+def test_ci_and_the_night_are_every_case_together(collected: Callable[..., set[str]]) -> None:
+    names = BUILT_IN.system_names()
+    every = {"test_cheap", *(f"test_several[{number}]" for number in range(12))}
+    every |= {f"{test}[{name}]" for name in names for test in ("test_costly", "test_over")}
+    by_day, at_night, desk = collected(ci=True), collected("-m", "nightly", ci=True), collected(ci=False)
+    assert by_day | at_night == every and by_day & at_night == set()
+    # Of no test but a costly one over the catalogue.
+    assert {name.partition("[")[0] for name in at_night} == {"test_costly"} and len(at_night) == len(names) - -(-len(names) // 3)
+    count = {
+        test: len([name for name in desk if name.startswith(test)]) for test in ("test_costly", "test_over", "test_several", "test_cheap")
+    }
+    assert desk <= by_day and count == {
+        "test_costly": -(-len(names) // 6),
+        "test_over": -(-len(names) // 6),
+        "test_several": 2,
+        "test_cheap": 1,
+    }
+
+
+@pytest.mark.parametrize(("keyword", "argument", "named"), [("system7", "tests", True), ("", "tests", False), ("", "a.py::test_it", True)])
+def test_what_is_named_is_run(conftest: Any, keyword: str, argument: str, named: bool) -> None:
+    config = SimpleNamespace(option=SimpleNamespace(keyword=keyword), args=[argument])
+    assert conftest._asked_for_by_name(config) == named

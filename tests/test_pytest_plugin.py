@@ -59,6 +59,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.costly
 def test_processes_share_the_systems_and_none_runs_those_of_another(library: Path) -> None:
     log = library / "log"
     (library / "engines").mkdir()

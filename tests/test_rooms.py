@@ -274,6 +274,7 @@ def change_one_constant(room: Path) -> None:
     raise AssertionError(f"{room} holds no constant that is a whole number")
 
 
+@pytest.mark.costly
 def test_what_is_kept_depends_on_whole_rooms(copied: Path) -> None:
     library, cache = make_library(copied / "library", ["bar_pendulum"]), copied / "cache"
 

@@ -117,3 +117,16 @@ def fork(leave_group: bool, hang: bool, note: Any) -> int:
     if hang:
         time.sleep(1000)
     return child
+
+
+def use_heyoka(note: object) -> tuple[bool, bool]:
+    """Whether SymPy is imported after heyoka has computed, and whether it can be imported then."""
+    from harness.equations.machine_code import load_heyoka
+
+    heyoka = load_heyoka()
+    x = heyoka.expression("x")
+    heyoka.cfunc([heyoka.sin(x)], vars=[x])([0.5])
+    found = "sympy" in sys.modules
+    import sympy
+
+    return found, sympy.Symbol("x").is_Symbol

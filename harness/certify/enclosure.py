@@ -63,17 +63,6 @@ class Encloser:
                     break
         return found
 
-    def left(self, q: Sequence[float], v: Sequence[float]) -> list[float]:
-        """What the holonomic rows and then the rates of all rows leave at the very numbers of a state."""
-        import flint
-
-        with flint.ctx.workprec(_PRECISIONS[0]):
-            nothing = [0.0] * (self._mechanism.nv + 1)
-            outputs = self._bound(_PRECISIONS[0])(*q, *v, *nothing)
-            residual, jacobian = self._parts(outputs)
-            rates = outputs[len(residual) + len(jacobian) * self._mechanism.nv :][: len(jacobian)]
-            return [float(ball) for ball in (*residual, *rates)]
-
     def _enclosed(self, q: Sequence[float], v: Sequence[float], precision: int) -> Enclosure | None:
         import flint
 
@@ -102,6 +91,17 @@ class Encloser:
         moved = [sum((jacobian[row][place] * v[place] for place in others), flint.arb(0)) for row in self._rows]
         found = _in_balls(jacobian, self._rows, rates, moved)
         return None if found is None else Enclosure([balls[place] for place in positions], [-rate for rate in found])
+
+    def is_closed(self, q: Sequence[float], v: Sequence[float], allowed: Sequence[float]) -> bool:
+        """Whether rows and, behind the holonomic ones, their rates certainly leave no more than ``allowed``."""
+        import flint
+
+        with flint.ctx.workprec(_PRECISIONS[0]):
+            outputs = self._bound(_PRECISIONS[0])(*q, *v, *[0.0] * (self._mechanism.nv + 1))
+            rows, first = len(self._constraints.rows), self._constraints.holonomic
+            rates = first + rows * self._mechanism.nv
+            left = [*outputs[:first], *outputs[rates : rates + rows]]
+            return all(abs(row) <= most for row, most in zip(left, allowed, strict=True))
 
     def _is_proved(self, balls: list[Any], evaluate: Callable[..., Any], nothing: Sequence[float], reach: Any) -> bool:
         """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does."""

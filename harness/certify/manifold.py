@@ -19,7 +19,7 @@ from harness.certify.branch import Branch
 from harness.certify.enclosure import Encloser, Enclosure, nearest
 from harness.certify.forward_mode import jacobians, values
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
-from harness.equations.constraints import RATE, RESIDUAL
+from harness.equations.constraints import JACOBIAN, RATE, RESIDUAL
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused
 from harness.equations.states import States
@@ -64,12 +64,12 @@ def closes(mechanism: Mechanism, states: States) -> Flags:
     if mechanism.constraints is None:
         return np.ones(len(states), dtype=np.bool_)
     left, open_by_data = rows_left(mechanism, states)
-    found: Flags = np.asarray((np.abs(left) <= _ROUNDINGS * open_by_data).all(axis=1))
-    # Where the terms of a row cancel for any inputs, float64 leaves more than its inputs do.
-    _, encloser = _closures(mechanism)
-    for index in np.flatnonzero(~found & np.isfinite(left).all(axis=1)):
-        left[index] = encloser.left(states.q[index].tolist(), states.v[index].tolist())
-        found[index] = (np.abs(left[index]) <= _ROUNDINGS * open_by_data[index]).all()
+    allowed = _ROUNDINGS * open_by_data
+    found: Flags = np.asarray((np.abs(left) <= allowed).all(axis=1))
+    # Lengths that cancel in a row are rounded in float64, which a row near zero angles need not forgive: balls tell.
+    finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(allowed).all(axis=1)
+    for index in np.flatnonzero(~found & finite).tolist():
+        found[index] = _closures(mechanism)[1].is_closed(states.q[index].tolist(), states.v[index].tolist(), allowed[index].tolist())
     return found
 
 
@@ -90,6 +90,26 @@ def rows_left(mechanism: Mechanism, states: States) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         moved = [UNIT_ROUNDOFF * (np.abs(slopes[name]) * scales).sum(axis=1).T for name in (RESIDUAL, RATE)]
     return np.hstack([left[name].T for name in (RESIDUAL, RATE)]), np.hstack(moved)
+
+
+def rank_condition(mechanism: Mechanism, states: States, norm_factor: Array) -> Array:
+    """(n,) condition number of J M^-1 J' scaled to unit diagonal, over the rows that are not redundant; infinite where they lose rank.
+
+    ``norm_factor``, (n, nv, nv), is the factor R of M = R'R. ``mechanism`` has constraints.
+    """
+    assert mechanism.constraints is not None
+    program, nv = mechanism.constraints.program, mechanism.nv
+    rows = without_unused(replace(program, outputs={JACOBIAN: program.outputs[JACOBIAN]}))
+    jacobian = values(rows, mechanism.inputs(states))[JACOBIAN].reshape(-1, nv, len(states)).transpose(2, 1, 0)
+    with np.errstate(all="ignore"):
+        pivots = np.diagonal(norm_factor, axis1=1, axis2=2)
+        regular = np.asarray(np.isfinite(norm_factor).all(axis=(1, 2)) & (pivots != 0).all(axis=1))
+        factor = np.where(regular[:, None, None], norm_factor, np.eye(nv))
+        columns = np.linalg.solve(factor.transpose(0, 2, 1), jacobian[:, :, list(mechanism.constraints.independent)])
+        columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)
+        usable = np.asarray(regular & np.isfinite(columns).all(axis=(1, 2)))
+        sizes = np.linalg.svd(np.where(usable[:, None, None], columns, 0.0), compute_uv=False)
+        return np.where(usable, (sizes[:, 0] / sizes[:, -1]) ** 2, np.inf)
 
 
 _CLOSURES: Kept[tuple[Branch, Encloser]] = Kept(64)

@@ -37,7 +37,7 @@ from harness.certify.factorisation import (
 from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
-from harness.certify.manifold import closes
+from harness.certify.manifold import closes, rank_condition
 from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.reverse_mode import columns_in_balls
@@ -73,7 +73,8 @@ class Reference(Rows):
         sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M; the data roundoff is UNIT_ROUNDOFF times it.
         motion: (n,) sum over rotating coordinates i of 2 T |M^-1 e_i|_M; the share of the motion is UNIT_ROUNDOFF times it.
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
-            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose.
+            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints kappa_s of M is
+            multiplied by that of J M^-1 J', which is factorised besides.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
         bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
@@ -158,6 +159,14 @@ class ReferenceKernel:
                 found if self.mechanism.constraints is None else replace(found, certified=found.certified & closes(self.mechanism, states))
             )
         return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
+
+    def _constrained(self, found: Reference, states: States) -> Reference:
+        """The reference under constraints: certified where a state closes them, and unstable where they all but lose rank, too."""
+        # Without a configuration in which the constraints hold there is no motion to be asked for.
+        certified = found.certified & closes(self.mechanism, states)
+        return replace(
+            found, certified=certified, instability=found.instability * rank_condition(self.mechanism, states, found.norm_factor)
+        )
 
 
 class ChartKernel:

@@ -19,6 +19,8 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import AGREEMENT
 
+# Weight of a row that data leave no room at all, as where all joints stand at zero: what is open there counts, and zero times it is zero.
+_LARGEST = 2.0**900
 # The rows of each constraint, (n, rows), by name; none where a model has no constraints, or its engine does not say them.
 Gaps = Mapping[str, Array]
 
@@ -46,7 +48,9 @@ def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps
         return reference
     n, nv = reference.high.shape
     units = _units(mechanism, states, gaps)
-    weights = np.hstack([np.repeat((reference.data_roundoff / units[name])[:, None], gaps[name].shape[1], axis=1) for name in gaps])
+    with np.errstate(divide="ignore"):
+        counts = {name: np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
+    weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
     factor = np.zeros((n, nv + weights.shape[1], nv + weights.shape[1]))
     factor[:, :nv, :nv] = reference.norm_factor
     own = np.arange(nv, factor.shape[1])
@@ -60,7 +64,8 @@ def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
     """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
     units = _units(mechanism, states, gaps) if gaps else {}
     sizes = {name: np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
-    largest = {name: float((size / units[name]).max(initial=0.0)) for name, size in sizes.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
     name = max(largest, key=lambda name: largest[name], default="")
     if not name or not largest[name] > AGREEMENT:
         return ""

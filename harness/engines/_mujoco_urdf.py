@@ -130,6 +130,8 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
             edits += _tendon(element, f"spring {number}")
+    # The reader names the coupling of a joint that mimics another by nothing.
+    edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]
     for constraint in file.constraints:
         if isinstance(constraint, PointConstraint):
             edits += _connect(constraint)

@@ -14,19 +14,30 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines import Unsupported
+from harness.engines._standard_error import captured_standard_error
 from harness.models.model_file import ModelFile
 
 Columns = tuple[Array, Array, Array]
 
 
 class MimicJoints:
-    """The coupled model of a file beside ``tree``, the same with each follower as a joint of its own; ``root`` as the reader takes it."""
+    """The coupled model of a file beside ``tree``, the same with each follower as a joint of its own; ``root`` as the reader takes it.
+
+    Raises:
+        Unsupported: the reader refuses it, as where a follower is in another branch, and before its leader by name.
+    """
 
     def __init__(self, tree: Any, file: ModelFile, root: Sequence[Any]) -> None:
         import pinocchio
 
         self._tree, self._tree_data = tree, tree.createData()
-        self.model = model = pinocchio.buildModelFromXML(file.text, *root, mimic=True)
+        with captured_standard_error() as captured:
+            try:
+                self.model = model = pinocchio.buildModelFromXML(file.text, *root, mimic=True)
+            except Exception as error:
+                # It takes joints by name, children and all, and wants a leader to come first.
+                raise Unsupported(f"Pinocchio's reader of joints that mimic: {' '.join((captured() or str(error)).split())}") from error
         self._data = model.createData()
         model.gravity.linear = tree.gravity.linear
         # Velocities of the tree by those of the coupled model, and the tree's positions that the coupled model has.

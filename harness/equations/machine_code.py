@@ -11,11 +11,14 @@ import contextlib
 import functools
 import os
 import sqlite3
+import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from harness.storage import cache_directory
+from harness.workers.program import is_worker
 
 _SECOND_COPY = """
 BEGIN IMMEDIATE;
@@ -38,10 +41,27 @@ def machine_code_directory() -> Path:
 
 def load_heyoka() -> Any:
     """The module, ready to compile; where its cache cannot be used, it compiles without one."""
-    import heyoka
+    with _without_sympy() if is_worker() else contextlib.nullcontext():
+        import heyoka
 
     _open(machine_code_directory())
     return heyoka
+
+
+@contextlib.contextmanager
+def _without_sympy() -> Iterator[None]:
+    """While heyoka is imported: it imports SymPy, for half a second, to convert expressions, which no task asks of it.
+
+    In a user's process its conversions stay; SymPy is found again afterwards.
+    """
+    if "sympy" in sys.modules:
+        yield
+        return
+    sys.modules["sympy"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules["sympy"]
 
 
 def replace_damaged() -> str:

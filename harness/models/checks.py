@@ -197,16 +197,23 @@ def check_inertia(document: Document, element: etree._Element, ixx: float, iyy: 
     Raises:
         InvalidModel: at the line of ``element``.
     """
-    ixy, ixz, iyz = products or (0.0, 0.0, 0.0)
-    matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    largest = float(np.abs(matrix).max())
+    largest = max(map(abs, (ixx, iyy, izz, *products)))
     if largest == 0:
         return
-    low, middle, high = (float(moment) for moment in np.linalg.eigvalsh(matrix / largest))
-    shown = ", ".join(f"{moment * largest:.6g}" for moment in (low, middle, high))
+    low, middle, high = _principal_moments(*(moment / largest for moment in (ixx, iyy, izz, *(products or (0.0, 0.0, 0.0)))))
     if low < -INERTIA_SLACK:
-        document.refuse(element, f"{describe(element)} has principal moments of inertia {shown}; expected none below zero")
-    if low + middle < high - INERTIA_SLACK:
-        document.refuse(
-            element, f"{describe(element)} has principal moments of inertia {shown}; expected the two smaller to sum to the largest or more"
-        )
+        expected = "none below zero"
+    elif low + middle < high - INERTIA_SLACK:
+        expected = "the two smaller to sum to the largest or more"
+    else:
+        return
+    shown = ", ".join(f"{moment * largest:.6g}" for moment in (low, middle, high))
+    document.refuse(element, f"{describe(element)} has principal moments of inertia {shown}; expected {expected}")
+
+
+# A diagnosis reads a file a thousand times with one number changed.
+@functools.lru_cache(maxsize=4096)
+def _principal_moments(ixx: float, iyy: float, izz: float, ixy: float, ixz: float, iyz: float) -> tuple[float, float, float]:
+    """Eigenvalues of an inertia matrix, ascending."""
+    low, middle, high = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]).tolist()
+    return low, middle, high

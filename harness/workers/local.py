@@ -30,9 +30,6 @@ POLL_SECONDS = 0.2
 START_SECONDS = 60.0
 # Of what a process wrote before it died, from its end.
 MOST_CHARACTERS = 2000
-# In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
-# the other's value before its own.
-MARK = "HARNESS_WORKER"
 
 
 class LocalPool:
@@ -137,7 +134,7 @@ class _Process:
     def __init__(self) -> None:
         self.run: _Run | None = None
         self.deadline = 0.0
-        self._mark = os.environ.get(MARK, "") + secrets.token_hex(16)
+        self._mark = os.environ.get(program.MARK, "") + secrets.token_hex(16)
         with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
             self._mail, self._notes, self._errors = (ours.enter_context(tempfile.TemporaryFile(buffering=0)).fileno() for _ in range(3))
             wake, self._wake = _pipe(reader=theirs, writer=ours)
@@ -153,7 +150,7 @@ class _Process:
                 pass_fds=descriptors,
                 # A process group to be killed at once, which the interrupt of a terminal does not reach.
                 start_new_session=True,
-                env={**os.environ, MARK: self._mark},
+                env={**os.environ, program.MARK: self._mark},
             )
             self._open = ours.pop_all()
 
@@ -230,7 +227,7 @@ class _Process:
         # Its descendants are known by it while it lives, and it starts no more; later by its mark, or by what they write to.
         self._popen.send_signal(signal.SIGSTOP)
         killed: set[int] = set()
-        while left := (_descendants(self._popen) | set(_left(f"{MARK}={self._mark}".encode(), self._errors))) - killed:
+        while left := (_descendants(self._popen) | set(_left(f"{program.MARK}={self._mark}".encode(), self._errors))) - killed:
             for process in left - {self._popen.pid}:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(process, signal.SIGKILL)

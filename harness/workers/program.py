@@ -18,7 +18,15 @@ from collections.abc import Callable
 from typing import BinaryIO
 
 BEGUN, ANSWERED = b".", b"!"
+# In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
+# the other's value before its own.
+MARK = "HARNESS_WORKER"
 _PR_SET_CHILD_SUBREAPER = 36
+
+
+def is_worker() -> bool:
+    """Whether this process runs the harness's tasks, or was started by one that does: it is no process of a user's."""
+    return MARK in os.environ
 
 
 def open_at_start(descriptor: int) -> BinaryIO:

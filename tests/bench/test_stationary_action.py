@@ -54,6 +54,7 @@ def dampers(of: Mechanism) -> dict[str, float]:
     return {name: 0.0 for name, _, unit in of.parameters if unit in ("N s/m", "N m s")}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_the_action_of_a_true_path_is_stationary(name: str) -> None:
     kernel = LagrangianKernel(mechanism(name))
@@ -210,6 +211,7 @@ def of_order(measured: dict[tuple[str, float], Stationarity], order: int) -> lis
     return [found.name for found in integrators() if found.order == order and found.name in paths and found.format != "mjcf"]
 
 
+@pytest.mark.costly
 def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 4)) >= 2
     for path in of_order(measured, 4):

@@ -92,6 +92,7 @@ def test_sensitivities_are_within_their_doubt_of_those_in_balls(built_in_mechani
         assert (found.doubt <= 1e-6 * found.sensitivity).all()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", DAY)
 def test_hard_points_are_within_their_bounds(name: str) -> None:
     # The hardest point, at which bounds matter most.

@@ -12,13 +12,15 @@ import pytest
 from exact import mechanism_of
 from loops import CRANK_ROCKER, a, coupler, crank, d, follower, four_bar, upright_disc
 
-from harness.certify.manifold import closed, closes, enclosed
+from harness.certify.manifold import closed, closes, enclosed, rows_left
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.variation import Variation, states_of
 from harness.equations.constraint import Constraint
+from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.library import Library
 
 ABOVE, BELOW = {coupler: 0.82, follower: 1.77}, {coupler: -0.82, follower: -1.77}
 
@@ -182,3 +184,14 @@ def test_a_constraint_that_determines_nothing_regularly_closes_nothing() -> None
     mechanism = mechanism_of(four_bar(constraints={"closure": closure}))
     states = closed(mechanism, at(0.2))
     assert not closes(mechanism, states).any() and not ReferenceKernel(mechanism).evaluate(states).certified.any()
+
+
+def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
+    """Near zero angles half an ulp of them is less than what float64 rounds in the lengths."""
+    mechanism = load_mechanism(Library.built_in(), "bricard")
+    states = sample(mechanism, 400, seed=1)
+    states.q[:100, 0] *= 1e-6
+    states = closed(mechanism, states)
+    left, open_by_data = rows_left(mechanism, states)
+    assert (np.abs(left) > 16 * open_by_data).any()
+    assert closes(mechanism, states).all()

@@ -291,6 +291,7 @@ def test_points_that_are_kept_are_all_that_a_sample_takes(count: int, tmp_path: 
     assert len(sampling.sample(mechanism, count, 3)) == count
 
 
+@pytest.mark.costly
 def test_a_kept_sample_needs_no_scipy(tmp_path: Path) -> None:
     code = (
         "import sys; from harness.certify.sampling import sample; from harness.equations.derivation import load_mechanism\n"

@@ -250,6 +250,7 @@ def test_parts_have_names_of_their_own() -> None:
     assert len({part.name for part in PARTS}) == len(PARTS)
 
 
+@pytest.mark.costly
 def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     built_in, root = Library.built_in(), tmp_path / "mine"
     for folder in ("systems", "mjcf", "urdf"):

@@ -55,8 +55,8 @@ SOME = [*SYSTEMS[:: 6 if IN_CI else 12], "rolling_disc"]
 SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of(name) in SOME]
 
 
-# The tests of harness/systems ask the same at more states, and .ci/run ends with a check of everything; here the command's contract
-# counts, and some do.
+# The tests of harness/systems ask the same at more states; here the command's contract counts, and some do.
+@pytest.mark.costly
 @pytest.mark.parametrize("names", [[*SOME, *SOME_VARIANTS], pytest.param([], marks=pytest.mark.nightly)], ids=["some", "all"])
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, names: list[str]) -> None:
     done = harness_in_a_process("check", *names, "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
@@ -196,7 +196,7 @@ BROKEN_SYSTEMS = {
 def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
     for name, (source, _, _) in BROKEN_SYSTEMS.items():
         (library / "systems" / f"{name}.py").write_text(source)
-    arguments = ("--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "10")
+    arguments = ("--library", str(library), "--states", "50", "--json", "out.json", "--time-limit", "5")
     done = harness("check", *arguments, isolated=True, cwd=library)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
@@ -307,6 +307,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.costly
 def test_records_survive_a_kill(library: Path) -> None:
     """Kill the whole process group while an engine hangs on one system: the records of the other stay."""
     (library / "engines").mkdir()

@@ -49,6 +49,7 @@ def test_a_file_without_meaning_is_invalid_input(tmp_path: Path) -> None:
     assert harness("compare", str(ARM), "--map", "shoulder", cwd=tmp_path).returncode == 2
 
 
+@pytest.mark.costly
 def test_from_an_empty_folder_with_an_empty_home(tmp_path: Path) -> None:
     for name in ("home", "work"):
         (tmp_path / name).mkdir()

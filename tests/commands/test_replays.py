@@ -78,6 +78,7 @@ def same(one: float | None, other: float | None) -> bool:
     return error_text(one) == error_text(other)
 
 
+@pytest.mark.costly
 def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
     page, markdown = Page((reported / "index.html").read_text()), (reported / "report.md").read_text()

@@ -126,6 +126,7 @@ def library(tmp_path: Path) -> Path:
     return root
 
 
+@pytest.mark.costly
 def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None:
     result = invoke("simple_pendulum", "--subject", "lagrange", "--budget", "60", "--library", str(library), "--workers", "1")
     assert result.exit_code == 0, result.output

@@ -229,6 +229,7 @@ def test_rounds_wait_for_each_other_and_what_an_outcome_makes_possible_does_not(
     assert study.result() == [1, 1.5, 0, 2, -1]
 
 
+@pytest.mark.costly
 def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:
     settings = Settings(library=BUILT_IN, names=["collar", "chain_3"], states=120, examples=None)
     here, _ = cross_checked(settings)

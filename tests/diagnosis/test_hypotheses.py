@@ -34,7 +34,7 @@ NEVER_FELT = {("gravity", "urdf"), ("friction", "mjcf"), ("friction", "urdf")}
 ALL = [members[0] for path in sorted(BUILT_IN.systems.glob("*.py")) if (members := BUILT_IN.names_in(path))]
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
 # How many of a hypothesis's mistakes are made in each model, drawn by a seed of their own; the night makes all.
-FEW = 4 if IN_CI else 1
+FEW = 2 if IN_CI else 1
 
 TURNED = {
     "mjcf": """\

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio
 import pytest
 import sympy as sp
+from catalogue import TREES
 
 from harness.certify.compare import compare
 from harness.certify.encoding import encode
@@ -457,6 +458,12 @@ def precision() -> Iterator[None]:
     previous, flint.ctx.prec = flint.ctx.prec, BITS
     yield
     flint.ctx.prec = previous
+
+
+@pytest.fixture(scope="session", params=TREES)
+def modelled_name(request: pytest.FixtureRequest) -> str:
+    """Forces that constraints exert are held against accelerations in ``test_constraints``; energies stand in the equations' own tests."""
+    return str(request.param)
 
 
 @pytest.fixture(scope="session", params=PROBES, ids=str)

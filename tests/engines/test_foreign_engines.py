@@ -122,6 +122,7 @@ def test_what_an_engine_file_starts_ends_with_its_process(checked: tuple[int, di
     assert all(map(gone, servers))
 
 
+@pytest.mark.costly
 def test_what_a_system_file_starts_and_prints_stays_in_its_process(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"])
     file = root / "systems" / "bar_pendulum.py"

@@ -10,9 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import sympy as sp
 from support import harness_in_a_process, without_progress
+from worker_tasks import use_heyoka
 
-from harness.equations.machine_code import machine_code_directory, replace_damaged
+from harness.equations.machine_code import load_heyoka, machine_code_directory, replace_damaged
+from harness.workers import Task, Workers
 
 
 @pytest.fixture
@@ -74,3 +77,10 @@ def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypa
     (tmp_path / "file").touch()
     monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path / "file"))
     assert run(tmp_path) == ""
+
+
+def test_a_worker_has_heyoka_without_sympy_and_sympy_afterwards() -> None:
+    with Workers(1) as workers:
+        [outcome] = workers.run([Task(0, use_heyoka, ())])
+    assert outcome.value == (False, True)
+    assert load_heyoka().from_sympy(sp.Symbol("x") * 2.5) == load_heyoka().expression("x") * 2.5

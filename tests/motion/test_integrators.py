@@ -131,6 +131,7 @@ def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) 
         assert 2**0.9 < convergence.ratio(integrator, 2e-3) < 2**1.1, integrator.name
 
 
+@pytest.mark.costly
 def test_runge_kutta_without_the_manifolds_derivative_is_caught(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
     import pinocchio as engine
 
@@ -161,6 +162,7 @@ def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
         assert every.evaluations >= 103
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["cart_pendulum", "heavy_top"])
 def test_separate_stages_are_the_compiled_step(scenes: dict[str, Scene], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes[name]

@@ -174,6 +174,7 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
     assert "Speed against error" not in Page(without["index.html"]).words and "benchmark" not in json.loads(without["report.json"])
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower = sample()
     slower.accelerations = [replace(cost, seconds_per_state=(cost.seconds_per_state or 0) * 3 or None) for cost in slower.accelerations]
@@ -281,6 +282,7 @@ def any_benchmark() -> st.SearchStrategy[Benchmark]:
     return st.builds(Benchmark, **parts)
 
 
+@pytest.mark.costly
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(benchmark=any_benchmark())
 def test_a_report_of_any_benchmark_can_be_built(benchmark: Benchmark) -> None:

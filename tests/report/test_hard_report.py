@@ -178,6 +178,7 @@ def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
     assert "Hard cases" not in Page(without["index.html"]).words and "atlas" not in json.loads(without["report.json"])
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower = sample()
     slower.rows = [replace(row, seconds=5.0, growth=(row.growth or 0) + 0.01) for row in slower.rows]
@@ -233,6 +234,7 @@ def any_atlas() -> st.SearchStrategy[Atlas]:
     return st.builds(Atlas, **{part: st.lists(names if kind is str else any_of(kind), max_size=3) for part, kind in kinds.items()})
 
 
+@pytest.mark.costly
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(atlas=any_atlas())
 def test_a_report_of_any_atlas_can_be_built(atlas: Atlas) -> None:

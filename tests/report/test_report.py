@@ -189,6 +189,7 @@ def test_changes_and_trend_need_history(page: Page) -> None:
     assert "Changed since the last run" not in alone.words
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_a_changed_verdict_is_named() -> None:
     before = [record("collar", "lagrange"), record("collar", "mujoco/mjcf")]
     after = [record("collar", "lagrange", verdict="disagrees", backward_error=1e5)]
@@ -197,6 +198,7 @@ def test_a_changed_verdict_is_named() -> None:
     assert "| collar, mujoco/mjcf | agrees | not run |" in text
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_a_median_that_has_grown_is_named_long_before_the_verdict_changes() -> None:
     before = [record("collar", subject, states=1000, median_backward_error=1.2) for subject in ("lagrange", "mujoco/mjcf")]
     after = [replace(before[0], median_backward_error=1.3), replace(before[1], median_backward_error=3.0)]
@@ -208,6 +210,7 @@ def test_a_median_that_has_grown_is_named_long_before_the_verdict_changes() -> N
     assert "median of" not in build(run_on(1), [], few, [(run_on(0), before)])["report.md"]
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_markdown_stays_the_same_while_results_do() -> None:
     first = build(run_on(1), CARDS, night(1), [(run_on(0), night(0))])["report.md"]
     second = build(run_on(2), CARDS[::-1], night(2)[::-1])["report.md"]

@@ -21,7 +21,16 @@ from harness.equations.mechanism import Mechanism
 from harness.library import Library
 from harness.verdict import AGREEMENT
 
-LOOPS = ("four_bar", "slider_crank", "parallelogram", "four_bar_chain_2", "four_bar_chain_5", "four_bar_chain_10", "andrews_squeezer")
+LOOPS = (
+    "four_bar",
+    "slider_crank",
+    "parallelogram",
+    "four_bar_chain_2",
+    "four_bar_chain_5",
+    "four_bar_chain_10",
+    "andrews_squeezer",
+    "bricard",
+)
 MOST_USED = ("four_bar", "slider_crank")
 # Central differences in mpmath leave 40 digits, of which accelerations near a dead point lose some.
 STEP, SAME = mpmath.mpf(10) ** -20, mpmath.mpf(10) ** -30
@@ -208,7 +217,7 @@ def test_andrews_squeezer_starts_as_published() -> None:
 
     The parameters are the decimal numbers of the text, whose coordinates and rows are those here.
     """
-    mechanism = load("andrews_squeezer")
+    mechanism = load("andrews_squeezer", "bricard")
     published = {
         "beta": "-0.0617138900142764496358948458001",
         "theta": "0",
@@ -226,3 +235,29 @@ def test_andrews_squeezer_starts_as_published() -> None:
         expected_multipliers = balls(["98.5668703962410896057654982170", "-6.12268834425566265503114393122", *[0.0] * 4])
         for given, right in zip([*found, *multipliers], [*expected, *expected_multipliers], strict=True):
             assert abs(given - right) < flint.arb(10) ** -23
+
+
+@pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=pytest.mark.nightly)])
+def test_bricard_has_threefold_symmetry(count: int) -> None:
+    """Chen, You, Tarnai 2005, equation 9 at twists of a quarter turn: cos a + cos b + cos a cos b = 0, angles a and b in turns.
+
+    Measured from the cube, sin q1 - sin q2 - sin q1 sin q2 = 0. The rest is by signs of the axes.
+    """
+    mechanism = load("bricard")
+    motion, states = ExactMotion(mechanism), sample(mechanism, count, seed=1)
+
+    def joints(first: mpmath.mpf) -> list[mpmath.mpf]:
+        second = mpmath.asin(mpmath.sin(first) / (1 + mpmath.sin(first)))
+        return [first, second, first, -second, -first]
+
+    with mpmath.workdps(DIGITS):
+        for index in range(count):
+            q, rate = mpmath.mpf(states.q[index, 0]), mpmath.mpf(states.v[index, 0])
+            rates, accelerations = motion.on_the_manifold(states, index)
+            behind, here, ahead = (joints(q + step) for step in (-STEP, 0, STEP))
+            for place in range(5):
+                assert abs(states.q[index, place] - here[place]) < 1e-15
+                first, second = (ahead[place] - behind[place]) / (2 * STEP), (ahead[place] - 2 * here[place] + behind[place]) / STEP**2
+                assert abs(rates[place] - first * rate) < SAME * (1 + abs(rate))
+                expected = first * accelerations[0] + second * rate**2
+                assert abs(accelerations[place] - expected) < SAME * (1 + abs(accelerations[0]) + rate**2)
