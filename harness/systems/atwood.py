@@ -15,7 +15,7 @@ turn, left, right = dynamicsymbols("turn left right")
 m_left, m_right, inertia, R, g = sp.symbols("m_left m_right I R g", positive=True)
 
 SYSTEM = System(
-    coordinates={turn: "pulley", left: "left", right: "right"},
+    coordinates={turn: "pulley", left: "rope_left", right: "rope_right"},
     kinetic=m_left * left.diff(TIME) ** 2 / 2 + m_right * right.diff(TIME) ** 2 / 2 + inertia * turn.diff(TIME) ** 2 / 2,
     potential=m_left * g * left + m_right * g * right,
     parameters={m_left: (2.0, "kg"), m_right: (3.0, "kg"), inertia: (0.05, "kg m^2"), R: (0.2, "m"), g: (9.81, "m/s^2")},
@@ -23,7 +23,7 @@ SYSTEM = System(
     gravity=g,
     ranges={turn: (-5.0, 5.0), left: (-1.0, 1.0), right: (-1.0, 1.0)},
     constraints={
-        "left": Constraint(rows=[left - R * turn], determines=[left]),
-        "right": Constraint(rows=[right + R * turn], determines=[right]),
+        "rope_left": Constraint(rows=[left - R * turn], determines=[left]),
+        "rope_right": Constraint(rows=[right + R * turn], determines=[right]),
     },
 )

@@ -25,8 +25,9 @@ from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
 
 LIBRARY = Library.built_in()
-# Systems of the text that the harness began with; none of them is chaotic from its start.
-NOT_CHAOTIC = ("collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r", "cycloid_bead")
+# Systems of the text that the harness began with; none of them is chaotic from its start. The bead on the cycloid passes where the
+# mass matrix of its tree is singular, which no series in time of that tree does: its period is measured in tests/systems.
+NOT_CHAOTIC = ("collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r")
 BITS = 256
 # Central differences with a step of 2^-80 leave half of the bits, and are exact to 2^-160 themselves.
 DIFFERENCE_STEP = flint.arb(2) ** -80
