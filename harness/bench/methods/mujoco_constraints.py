@@ -1,0 +1,65 @@
+"""MuJoCo on models with constraints, by solver and by impedance: what each costs, and how far from rigid it is.
+
+The default solver is Newton's method, of at most 100 iterations to a tolerance of 1e-8. The impedance d of a constraint is 0.9 on the
+manifold by default, and 0.9999 at most; the nearer to 1, the smaller the distance from rigid. Its regularisation is (1 - d) / d times an
+inverse weight of the file's zero position, or with the flag ``diagexact`` times the exact diagonal of J M^-1 J' at the state. Each
+choice is another problem that MuJoCo documents, and its answers are held against that one.
+
+Source: MuJoCo documentation, Computation, sections Constraint solver and Solver parameters; XML reference, option and equality.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+from lxml import etree
+
+from harness.bench.methods import Method, Prepared
+from harness.bench.methods.mujoco import batch
+from harness.crosscheck.scene import Scene
+from harness.engines import Unsupported
+from harness.equations.states import States
+from harness.models.model_file import ROOT_TAGS, ModelFile, parse_model
+from harness.models.xml import parse_document
+from harness.motion.integrators import CONSTRAINED
+
+Attributes = Mapping[str, str]
+
+
+def with_attributes(model: ModelFile, option: Attributes, flags: Attributes, constraints: Attributes) -> ModelFile:
+    """The MJCF with other attributes of its options, of its flags, and of each of its constraints."""
+    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
+    options = root.find("option")
+    options = etree.SubElement(root, "option") if options is None else options
+    flag = options.find("flag")
+    changes = [(options, option), *((one, constraints) for one in root.iterfind("equality/*") if isinstance(one.tag, str))]
+    if flags:
+        changes.append((etree.SubElement(options, "flag") if flag is None else flag, flags))
+    for element, attributes in changes:
+        for name, value in attributes.items():
+            element.set(name, value)
+    return parse_model(model.path, etree.tostring(root, encoding="unicode"), model.format)
+
+
+def _changed(option: Attributes, flags: Attributes, constraints: Attributes, scene: Scene, states: States) -> Prepared:
+    if "mjcf" not in scene.models:
+        raise Unsupported(f"{scene.mechanism.name} has no MJCF model")
+    changed = with_attributes(scene.models["mjcf"], option, flags, constraints)
+    return batch(False, replace(scene, models={**scene.models, "mjcf": changed}), states)
+
+
+def _method(name: str, solver: str = "Newton", impedance: str = "", exact: bool = False) -> Method:
+    solimp = {"solimp": f"{impedance} {impedance}"} if impedance else {}
+    prepare = partial(_changed, {"solver": solver}, {"diagexact": "enable"} if exact else {}, solimp)
+    return Method(f"mujoco batch, {name}", "mjcf", prepare, loop="MuJoCo", growth="up to 3", of=(CONSTRAINED,))
+
+
+NEWTON = _method("Newton")
+CONJUGATE_GRADIENTS = _method("CG", "CG")
+PROJECTED_GAUSS_SEIDEL = _method("PGS", "PGS")
+SOFT = _method("impedance 0.9", impedance="0.9")
+STIFF = _method("impedance 0.9999", impedance="0.9999")
+SOFT_EXACT = _method("impedance 0.9, diagexact", impedance="0.9", exact=True)
+STIFF_EXACT = _method("impedance 0.9999, diagexact", impedance="0.9999", exact=True)
