@@ -258,12 +258,18 @@ class BenchmarkStudy(Rounds):
     def _loaded(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
         found = self._problem(outcome, name, what) or Benchmark()
         if isinstance(outcome.value, Scene):
-            self._scenes[name], kind = outcome.value, kind_of(outcome.value)
-            able = [one.name for find in (find_methods, integrators) for one in find(kind)]
+            self._scenes[name] = outcome.value
             # Of systems that nobody named, those that a method is for are meant.
-            wanted = self.settings.methods if self.settings.names else ()
-            found.problems += [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in wanted if one not in able]
+            if self.settings.names and self.settings.methods:
+                found.problems += self._not_for(outcome.value)
         yield self._part(f"{name} loaded", found)
+
+    def _not_for(self, scene: Scene) -> list[str]:
+        """A sentence for each chosen method that a scene's kind has not."""
+        kind = kind_of(scene)
+        able = [one.name for find in (find_methods, integrators) for one in find(kind)]
+        name = scene.mechanism.name
+        return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
 
     def _taken(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
         yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
