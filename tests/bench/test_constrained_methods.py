@@ -12,7 +12,6 @@ import pytest
 
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
-from harness.bench.methods.mujoco_constraints import with_attributes
 from harness.bench.study import BenchmarkSettings, BenchmarkStudy, _accelerations
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
@@ -20,6 +19,7 @@ from harness.crosscheck.truth import Truth
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library
+from harness.models.attributes import with_attributes
 from harness.motion.integrators import CONSTRAINED, MECHANISMS, kind_of
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.study import run_study
@@ -140,7 +140,8 @@ def test_attributes_are_written_where_the_engine_reads_them() -> None:
     import mujoco
 
     file = scene("four_bar").models["mjcf"]
-    changed = with_attributes(file, {"solver": "CG"}, {"diagexact": "enable"}, {"solimp": "0.5 0.5"})
+    set_there = {"option": {"solver": "CG"}, "option/flag": {"diagexact": "enable"}, "equality/*": {"solimp": "0.5 0.5"}}
+    changed = with_attributes(file, set_there)
     before, after = (mujoco.MjModel.from_xml_string(one.text) for one in (file, changed))
     assert (before.opt.solver, after.opt.solver) == (mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtSolver.mjSOL_CG)
     assert after.eq_solimp[0, :2].tolist() == [0.5, 0.5] and before.eq_solimp[0, 0] == 0.9

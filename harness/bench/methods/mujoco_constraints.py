@@ -10,49 +10,31 @@ Source: MuJoCo documentation, Computation, sections Constraint solver and Solver
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-
-from lxml import etree
 
 from harness.bench.methods import Method, Prepared
 from harness.bench.methods.mujoco import batch
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.equations.states import States
-from harness.models.model_file import ROOT_TAGS, ModelFile, parse_model
-from harness.models.xml import parse_document
+from harness.models.attributes import Attributes, with_attributes
 from harness.motion.integrators import CONSTRAINED
 
-Attributes = Mapping[str, str]
-
-
-def with_attributes(model: ModelFile, option: Attributes, flags: Attributes, constraints: Attributes) -> ModelFile:
-    """The MJCF with other attributes of its options, of its flags, and of each of its constraints."""
-    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
-    options = root.find("option")
-    options = etree.SubElement(root, "option") if options is None else options
-    flag = options.find("flag")
-    changes = [(options, option), *((one, constraints) for one in root.iterfind("equality/*") if isinstance(one.tag, str))]
-    if flags:
-        changes.append((etree.SubElement(options, "flag") if flag is None else flag, flags))
-    for element, attributes in changes:
-        for name, value in attributes.items():
-            element.set(name, value)
-    return parse_model(model.path, etree.tostring(root, encoding="unicode"), model.format)
-
-
-def _changed(option: Attributes, flags: Attributes, constraints: Attributes, scene: Scene, states: States) -> Prepared:
+def _changed(attributes: Attributes, scene: Scene, states: States) -> Prepared:
     if "mjcf" not in scene.models:
         raise Unsupported(f"{scene.mechanism.name} has no MJCF model")
-    changed = with_attributes(scene.models["mjcf"], option, flags, constraints)
+    changed = with_attributes(scene.models["mjcf"], attributes)
     return batch(False, replace(scene, models={**scene.models, "mjcf": changed}), states)
 
 
 def _method(name: str, solver: str = "Newton", impedance: str = "", exact: bool = False) -> Method:
-    solimp = {"solimp": f"{impedance} {impedance}"} if impedance else {}
-    prepare = partial(_changed, {"solver": solver}, {"diagexact": "enable"} if exact else {}, solimp)
+    attributes = {"option": {"solver": solver}}
+    if exact:
+        attributes["option/flag"] = {"diagexact": "enable"}
+    if impedance:
+        attributes["equality/*"] = {"solimp": f"{impedance} {impedance}"}
+    prepare = partial(_changed, attributes)
     return Method(f"mujoco batch, {name}", "mjcf", prepare, loop="MuJoCo", growth="up to 3", of=(CONSTRAINED,))
 
 
