@@ -1,7 +1,7 @@
 """Cost and error of every way of computing accelerations, on one system and over the sizes of a family.
 
 Cost is per state and takes in neither loading nor conversion; error is the backward error against the
-certified reference at the same states.
+certified reference at the same states; where an engine documents that it solves another problem, against that one.
 
 ``harness.certify.compare`` says what an error is.
 """
@@ -12,20 +12,22 @@ import statistics
 import time
 import timeit
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from harness.bench.findings import Judged, findings
 from harness.bench.methods import Method
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.crosscheck.truth import reference_kernel
+from harness.crosscheck.truth import Truth
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library
-from harness.results.benchmark import AccelerationCost, Growth
+from harness.results.benchmark import AccelerationCost, EngineFinding, Growth
 from harness.study import sentence
 
 MINIMUM_COUNT = 5
@@ -38,48 +40,65 @@ FEWEST_STATES = 64
 
 def acceleration_costs(
     scene: Scene, methods: Sequence[Method], count: int, seed: int, minimum_seconds: float, note: Note
-) -> list[AccelerationCost]:
-    """One measurement per method, in their order, at up to ``count`` sampled states each.
+) -> tuple[list[AccelerationCost], list[EngineFinding]]:
+    """One measurement per method, in their order, at up to ``count`` sampled states each; and what engines get wrong.
 
     A method that cannot do the system, or that fails, has an entry with the reason as its note. ``minimum_seconds`` is how long each
     method is timed at least.
     """
     mechanism = scene.mechanism
     states = generic_sample(mechanism, count, seed)
-    references: dict[bool, Reference] = {}
-    costs = []
+    references = References(states)
+    costs: list[AccelerationCost] = []
+    judged: list[Judged] = []
     for method in methods:
         note(f"{mechanism.name}: {method.name}")
-        in_body = method.linear_velocity_in_body and bool(mechanism.charts_in_body)
-        if in_body not in references:
-            references[in_body] = reference_kernel(mechanism, in_body).evaluate(states)
-        chosen = slice(method.most_states)
         try:
-            costs.append(_cost(method, scene, states[chosen], references[in_body][chosen], minimum_seconds))
+            prepared = method.prepare(scene, states[: method.most_states])
+            times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
+            rigid = Truth(mechanism, method.linear_velocity_in_body and bool(mechanism.charts_in_body))
+            reference = references.of(prepared.truth or rigid, method.most_states)
+            one = Judged(method, prepared, reference, compare(reference, prepared.accelerations()))
+            cost = _cost(mechanism.name, one, times)
+            if prepared.truth is not None:
+                from_rigid = compare(references.of(rigid, method.most_states), prepared.accelerations()).known("relative_error")
+                cost = replace(cost, from_rigid=float(np.median(from_rigid)) if len(from_rigid) else None)
+            costs.append(cost)
+            judged.append(one)
+        except Unsupported as reason:
+            costs.append(_missing(mechanism.name, method, str(reason)))
         except Exception as error:
             # What one method raises or answers is not the others' fault.
             costs.append(_missing(mechanism.name, method, sentence(error), failed=True))
-    return costs
+    return costs, findings(mechanism.name, judged)
 
 
-def _cost(method: Method, scene: Scene, states: States, reference: Reference, minimum_seconds: float) -> AccelerationCost:
-    name, n = scene.mechanism.name, len(states)
-    try:
-        prepared = method.prepare(scene, states)
-    except Unsupported as reason:
-        return _missing(name, method, str(reason))
-    times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
-    comparison = compare(reference, prepared.accelerations())
+class References:
+    """The truths of methods at the same states, each certified once."""
+
+    def __init__(self, states: States) -> None:
+        self._states = states
+        self._found: dict[Truth, Reference] = {}
+
+    def of(self, truth: Truth, most_states: int | None) -> Reference:
+        """The truth at the states, or at the first so many of them."""
+        if truth not in self._found:
+            self._found[truth] = truth.kernel.evaluate(self._states)
+        return self._found[truth][:most_states]
+
+
+def _cost(system: str, one: Judged, times: Sequence[float]) -> AccelerationCost:
+    n, comparison = len(one.reference), one.comparison
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
-    remarks = [prepared.note]
-    undecided, useless = n - int(reference.certified.sum()), int(reference.certified.sum()) - len(backward)
+    remarks = [one.prepared.note]
+    undecided, useless = n - int(one.reference.certified.sum()), int(one.reference.certified.sum()) - len(backward)
     if undecided:
         remarks.append(f"{undecided} of {n} states are undecided")
     if useless:
         remarks.append(f"{useless} of {n} answers are not finite")
     return AccelerationCost(
-        system=name,
-        method=method.name,
+        system=system,
+        method=one.method.name,
         states=n,
         seconds_per_state=statistics.median(times) / n,
         fastest=min(times) / n,
@@ -89,7 +108,7 @@ def _cost(method: Method, scene: Scene, states: States, reference: Reference, mi
         median_backward_error=float(np.median(backward)) if len(backward) else None,
         relative_error=max(relative.tolist(), default=None),
         note="; ".join(filter(None, remarks)),
-        loop=method.loop,
+        loop=one.method.loop,
     )
 
 
@@ -126,7 +145,7 @@ def growth(
     for size in sizes:
         note(f"{FAMILY}_{size}: derivation")
         scene = Scene.of(library, f"{FAMILY}_{size}")
-        measured.append(acceleration_costs(scene, methods, max(FEWEST_STATES, count // size), seed, minimum_seconds, note))
+        measured.append(acceleration_costs(scene, methods, max(FEWEST_STATES, count // size), seed, minimum_seconds, note)[0])
         if failed := next((cost for cost in measured[-1] if cost.failed), None):
             raise RuntimeError(f"{failed.method}: {failed.note}")
     return [

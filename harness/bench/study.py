@@ -11,7 +11,7 @@ from typing import Any
 
 from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
 from harness.bench.energy_drift import drifts
-from harness.bench.methods import find_methods, select_methods
+from harness.bench.methods import Method, find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
@@ -20,7 +20,7 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, member_of, nearest
-from harness.motion.integrators import MECHANISMS, ROBOTS, integrators
+from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
@@ -91,9 +91,9 @@ class BenchmarkSettings:
         return THOROUGHNESS[self.profile]
 
     @property
-    def kind(self) -> str:
-        """What is measured: mechanisms or robots."""
-        return ROBOTS if self.library.is_of_robots else MECHANISMS
+    def kinds(self) -> Sequence[str]:
+        """What may be measured: robots, or mechanisms of either kind."""
+        return (ROBOTS,) if self.library.is_of_robots else (MECHANISMS, CONSTRAINED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,14 +124,23 @@ def load(library: Library, name: str, note: Note) -> Scene:
     return Scene.of(library, name)
 
 
+def _chosen(settings: BenchmarkSettings, kind: str) -> list[Method]:
+    """The methods of one kind that are asked for."""
+    known = [method.name for method in find_methods(kind)]
+    names = [name for name in settings.methods if name in known]
+    return select_methods(names, kind) if names or not settings.methods else []
+
+
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, select_methods(settings.methods, settings.kind)
-    costs = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
-    return Benchmark(accelerations=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
+    extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
+    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
+    return Benchmark(
+        accelerations=costs, findings=found, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed]
+    )
 
 
 def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, select_methods(settings.methods)
+    extent, methods = settings.thoroughness, _chosen(settings, MECHANISMS)
     found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
     return Benchmark(growth=found)
 
@@ -188,7 +197,9 @@ class BenchmarkStudy(Rounds):
         super().__init__()
         self.settings = settings
         self.names = settings.library.select(settings.names)
-        methods, moving = ([one.name for one in find(settings.kind)] for find in (find_methods, integrators))
+        methods, moving = (
+            list(dict.fromkeys(one.name for kind in settings.kinds for one in find(kind))) for find in (find_methods, integrators)
+        )
         for name in settings.methods:
             if name not in (*methods, *moving):
                 self._refuse_other_kind(name)
@@ -245,9 +256,20 @@ class BenchmarkStudy(Rounds):
         return [part.system] if named else []
 
     def _loaded(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
+        found = self._problem(outcome, name, what) or Benchmark()
         if isinstance(outcome.value, Scene):
             self._scenes[name] = outcome.value
-        yield self._part(f"{name} loaded", self._problem(outcome, name, what) or Benchmark())
+            # Of systems that nobody named, those that a method is for are meant.
+            if self.settings.names and self.settings.methods:
+                found.problems += self._not_for(outcome.value)
+        yield self._part(f"{name} loaded", found)
+
+    def _not_for(self, scene: Scene) -> list[str]:
+        """A sentence for each chosen method that a scene's kind has not."""
+        kind = kind_of(scene)
+        able = [one.name for find in (find_methods, integrators) for one in find(kind)]
+        name = scene.mechanism.name
+        return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
 
     def _taken(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
         yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)

@@ -20,6 +20,7 @@ from harness.certify.enclosure import Encloser, Enclosure, nearest
 from harness.certify.forward_mode import jacobians, values
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.constraints import RATE, RESIDUAL
+from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused
 from harness.equations.states import States
@@ -27,6 +28,7 @@ from harness.storage import Kept
 
 # Of data roundoffs of a row: evaluating it in float64 rounds about as often as its inputs are rounded.
 _ROUNDINGS = 16
+_DISTANCE_BITS = 192
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
@@ -59,29 +61,59 @@ def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:
     return _closures(mechanism)[1].enclose(q.tolist(), v.tolist())
 
 
-def closes(mechanism: Mechanism, states: States) -> Flags:
-    """(n,) whether a state closes all constraints, in positions and in rates, as far as half an ulp of each input leaves it open."""
+def closes(mechanism: Mechanism, states: States, parameters: Array | None = None) -> Flags:
+    """(n,) whether a state closes all constraints, in positions and in rates, as far as half an ulp of each input leaves it open.
+
+    ``parameters`` are as of ``Mechanism.inputs``.
+    """
     if mechanism.constraints is None:
         return np.ones(len(states), dtype=np.bool_)
-    left, open_by_data = rows_left(mechanism, states)
+    left, open_by_data = rows_left(mechanism, states, parameters)
     allowed = _ROUNDINGS * open_by_data
     found: Flags = np.asarray((np.abs(left) <= allowed).all(axis=1))
     # Lengths that cancel in a row are rounded in float64, which a row near zero angles need not forgive: balls tell.
     finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(allowed).all(axis=1)
     for index in np.flatnonzero(~found & finite).tolist():
-        found[index] = _closures(mechanism)[1].is_closed(states.q[index].tolist(), states.v[index].tolist(), allowed[index].tolist())
+        encloser = _closures(mechanism if parameters is None else _at(mechanism, parameters[index]))[1]
+        found[index] = encloser.is_closed(states.q[index].tolist(), states.v[index].tolist(), allowed[index].tolist())
     return found
 
 
-def rows_left(mechanism: Mechanism, states: States) -> tuple[Array, Array]:
-    """What the rows and their rates leave, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
+def _at(mechanism: Mechanism, values_of_parameters: Array) -> Mechanism:
+    """The mechanism at other values of its parameters."""
+    named = zip(mechanism.parameters, values_of_parameters.tolist(), strict=True)
+    return replace(mechanism, parameters=tuple((name, value, unit) for (name, _, unit), value in named))
+
+
+def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
+    """How far each constraint is from where it holds, (n,), by its name: the length of its holonomic rows, known to every bit of float64.
 
     ``mechanism`` has constraints.
+    """
+    import flint
+
+    constraints = mechanism.constraints
+    assert constraints is not None
+    with flint.ctx.workprec(_DISTANCE_BITS):
+        evaluate = BallKernel(constraints.program, len(mechanism.parameters)).bind(mechanism.parameter_values)
+        found: dict[str, list[float]] = {name: [] for name in constraints.names}
+        for q in states.q.tolist():
+            left = evaluate(*q, *[0.0] * (2 * mechanism.nv + 1))
+            for name, lengths in found.items():
+                own = [left[row] ** 2 for row in range(constraints.holonomic) if constraints.rows[row] == name]
+                lengths.append(float(sum(own, flint.arb(0)).sqrt().mid()))
+    return {name: np.array(lengths) for name, lengths in found.items()}
+
+
+def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = None) -> tuple[Array, Array]:
+    """What the rows and their rates leave, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
+
+    ``mechanism`` has constraints; ``parameters`` are as of ``Mechanism.inputs``.
     """
     assert mechanism.constraints is not None
     program = mechanism.constraints.program
     rows = without_unused(replace(program, outputs={name: program.outputs[name] for name in (RESIDUAL, RATE)}))
-    inputs = mechanism.inputs(states)
+    inputs = mechanism.inputs(states, parameters)
     scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
     # In a sum with another angle a large one would round its digits away.
     for place in set(program.turning) & set(range(mechanism.nq)):

@@ -160,7 +160,7 @@ class ReferenceKernel:
     def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
         # Without a configuration in which the constraints hold there is no motion to be asked for.
-        certified = found.certified & closes(self.mechanism, states)
+        certified = found.certified & closes(self.mechanism, states, parameters)
         constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
         assert constraints is not None
         free = free_size(constraints, inputs, states.tau, found.norm_factor)

@@ -67,7 +67,8 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     from harness.report import benchmark_tables as tables
 
     costs = [cost for system in summary.systems for cost in summary.accelerations(system)]
-    print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark"))
+    unused = () if any(cost.from_rigid is not None for cost in costs) else ("distance from rigid",)
+    print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark", *unused))
     if costs:
         say(f"times: median and fastest call; where Python loops over the states, they hold its calls; {summary.run.load}")
     remarks: dict[tuple[str, str], list[str]] = {}
@@ -76,6 +77,9 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
             remarks.setdefault((cost.note, cost.method), []).append(cost.system)
     for (note, method), systems in remarks.items():
         say(f"  {method} on {', '.join(systems)}: {note}")
+    for finding in summary.benchmark.findings:
+        say("", f"finding: {finding.method} on {finding.system}: {finding.statement}")
+        say(*(f"    {line}" for line in finding.reproducer.splitlines()))
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
     print_titled("true motion", tables.truths(summary).without("cost", "start"))
     print_titled("motion", tables.best_motions(summary))

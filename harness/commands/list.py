@@ -30,11 +30,11 @@ def _faults() -> Table:
     return Table(["kind", "title"], list(kinds_of_faults().items()))
 
 
-def _of_both(find: Callable[[str], Iterable[Any]]) -> list[Any]:
-    """What ``find`` has of mechanisms and of robots, each once."""
-    from harness.motion.integrators import MECHANISMS, ROBOTS
+def _of_all(find: Callable[[str], Iterable[Any]]) -> list[Any]:
+    """What ``find`` has of every kind, each once."""
+    from harness.motion.integrators import KINDS
 
-    return list({one.name: one for of in (MECHANISMS, ROBOTS) for one in find(of)}.values())
+    return list({one.name: one for of in KINDS for one in find(of)}.values())
 
 
 def _of(one: Any) -> str:
@@ -47,13 +47,13 @@ def _integrators() -> Table:
     def order(one: Any) -> object:
         return "adaptive" if one.adaptive else one.order
 
-    return Table.of(_of_both(integrators), {"integrator": "name", "reads": "format", "of": _of, "order": order})
+    return Table.of(_of_all(integrators), {"integrator": "name", "reads": "format", "of": _of, "order": order})
 
 
 def _methods() -> Table:
     from harness.bench.methods import find_methods
 
-    return Table.of(_of_both(find_methods), {"method": "name", "reads": "format", "of": _of, "cost grows as bodies to the": "growth"})
+    return Table.of(_of_all(find_methods), {"method": "name", "reads": "format", "of": _of, "cost grows as bodies to the": "growth"})
 
 
 # What can be listed beside the mechanisms: its rows, and the command that takes the names.

@@ -4,20 +4,24 @@ Pinocchio solves M qdd - J' f = tau - c, J qdd = -J' v by proximal iterations, e
 does not depend on ``mu``, redundant rows included. What is measured on loops of three bodies, in data roundoffs:
 
 - the default ``ProximalSettings`` have mu = 0 and one iteration, and answer NaN where a row is redundant, without an exception;
-- one iteration at mu leaves an error in proportion to mu, 760 at 1e-12;
+- one iteration at mu leaves an error in proportion to mu, 910 to 14,000 at 1e-12;
 - mu from 1e-2 to 1e-14 with accuracy 0 ends below 2 in up to 10 iterations, or in all that are allowed where rows are redundant;
 - 1e-6 rad from a state that loses rank, J M^-1 J' has an eigenvalue of 1e-12 of its others, where only a mu of that size converges;
-- ``lcaba`` keeps unit roundoff over mu of an answer, however many iterations: 2e-9 at mu = 1e-6, and all digits lost at 1e-14;
-- the residual that the settings report afterwards tells right from wrong by nothing.
+- ``lcaba`` keeps unit roundoff over mu of an answer, however many iterations: 2e-9 at mu = 1e-6, and all digits lost at 1e-14,
+  while its ``absolute_residual`` reads 1e-13 at most;
+- ``absolute_residual`` of the settings reads the same afterwards, 9 to 550, for answers that are right and that are wrong.
 
 Source: Carpentier, Budhiraja, Mansard, Proximal and sparse resolution of constrained dynamic equations, Robotics: Science and
-Systems, 2021; Pinocchio 4.1, algorithm/constrained-dynamics.
+Systems, 2021; Sathya, Carpentier, Constrained articulated body dynamics algorithms, IEEE Transactions on Robotics, 2024, for lcaba;
+Pinocchio 4.1, algorithm/constrained-dynamics and algorithm/loop-constrained-aba.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,13 +30,40 @@ from harness.engines import Unsupported
 from harness.models.constraints import End, FrameConstraint, ModelConstraint, PointConstraint
 from harness.models.mjcf_forces import WORLD
 
-PROXIMAL_MU = 1e-12
-# Of an accuracy of 0, iterations end where the residual no longer changes.
-PROXIMAL_ACCURACY = 0.0
-PROXIMAL_ITERATIONS = 100
 _UNIVERSE = 0
 
 Columns = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Solver:
+    """One of Pinocchio's algorithms for constraints, and what it is told.
+
+    Attributes:
+        algorithm: the function of ``pinocchio``. ``lcaba`` wants a mu above 0.
+        mu: proximal parameter; None for a call without settings, which ``lcaba`` does not take.
+        iterations: at most so many. accuracy: residual at which they end; with 0, where it no longer changes.
+    """
+
+    algorithm: Literal["constraintDynamics", "lcaba"] = "constraintDynamics"
+    mu: float | None = 1e-12
+    iterations: int = 100
+    accuracy: float = 0.0
+
+    def settings(self) -> tuple[Any, ...]:
+        """The last arguments of the call, into which the algorithm writes its counts and residuals."""
+        import pinocchio
+
+        return () if self.mu is None else (pinocchio.ProximalSettings(self.accuracy, self.mu, self.iterations),)
+
+    def written(self) -> tuple[str, str]:
+        """Python text: a statement that readies the data ``d``, and the call."""
+        last = "" if self.mu is None else f", pin.ProximalSettings({self.accuracy}, {self.mu}, {self.iterations})"
+        ready = "computeJointMinimalOrdering(m, d, cs)" if self.algorithm == "lcaba" else "initConstraintDynamics(m, d, cs, cd)"
+        return f"pin.{ready}", f"pin.{self.algorithm}(m, d, q, v, tau, cs, cd{last})"
+
+
+ACCURATE = Solver()
 
 
 class LoopConstraints:
@@ -59,40 +90,47 @@ class LoopConstraints:
             self.models.append(pinocchio.RigidConstraintModel(kinds[constraint.kind], model, *places, pinocchio.ReferenceFrame.LOCAL))
         for one in self.models:
             self.data.append(one.createData())
-        self._memory = model.createData()
-        pinocchio.initConstraintDynamics(model, self._memory, self.models, self.data)
+        self.solver = ACCURATE
+        self._memory = self._ready()
 
-    def accelerations(
-        self,
-        columns: Columns,
-        mu: float = PROXIMAL_MU,
-        iterations: int = PROXIMAL_ITERATIONS,
-        accuracy: float = PROXIMAL_ACCURACY,
-    ) -> Array:
-        """(n, nv) accelerations at ``PinocchioModel.columns`` with all forces added; NaN where the solver fails."""
+    def solved_by(self, solver: Solver) -> LoopConstraints:
+        """The same constraints with another solver, and a memory of its own."""
+        other = copy.copy(self)
+        other.solver = solver
+        other._memory = other._ready()
+        return other
+
+    def _ready(self) -> Any:
         import pinocchio
 
+        memory = self._model.createData()
+        pinocchio.initConstraintDynamics(self._model, memory, self.models, self.data)
+        if self.solver.algorithm == "lcaba":
+            pinocchio.computeJointMinimalOrdering(self._model, memory, self.models)
+        return memory
+
+    def accelerations(self, columns: Columns) -> Array:
+        """(n, nv) accelerations at ``PinocchioModel.columns`` with all forces added; NaN where the solver fails."""
         found = np.empty((columns[0].shape[1], self._model.nv))
-        # The solver writes its counts and residuals into the settings.
-        settings = pinocchio.ProximalSettings(accuracy, mu, iterations)
+        settings = self.solver.settings()
         for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
             found[state] = self._solve(inputs, settings)
         return found
 
-    def by_lcaba(self, columns: Columns, mu: float, iterations: int = PROXIMAL_ITERATIONS) -> Array:
-        """``accelerations`` by the articulated bodies of loops, which eliminates joints in an order of its own; mu must be above 0."""
+    def residuals(self, columns: Columns) -> Array:
+        """(n,) what ``ProximalSettings.absolute_residual`` reads after each solution; NaN of a call without settings."""
+        found = np.full(columns[0].shape[1], np.nan)
+        for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
+            settings = self.solver.settings()
+            self._solve(inputs, settings)
+            found[state] = settings[0].absolute_residual if settings else np.nan
+        return found
+
+    def _solve(self, inputs: tuple[Array, ...], settings: tuple[Any, ...]) -> Array:
         import pinocchio
 
-        memory = self._model.createData()
-        pinocchio.computeJointMinimalOrdering(self._model, memory, self.models)
-        settings = pinocchio.ProximalSettings(PROXIMAL_ACCURACY, mu, iterations)
-        inputs = zip(*(each.T for each in columns), strict=True)
-        return np.array([pinocchio.lcaba(self._model, memory, *one, self.models, self.data, settings) for one in inputs])
-
-    def _solve(self, inputs: tuple[Array, ...], settings: Any) -> Array:
-        import pinocchio
-
-        return np.asarray(pinocchio.constraintDynamics(self._model, self._memory, *inputs, self.models, self.data, settings))
+        function = getattr(pinocchio, self.solver.algorithm)
+        return np.asarray(function(self._model, self._memory, *inputs, self.models, self.data, *settings))
 
     def generalised_forces(self, columns: Columns) -> Array:
         """J' f of the constraint forces, (n, nv) [N or N m], at the same columns."""
@@ -100,7 +138,7 @@ class LoopConstraints:
 
         found = np.empty((columns[0].shape[1], self._model.nv))
         for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
-            self._solve(inputs, pinocchio.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_MU, PROXIMAL_ITERATIONS))
+            pinocchio.constraintDynamics(self._model, self._memory, *inputs, self.models, self.data, *ACCURATE.settings())
             jacobian = pinocchio.getConstraintsJacobian(self._model, self._memory, self.models, self.data)
             found[state] = jacobian.T @ self._memory.lambda_c
         return found
@@ -128,11 +166,11 @@ class LoopConstraints:
             f"{self._written_end(one.joint2_id, one.joint2_placement)}, pin.LOCAL)"
             for one in self.models
         )
-        settings = f"pin.ProximalSettings({PROXIMAL_ACCURACY}, {PROXIMAL_MU}, {PROXIMAL_ITERATIONS})"
+        ready, call = self.solver.written()
         return (
             f"cs, cd, d = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData(), m.createData(); cs.extend([{made}]); "
-            "cd.extend([c.createData() for c in cs]); pin.initConstraintDynamics(m, d, cs, cd)\n",
-            f"pin.constraintDynamics(m, d, q, v, tau, cs, cd, {settings})",
+            f"cd.extend([c.createData() for c in cs]); {ready}; ",
+            call,
         )
 
     def _written_end(self, joint: int, placement: Any) -> str:

@@ -17,6 +17,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 d
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocchio_held, _pinocchio_mjcf, require_model
-from harness.engines._pinocchio_constraints import LoopConstraints
+from harness.engines._pinocchio_constraints import LoopConstraints, Solver
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_mimics import MimicJoints
 from harness.engines._standard_error import captured_standard_error
@@ -55,6 +56,18 @@ class PinocchioModel:
         # What both solve with.
         self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
+
+    def solved_by(self, solver: Solver) -> PinocchioModel:
+        """The same model whose constraints another solver holds.
+
+        Raises:
+            Unsupported: the model has no constraints that a solver holds.
+        """
+        if not isinstance(self.constraints, LoopConstraints):
+            raise Unsupported("no constraint of the model is left to a solver")
+        other = copy.copy(self)
+        other.constraints = self.constraints.solved_by(solver)
+        return other
 
     def loaded(self) -> LoadedModel:
         model = self.model

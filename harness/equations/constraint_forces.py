@@ -34,7 +34,7 @@ from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constr
 from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
 
 Column = list[int]
-MULTIPLIERS = "multipliers"
+MULTIPLIERS, ACCELERATIONS = "multipliers", "accelerations"
 
 
 def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[Column, Column]]) -> StraightLineProgram:
@@ -194,6 +194,17 @@ def by_multipliers(tied: Tied) -> tuple[Column, Column]:
 
 def by_reduction(tied: Tied) -> tuple[Column, Column]:
     """The forces M a - f, (nv,), with a from the reduced equations; no multipliers."""
+    return tied.less(tied.times(tied.mass, reduced(tied)), tied.force), []
+
+
+def reduced_program(constraints: Constraints) -> StraightLineProgram:
+    """A program of the tree's inputs whose one output, ``accelerations`` (nv,), is the solution of the reduced equations."""
+    tied = Tied(constraints)
+    return without_unused(tied.program({ACCELERATIONS: reduced(tied)}))
+
+
+def reduced(tied: Tied) -> Column:
+    """The accelerations, (nv,), by the reduced equations."""
     determined = tied.constraints.rates
     others = [place for place in range(tied.nv) if place not in determined]
     by_determined = [[row[place] for place in determined] for row in tied.jacobian]
@@ -216,5 +227,4 @@ def by_reduction(tied: Tied) -> tuple[Column, Column]:
     carried = [tied.times(tied.mass, way) for way in basis]
     reduced = [[tied.dot(one, other) for other in carried] for one in basis]
     [own] = tied.solved(reduced, [tied.times(basis, tied.less(tied.force, tied.times(tied.mass, offset)))])
-    moved = [tied.sum(at, tied.dot(row, own)) for at, row in zip(offset, tied.transposed(basis), strict=True)]
-    return tied.less(tied.times(tied.mass, moved), tied.force), []
+    return [tied.sum(at, tied.dot(row, own)) for at, row in zip(offset, tied.transposed(basis), strict=True)]

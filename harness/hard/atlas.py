@@ -49,7 +49,12 @@ class AtlasStudy(Rounds):
         for subject in [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]:
             asked.remove(subject)
             self._next.append(Task((self._refused, subject), _say, (self.failure(engine_files(library)[subject.engine].outcome),)))
-        self._next += [Task((self._rated, name, subject), measure, (name, subject, library)) for name in names for subject in asked]
+        self._next += [
+            Task((self._rated, name, subject), measure, (name, subject, library))
+            for name in names
+            for subject in asked
+            if not hard_cases()[name].subjects or str(subject) in hard_cases()[name].subjects
+        ]
         if motion:
             values = hard_cases()[OSCILLATOR].values
             self._next += [Task((self._moved, "partings", name), partings, (name, library)) for name in hard_motions()]

@@ -9,13 +9,11 @@ error).
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -24,26 +22,24 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
-from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference
+from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.truth import reference_kernel
 from harness.engines import (
-    EQUATIONS,
     Engine,
     Subject,
+    Unsupported,
     accelerations,
     factorises_mass_matrix,
     linear_velocity_in_body,
     load_engine,
 )
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.hard.cases import HardCase, Theory, hard_cases, library_of
+from harness.hard.cases import HardCase, Theory, hard_cases
+from harness.hard.truths import TruePoint, model_file, true_points
 from harness.library import Library
-from harness.models.model_file import ModelFile, read_model
 from harness.results.atlas import HardPoint, HardRow
 from harness.verdict import Verdict, gravest
 from harness.workers import Crash
@@ -54,8 +50,6 @@ FLOOR = 16.0
 NO_DIGITS_LEFT = 0.1
 FEWEST_POINTS_FITTED = 4
 
-# What is certified at one point, its states, and the mechanism with the parameters it has there.
-Truth = tuple[Reference, States, Mechanism]
 # A point, and the answers there if there are any.
 Answered = tuple[HardPoint, Array | None]
 
@@ -65,14 +59,14 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
     started = time.perf_counter()
     case = hard_cases()[case_name]
     engine = load_engine(engines, subject.engine)
-    truths = truth_along(case_name, linear_velocity_in_body(engine))
+    truths = true_points(case_name, subject, engines)
     answered: list[Answered] = []
     for value, truth in zip(case.values, truths, strict=True):
         note(json.dumps({"knob": value, "system": truth[2].name}))
         answered.append(point_of(case, value, truth, subject, engine))
     points = [point for point, _ in answered]
     if any(point.verdict == Verdict.UNSTABLE for point in points):
-        points = explained(case, truths, answered, linear_velocity_in_body(engine))
+        points = explained(truths, answered, linear_velocity_in_body(engine))
     return row_of(
         case,
         subject,
@@ -103,35 +97,9 @@ def row_of(case: HardCase, subject: Subject, points: list[HardPoint], **measured
     )
 
 
-@functools.lru_cache(maxsize=4)
-def truth_along(case_name: str, in_body: bool) -> list[Truth]:
-    """The truth at each point; a system along the knob is compiled once."""
-    case = hard_cases()[case_name]
-    found: list[Truth] = []
-    for name, group in groupby(enumerate(case.values), key=lambda point: case.system_at(point[1])):
-        mechanism = load_mechanism(library_of(case), name)
-        points = list(group)
-        batches = [case.states(mechanism, value, place) for place, value in points]
-        changed = [case.mechanism_at(mechanism, value) for _, value in points]
-        parameters = np.repeat([one.parameter_values for one in changed], [len(batch) for batch in batches], axis=0)
-        reference = reference_kernel(mechanism, in_body).evaluate(States.concatenate(batches), parameters)
-        start = 0
-        for batch, one in zip(batches, changed, strict=True):
-            found.append((reference[start : start + len(batch)], batch, one))
-            start += len(batch)
-    return found
-
-
-@functools.lru_cache(maxsize=64)
-def _model_file(case_name: str, system: str, model_format: str) -> ModelFile | None:
-    if model_format == EQUATIONS:
-        return None
-    return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
-
-
-def point_of(case: HardCase, value: float, truth: Truth, subject: Subject, engine: Engine) -> Answered:
+def point_of(case: HardCase, value: float, truth: TruePoint, subject: Subject, engine: Engine) -> Answered:
     reference, states, mechanism = truth
-    model = _model_file(case.name, mechanism.name, subject.format)
+    model = model_file(case.name, mechanism.name, subject.format)
     about = _about(value, mechanism.name, reference)
     try:
         source = mechanism if model is None else case.model_at(model, mechanism, value)
@@ -140,22 +108,29 @@ def point_of(case: HardCase, value: float, truth: Truth, subject: Subject, engin
         return replace(about, verdict=Verdict.ERROR.value, reason=str(error)), None
     try:
         loaded = engine.load(source, mechanism.joints, mechanism.gravity)
-    except ValueError as error:
+    except (ValueError, Unsupported) as error:
         return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}"), None
+    if case.configured is not None:
+        loaded = case.configured(loaded, value)
+    may_lose_digits = factorises_mass_matrix(engine) or factorises_mass_matrix(loaded)
     try:
         answers = accelerations(loaded, states)
     except Exception as error:
         return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}"), None
-    return _judged(about, states, reference, compare(reference, answers, factorises_mass_matrix(engine))), answers
+    return _judged(about, states, reference, compare(reference, answers, may_lose_digits)), answers
 
 
-def explained(case: HardCase, truths: Sequence[Truth], answered: Sequence[Answered], in_body: bool) -> list[HardPoint]:
+def explained(truths: Sequence[TruePoint], answered: Sequence[Answered], in_body: bool) -> list[HardPoint]:
     """The points; where another value of one parameter explains the errors along the family, they are no lost digits."""
     points, parts, names = [point for point, _ in answered], [], []
+    kernels: dict[Hashable, ReferenceKernel] = {}
     for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
         if answers is None:
             continue
-        kernel = reference_kernel(load_mechanism(library_of(case), mechanism.name), in_body)
+        # The parameters of one point are not those of the next, and its equations are.
+        if mechanism.program.key not in kernels:
+            kernels[mechanism.program.key] = reference_kernel(mechanism, in_body)
+        kernel = kernels[mechanism.program.key]
         whitening, values = Whitening(reference), np.array(mechanism.parameter_values)
         # Relative changes, for the knob turns the values.
         slopes = parameter_derivatives(kernel, states, reference, values.tolist()) * values[:, None, None]

@@ -6,12 +6,12 @@ The engine's file writes it, by a method ``reproducer`` of its model; see ``Repr
 
 from __future__ import annotations
 
-import re
 from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
 from harness.crosscheck import tasks
 from harness.equations.states import States
+from harness.models.text import compact
 
 
 @runtime_checkable
@@ -37,9 +37,3 @@ def reproduce(assignment: tasks.Assignment, state: States) -> str:
         return ""
     certified = tasks.reference_kernel_of(assignment).evaluate(state).high[0]
     return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified)
-
-
-def compact(text: str) -> str:
-    """A model file on one line, without comments; every number stays as it is written."""
-    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
-    return re.sub(r"\s+", " ", re.sub(r">\s+<", "><", text)).strip()

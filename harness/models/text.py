@@ -285,3 +285,9 @@ def tag(place: Place, whole: str) -> str:
     if not place.attribute:
         return f"<{place.element}>{whole}</{place.element}>" if whole else f"<{place.element}>"
     return f'<{place.element} {place.attribute}="{whole}">' if whole else f"<{place.element} {place.attribute}>"
+
+
+def compact(text: str) -> str:
+    """A model file on one line, without comments; every number stays as it is written."""
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r">\s+<", "><", text)).strip()

@@ -33,10 +33,24 @@ def accelerations(costs: Iterable[AccelerationCost]) -> Table:
             Column("worst backward error", "error"): "backward_error",
             Column("median backward error", "error"): "median_backward_error",
             Column("worst relative error", "relative"): "relative_error",
+            Column("distance from rigid", "relative"): "from_rigid",
             Column("states", "count"): "states",
             "remark": "note",
         },
         "Accelerations: cost and error of each method",
+    )
+
+
+def findings(summary: BenchmarkSummary) -> Table:
+    """One row per way of asking an engine whose answers are wrong."""
+    return Table.of(
+        summary.benchmark.findings,
+        {
+            "system": "system",
+            "method": "method",
+            "finding": "statement",
+        },
+        "What engines get wrong",
     )
 
 

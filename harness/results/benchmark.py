@@ -28,6 +28,8 @@ class AccelerationCost:
         repetitions: how often the batch was timed.
         backward_error, median_backward_error: over the states; None where nothing was compared.
         relative_error: worst over the states, in the kinetic-energy norm; None where nothing was compared.
+        from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a method that is
+            held against what its engine declares of constraints that give; None for the others.
         note: what the number means where it is no plain cost of a plain answer, or why there is none.
         loop: what went from state to state, as ``Method.loop``.
         failed: whether there is none although the method claims to do the system.
@@ -44,9 +46,28 @@ class AccelerationCost:
     backward_error: float | None = None
     median_backward_error: float | None = None
     relative_error: float | None = None
+    from_rigid: float | None = None
     note: str = ""
     loop: str = ""
     failed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineFinding:
+    """What an engine gets wrong in one way of being asked.
+
+    Attributes:
+        system, method: names.
+        statement: how many answers are wrong and by how much, and what the engine says of them itself.
+        backward_error: the largest [units of data roundoff]; None where answers are not finite.
+        reproducer: three lines in the engine's own Python API that print its answer there beside the certified one.
+    """
+
+    system: str
+    method: str
+    statement: str
+    backward_error: float | None = None
+    reproducer: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,6 +264,7 @@ class Benchmark(StudyResult):
     STUDY = "benchmark"
 
     accelerations: list[AccelerationCost] = field(default_factory=list)
+    findings: list[EngineFinding] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
     motion: list[MotionCost] = field(default_factory=list)

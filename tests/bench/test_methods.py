@@ -54,7 +54,7 @@ def reference(name: str, in_body: bool) -> Reference:
 
 
 def costs(name: str, *methods: Method, count: int = COUNT, seconds: float = 0.0) -> list[AccelerationCost]:
-    return acceleration_costs(scene(name), methods, count, 3, seconds, lambda text: None)
+    return acceleration_costs(scene(name), methods, count, 3, seconds, lambda text: None)[0]
 
 
 @pytest.mark.costly
@@ -137,7 +137,7 @@ def test_what_a_method_cannot_do_is_its_note() -> None:
 
     without_mjcf = replace(scene("arm_2r"), models={"urdf": scene("arm_2r").models["urdf"]})
     methods = [Method("planted", "urdf", refuse), METHODS["mujoco batch"], METHODS["pinocchio aba"]]
-    refused, missing, done = acceleration_costs(without_mjcf, methods, COUNT, 3, 0.0, lambda text: None)
+    refused, missing, done = acceleration_costs(without_mjcf, methods, COUNT, 3, 0.0, lambda text: None)[0]
     assert (refused.note, refused.states, refused.seconds_per_state, refused.backward_error) == ("too round", 0, None, None)
     assert missing.note == "arm_2r has no MJCF model" and missing.seconds_per_state is None
     assert done.note == "" and done.seconds_per_state is not None
@@ -148,7 +148,7 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
         raise ZeroDivisionError("planted")
 
     planted, sound = Method("planted", "equations", fail), METHODS["heyoka float64"]
-    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)
+    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)[0]
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
     monkeypatch.setattr("harness.bench.study.select_methods", lambda names, of: [planted])
@@ -161,7 +161,7 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
 def test_cost_is_per_state_and_notes_say_what_runs() -> None:
     notes: list[str] = []
     method = replace(METHODS["heyoka float64"], most_states=8)
-    (cost,) = acceleration_costs(scene("arm_2r"), [method], COUNT, 3, 0.01, notes.append)
+    (cost,) = acceleration_costs(scene("arm_2r"), [method], COUNT, 3, 0.01, notes.append)[0]
     assert notes == ["arm_2r: heyoka float64"]
     assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= acceleration_cost.MINIMUM_COUNT
     assert cost.fastest is not None and cost.seconds_per_state is not None and cost.slowest is not None

@@ -41,7 +41,7 @@ def scene(path: Path) -> Scene:
 
 
 def costs(path: Path) -> dict[str, AccelerationCost]:
-    found = acceleration_costs(scene(path), find_methods(ROBOTS), COUNT, 3, 0.0, lambda text: None)
+    found = acceleration_costs(scene(path), find_methods(ROBOTS), COUNT, 3, 0.0, lambda text: None)[0]
     return {cost.method: cost for cost in found}
 
 

@@ -27,7 +27,7 @@ from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, assemble, right_hand_side, upper_triangle
 from harness.equations.states import States
 from harness.hard.cases import hard_cases
-from harness.hard.measurement import truth_along
+from harness.hard.truths import truth_along
 
 BITS = 1000
 # Forty-eight bars take half a minute to certify along a knob.

@@ -25,7 +25,7 @@ from harness.equations.program import StraightLineProgram, assemble, upper_trian
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.hard.cases import hard_cases
-from harness.hard.measurement import truth_along
+from harness.hard.truths import truth_along
 
 # To three digits, to which a backward error is read.
 NEAR = 2.0**-9

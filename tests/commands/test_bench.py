@@ -21,6 +21,7 @@ from harness import workers
 from harness.bench import study as benchmark_study
 from harness.bench.study import PARTS, BenchmarkSettings, BenchmarkStudy
 from harness.cli import main
+from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
@@ -61,7 +62,8 @@ def answer(task: Task) -> Outcome:
     """A scene for what loads, and a measurement for what measures."""
     name, part = where(task)
     if task.function is benchmark_study.load:
-        return Outcome(task, value=object.__new__(benchmark_study.Scene))
+        library = Library.built_in()
+        return Outcome(task, value=benchmark_study.Scene(library, load_mechanism(library, "bar_pendulum"), {}))
     return Outcome(task, value=cost(f"{name} {part}"))
 
 

@@ -15,7 +15,7 @@ from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
-from harness.engines._pinocchio_constraints import LoopConstraints
+from harness.engines._pinocchio_constraints import LoopConstraints, Solver
 from harness.engines.pinocchio import PinocchioModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
@@ -384,7 +384,21 @@ def test_pinocchios_default_settings_give_nan_without_a_word() -> None:
     """Of a redundant row, which every planar loop closed by a point has; an answer that is not finite becomes an error of the record."""
     model, columns = _loop_model(model_of("four_bar", "urdf"))
     assert isinstance(model.constraints, LoopConstraints)
-    assert np.isnan(model.constraints.accelerations(columns, mu=0.0, iterations=1)).all()
+    for solver in (Solver(mu=None), Solver(mu=0.0, iterations=1)):
+        assert np.isnan(model.constraints.solved_by(solver).accelerations(columns)).all()
+
+
+def test_the_residual_of_pinocchios_iterations_tells_right_from_wrong_by_nothing() -> None:
+    states = states_of("four_bar")
+    model, columns = _loop_model(model_of("four_bar", "urdf"))
+    assert isinstance(model.constraints, LoopConstraints)
+    right, wrong = (model.constraints.solved_by(Solver(mu=1e-6, iterations=count)) for count in (50, 1))
+    errors = [FOUR_BAR.worst(FOUR_BAR.rigid, states, one.accelerations(columns)) for one in (right, wrong)]
+    assert errors[0] < BAR < 1e5 * BAR < errors[1]
+    np.testing.assert_allclose(right.residuals(columns), wrong.residuals(columns), rtol=1e-4)
+    lost = model.constraints.solved_by(Solver("lcaba", mu=1e-10))
+    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, lost.accelerations(columns)) > 1e5 * BAR
+    assert lost.residuals(columns).max() < 1e-12
 
 
 @pytest.mark.parametrize("mu", [1e-2, 1e-6, 1e-10, 1e-14])
@@ -392,8 +406,9 @@ def test_the_limit_of_pinocchios_iterations_does_not_depend_on_mu(mu: float) -> 
     states = states_of("four_bar")
     model, columns = _loop_model(model_of("four_bar", "urdf"))
     assert isinstance(model.constraints, LoopConstraints)
-    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, model.constraints.accelerations(columns, mu=mu)) < BAR
-    assert mu < 1e-13 or FOUR_BAR.worst(FOUR_BAR.rigid, states, model.constraints.accelerations(columns, mu=mu, iterations=1)) > BAR
+    many, one = (model.constraints.solved_by(Solver(mu=mu, iterations=count)).accelerations(columns) for count in (100, 1))
+    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, many) < BAR
+    assert mu < 1e-13 or FOUR_BAR.worst(FOUR_BAR.rigid, states, one) > BAR
 
 
 @pytest.mark.parametrize("mu", [1e-4, 1e-6, 1e-8])
@@ -403,7 +418,7 @@ def test_lcaba_loses_digits_in_proportion_to_one_over_mu(mu: float) -> None:
     model, columns = _loop_model(model_of("four_bar", "urdf"))
     assert isinstance(model.constraints, LoopConstraints)
     rigid = np.array([[float(one) for one in FOUR_BAR.rigid([*q, *v, *tau, *FOUR_BAR.values])] for q, v, tau in states])
-    error = np.abs(model.constraints.by_lcaba(columns, mu) - rigid).max() / np.abs(rigid).max()
+    error = np.abs(model.constraints.solved_by(Solver("lcaba", mu)).accelerations(columns) - rigid).max() / np.abs(rigid).max()
     assert 0.01 * 2.0**-53 / mu < error < 1e3 * 2.0**-53 / mu
 
 

@@ -14,11 +14,11 @@ from harness.certify.parameter_columns import parameter_derivatives
 from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.pattern import subject_named
-from harness.engines import factorises_mass_matrix, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.hard.cases import hard_cases, library_of
+from harness.engines import load_engine
+from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
-from harness.hard.measurement import Answered, Truth, explained, point_of, row_of, truth_along
+from harness.hard.measurement import Answered, explained, point_of, row_of
+from harness.hard.truths import TruePoint, true_points
 from harness.results.atlas import HardRow
 from harness.verdict import AGREEMENT, Verdict
 
@@ -35,17 +35,16 @@ MARKED = [
 
 
 @cache
-def measured(case_name: str, subject: str) -> tuple[list[Truth], list[Answered]]:
+def measured(case_name: str, subject: str) -> tuple[list[TruePoint], list[Answered]]:
     case, named = hard_cases()[case_name], subject_named(subject)
-    truths = truth_along(case_name, False)
+    truths = true_points(case_name, named, BUILT_IN)
     engine = load_engine(BUILT_IN, named.engine)
-    assert factorises_mass_matrix(engine)
     return truths, [point_of(case, value, truth, named, engine) for value, truth in zip(case.values, truths, strict=True)]
 
 
-def judged_row(case_name: str, subject: str, truths: list[Truth], answered: list[Answered]) -> HardRow:
+def judged_row(case_name: str, subject: str, truths: list[TruePoint], answered: list[Answered]) -> HardRow:
     case = hard_cases()[case_name]
-    return judged(row_of(case, subject_named(subject), explained(case, truths, answered, False)), EXPECTED)
+    return judged(row_of(case, subject_named(subject), explained(truths, answered, False)), EXPECTED)
 
 
 @pytest.mark.parametrize(("case_name", "subject"), MARKED)
@@ -56,7 +55,7 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
     for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
         if answers is None:
             continue
-        kernel = reference_kernel(load_mechanism(library_of(hard_cases()[case_name]), mechanism.name), False)
+        kernel = reference_kernel(mechanism, False)
         values = np.array(mechanism.parameter_values)
         slopes.append(parameter_derivatives(kernel, states, reference, values.tolist()) * values[:, None, None])
         effects = [np.linalg.norm(Whitening(reference).change(slope), axis=1) for slope in slopes[-1]]

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.crosscheck.scene import Scene
+from harness.crosscheck.truth import Truth
 from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.library import nearest
@@ -31,11 +33,18 @@ class Prepared:
         compute: everything that is timed, over all states.
         accelerations: (n, nv), in the order of the mechanism's coordinates, what the last ``compute`` found.
         note: what its cost means on this system where that is not plain; "" where it is.
+        truth: what the answers are held against; None for the mechanism's own equations.
+        reproducer: from the place of a state and the certified accelerations there to a program that needs the engine alone, as of
+            ``harness.hard.reproducer``; None where there is none.
+        residual: (n,) what the method itself says is left of its equations at each state; None where it says nothing.
     """
 
     compute: Callable[[], object]
     accelerations: Callable[[], Accelerations]
     note: str = ""
+    truth: Truth | None = None
+    reproducer: Callable[[int, Array], str] | None = None
+    residual: Callable[[], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class Method:
             the reader: "1", "up to 3".
         linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame.
         most_states: how many it is given at most, where more would only take time; None for as many as there are.
-        of: what it computes: mechanisms with their energies and models, robots' files, or both.
+        of: what it computes, some of ``KINDS``: mechanisms with their energies and models, those with constraints, robots' files.
     """
 
     name: str
@@ -65,14 +74,14 @@ class Method:
 
 
 def find_methods(of: str = MECHANISMS) -> list[Method]:
-    """Every method of mechanisms, or of robots, that a module of this package holds, sorted by name."""
+    """Every method of one of ``KINDS`` that a module of this package holds, sorted by name."""
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Method) and of in value.of}
     return [found[name] for name in sorted(found)]
 
 
 def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:
-    """The methods of mechanisms, or of robots, called ``names``, or all of them for none.
+    """The methods of one of ``KINDS`` called ``names``, or all of them for none.
 
     Raises:
         InvalidRequest: a name no method has; the message gives the nearest one.

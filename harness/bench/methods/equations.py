@@ -2,9 +2,10 @@
 
 ``lambdify`` gets the equations as they are derived, with common subexpressions taken out, which is what a
 SymPy user would do; M qdd = f is solved by LAPACK. heyoka compiles the harness's own program with an
-unrolled solution.
+unrolled solution. Of constraints it has them in two ways: with the forces by multipliers, and from the reduced equations.
 
-Sources: SymPy documentation, ``lambdify``; Biscani, Izzo, heyoka.py documentation, ``cfunc``.
+Sources: SymPy documentation, ``lambdify``; Biscani, Izzo, heyoka.py documentation, ``cfunc``; Greenwood, Advanced Dynamics, section
+4.3 (Maggi's equations).
 """
 
 from __future__ import annotations
@@ -20,19 +21,21 @@ from harness.certify.reference import Reference
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.truth import reference_kernel
 from harness.engines import Unsupported
+from harness.equations.constraint_forces import ACCELERATIONS, reduced_program
 from harness.equations.derivation import load_system
 from harness.equations.kernels import heyoka_expressions, solve_symmetric
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
-from harness.motion.integrators import MECHANISMS, ROBOTS
+from harness.motion.integrators import CONSTRAINED, KINDS, MECHANISMS
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000
 # A state takes so long that a call's own cost is lost in it.
 SLOW = 512
 ONE_CHART = "in one chart of Euler angles, which loses digits where it is singular"
+REDUCTION = "Maggi's equations, of the coordinates that no constraint determines; heyoka float64 has the forces by multipliers"
 SEVERAL_CHARTS = "each state's chart of Euler angles was chosen beforehand"
 
 
@@ -124,6 +127,18 @@ def _machine_code(number: type, scene: Scene, states: States) -> Prepared:
     return Prepared(compute, accelerations, SEVERAL_CHARTS if len(charts) > 1 else "")
 
 
+def _reduced(scene: Scene, states: States) -> Prepared:
+    heyoka = load_heyoka()
+
+    mechanism = scene.mechanism
+    assert mechanism.constraints is not None
+    program = reduced_program(mechanism.constraints)
+    inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
+    solve = heyoka.cfunc(heyoka_expressions(program, inputs)[ACCELERATIONS], vars=inputs)
+    columns, outputs = mechanism.inputs(states), np.full(states.v.T.shape, np.nan)
+    return Prepared(lambda: solve(columns, outputs=outputs), lambda: outputs.T, REDUCTION)
+
+
 def _balls(scene: Scene, states: States) -> Prepared:
     kernel = reference_kernel(scene.mechanism, linear_velocity_in_body=False)
     last: list[Reference] = []
@@ -134,9 +149,14 @@ def _balls(scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: last[0].high, "certified, with its data roundoff; the error is that of rounding to float64")
 
 
+# Of constraints the equations have the forces, by multipliers.
+_TIED = (MECHANISMS, CONSTRAINED)
 ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, loop="Python", growth="up to 3", most_states=SLOW)
 BATCH = Method("lambdify, numpy batch", "equations", _batch, loop="NumPy", growth="up to 3")
-FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), loop="machine code", growth="up to 3")
-FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), loop="machine code", growth="up to 3")
-LONG_DOUBLE = Method("heyoka long double", "equations", partial(_machine_code, np.longdouble), loop="machine code", growth="up to 3")
-BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW, of=(MECHANISMS, ROBOTS))
+FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), loop="machine code", growth="up to 3", of=_TIED)
+FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), loop="machine code", growth="up to 3", of=_TIED)
+LONG_DOUBLE = Method(
+    "heyoka long double", "equations", partial(_machine_code, np.longdouble), loop="machine code", growth="up to 3", of=_TIED
+)
+REDUCED = Method("reduced equations float64", "equations", _reduced, loop="machine code", growth="up to 3", of=(CONSTRAINED,))
+BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW, of=KINDS)

@@ -14,26 +14,35 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.certify.compare import compare
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.truth import reference_kernel
-from harness.engines import accelerations, linear_velocity_in_body, load_engine
+from harness.crosscheck.tasks import Assignment, truth_of
+from harness.engines import Subject, accelerations
 from harness.equations.states import States
+from harness.motion.integrators import CONSTRAINED, MECHANISMS
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
 
 
 def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
-    model, in_body = scene.load(engine, format), linear_velocity_in_body(load_engine(scene.library, engine))
-    reference = reference_kernel(scene.mechanism, in_body).evaluate(states)
+    model = scene.load(engine, format)
+    truth = truth_of(Assignment(scene.library, Subject(engine, format), scene.mechanism, scene.models[format]))
+    reference = truth.kernel.evaluate(states)
     last: list[Array] = [np.full_like(states.v, np.nan)]
 
     def compute() -> None:
         last[0] = accelerations(model, states)
         compare(reference, last[0])
 
-    return Prepared(compute, lambda: last[0], CHECKED)
+    return Prepared(compute, lambda: last[0], CHECKED, truth if truth.is_declared else None)
 
 
-MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), loop="MuJoCo", growth="up to 3")
+_OF = (MECHANISMS, CONSTRAINED)
+MUJOCO = Method("harness check of mujoco", "mjcf", partial(_check, "mujoco", "mjcf"), loop="MuJoCo", growth="up to 3", of=_OF)
 PINOCCHIO = Method(
-    "harness check of pinocchio", "urdf", partial(_check, "pinocchio", "urdf"), loop="Python", growth="1", linear_velocity_in_body=True
+    "harness check of pinocchio",
+    "urdf",
+    partial(_check, "pinocchio", "urdf"),
+    loop="Python",
+    growth="1",
+    linear_velocity_in_body=True,
+    of=_OF,
 )

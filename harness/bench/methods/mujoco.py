@@ -14,9 +14,13 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
-from harness.engines import Unsupported
+from harness.crosscheck.tasks import Assignment, truth_of
+from harness.crosscheck.truth import Truth
+from harness.engines import Subject, Unsupported
 from harness.engines.mujoco import MujocoModel
 from harness.equations.states import States
+from harness.models.text import compact
+from harness.motion.integrators import CONSTRAINED, MECHANISMS
 
 
 def _forward(scene: Scene, states: States) -> Prepared:
@@ -31,16 +35,18 @@ def _forward(scene: Scene, states: States) -> Prepared:
     found = np.full((len(states), model.nv), np.nan)
 
     def compute() -> None:
-        q, v, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
+        q, v, applied, accelerations, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc, data.qacc_warmstart
         for state, (q_row, v_row, force_row) in enumerate(rows):
             q[:], v[:], applied[:] = q_row, v_row, force_row
+            if model.neq:
+                warm_start[:] = 0.0
             mujoco.mj_forward(model, data)
             found[state] = accelerations
 
-    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]))
+    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene))
 
 
-def _batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
+def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     import mujoco.batch
 
     loaded: MujocoModel = scene.load("mujoco", "mjcf")
@@ -49,15 +55,34 @@ def _batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
         model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
         if model.opt.disableflags == loaded.model.opt.disableflags:
             raise Unsupported("the model switches no stage off")
-    batch = mujoco.batch.Batch(model, nsim=len(states), nthread=1)
+    runs = mujoco.batch.Batch(model, nsim=len(states), nthread=1)
     positions, velocities = loaded.addresses
-    batch.bind("qpos")[:, positions] = states.q
-    batch.bind("qvel")[:, velocities] = states.v
-    batch.bind("qfrc_applied")[:, velocities] = states.tau
-    found: Array = batch.bind("qacc")
-    return Prepared(batch.forward, lambda: np.ascontiguousarray(found[:, velocities]))
+    runs.bind("qpos")[:, positions] = states.q
+    runs.bind("qvel")[:, velocities] = states.v
+    runs.bind("qfrc_applied")[:, velocities] = states.tau
+    found: Array = runs.bind("qacc")
+    warm_start: Array = runs.bind("qacc_warmstart")
+
+    def compute() -> None:
+        if model.neq:
+            # A solver that starts from the answer of the last repetition has nothing left to do.
+            warm_start[:] = 0.0
+        runs.forward()
+
+    def reproducer(state: int, certified: Array) -> str:
+        source = repr(compact(scene.models["mjcf"].text))
+        return loaded.reproducer(source, states.q[state], states.v[state], states.tau[state], certified)
+
+    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene), reproducer=reproducer)
 
 
-FORWARD = Method("mujoco mj_forward", "mjcf", _forward, loop="Python", growth="up to 3")
-BATCH = Method("mujoco batch", "mjcf", partial(_batch, False), loop="MuJoCo", growth="up to 3")
-ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(_batch, True), loop="MuJoCo", growth="up to 3")
+def declared_truth(scene: Scene) -> Truth | None:
+    """The problem that the scene's MJCF declares of its constraints; None where it has none, and the truth is rigid."""
+    truth = truth_of(Assignment(scene.library, Subject("mujoco", "mjcf"), scene.mechanism, scene.models["mjcf"]))
+    return truth if truth.is_declared else None
+
+
+_OF = (MECHANISMS, CONSTRAINED)
+FORWARD = Method("mujoco mj_forward", "mjcf", _forward, loop="Python", growth="up to 3", of=_OF)
+BATCH = Method("mujoco batch", "mjcf", partial(batch, False), loop="MuJoCo", growth="up to 3", of=_OF)
+ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(batch, True), loop="MuJoCo", growth="up to 3", of=_OF)

@@ -19,16 +19,19 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
+from harness.engines import Model
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.models.attributes import Attributes, with_attributes
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.models.text import Element, Number, find_elements, with_values
 
@@ -78,6 +81,11 @@ class HardCase:
         changes: model format to the numbers of the model file that follow, by address, for example
             ``"body bar_2/inertial@diaginertia[0]"``: a tag, the element's name (or ``reference``), tags further in,
             the attribute, and the place in it.
+        attributes: model format to attributes of the file that the knob sets, as of ``harness.models.attributes``, where its author
+            may have written none.
+        opened: moves states off the manifold of the constraints, which all others are on; only declared truths are asked for there.
+        configured: an engine's model with settings that the knob's value says.
+        subjects: those that the case is about; all for none.
         theory: subject to what is expected of it; a subject that is not named should agree.
         source: where that is from.
         remedy: what a user whose model is like this can do.
@@ -91,6 +99,10 @@ class HardCase:
     states: Callable[[Mechanism, float, int], States] = anywhere
     parameters: Callable[[float], Values] = field(default=lambda value: {})
     changes: Mapping[str, Changes] = field(default_factory=dict)
+    attributes: Mapping[str, Callable[[float], Attributes]] = field(default_factory=dict)
+    opened: Callable[[States, float], States] | None = None
+    configured: Callable[[Any, float], Model] | None = None
+    subjects: tuple[str, ...] = ()
     theory: Mapping[str, Theory] = field(default_factory=dict)
     source: str
     remedy: str
@@ -124,7 +136,8 @@ class HardCase:
             number_at(elements, address): float(values[rule] if isinstance(rule, str) else rule(values))
             for address, rule in self.changes.get(model.format, {}).items()
         }
-        return parse_model(model.path, with_values(model.text, numbers), model.format) if numbers else model
+        changed = parse_model(model.path, with_values(model.text, numbers), model.format) if numbers else model
+        return with_attributes(changed, self.attributes[model.format](value)) if model.format in self.attributes else changed
 
     def scene_at(self, value: float) -> Scene:
         """The mechanism and both its models at one value of the knob; raises as ``mechanism_at`` and ``model_at``."""

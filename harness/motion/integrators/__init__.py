@@ -24,8 +24,9 @@ from harness.library import nearest
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
-# What an integrator integrates.
-MECHANISMS, ROBOTS = "mechanisms", "robots"
+# What an integrator integrates, and a method computes: mechanisms that are trees, those with constraints, and robots' files.
+MECHANISMS, CONSTRAINED, ROBOTS = "mechanisms", "mechanisms with constraints", "robots"
+KINDS = (MECHANISMS, CONSTRAINED, ROBOTS)
 # From a start, in steps of so many seconds, so many of them, of which every so-many-th is kept. An adaptive
 # integrator is given its relative tolerance, and the number of equal intervals of the horizon to keep.
 Advance = Callable[[Start, float, int, int], Path]
@@ -47,7 +48,7 @@ class Integrator:
         adaptive: whether it chooses its steps by a tolerance.
         long_run: what theory says of its energy on a conservative system over many steps: "bounded",
             "secular", or "" where it is silent.
-        of: what it integrates: mechanisms with their energies and models, robots' files, or both.
+        of: what it integrates, some of ``KINDS``: mechanisms with their energies and models, those with constraints, robots' files.
         explain: says, from runs on a scene with a step [s], where the method is not what its name promises; "" if it is.
     """
 
@@ -62,13 +63,18 @@ class Integrator:
 
 
 def integrators(of: str = MECHANISMS) -> list[Integrator]:
-    """All integrators of mechanisms, or of robots, by module and in the order of their declaration."""
+    """All integrators of one of ``KINDS``, by module and in the order of their declaration."""
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     return [value for module in modules for value in vars(module).values() if isinstance(value, Integrator) and of in value.of]
 
 
+def kind_of(scene: Scene) -> str:
+    """Which of ``KINDS`` a scene is."""
+    return ROBOTS if scene.library.is_of_robots else MECHANISMS if scene.mechanism.constraints is None else CONSTRAINED
+
+
 def select_integrators(names: Iterable[str], of: str = MECHANISMS) -> list[Integrator]:
-    """The integrators of mechanisms, or of robots, called ``names``, or all for none.
+    """The integrators of one of ``KINDS`` called ``names``, or all for none.
 
     Raises:
         InvalidRequest: a name none has; the message gives the nearest one.

@@ -1,0 +1,62 @@
+"""Pinocchio on URDF models with constraints: its two algorithms, by proximal parameter and number of iterations.
+
+``constraintDynamics`` iterates to the rigid problem from any mu above 0; called without settings, it takes mu = 0 and one iteration.
+``lcaba`` eliminates joints in an order of its own, and what rounding leaves of M + J' J / mu stays, so that a smaller mu is worse.
+What either says of its own answers, ``absolute_residual``, stands beside the error.
+
+Source: Pinocchio 4.1, algorithm/constrained-dynamics, algorithm/loop-constrained-aba; see ``harness.engines._pinocchio_constraints``.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.bench.methods import Method, Prepared
+from harness.crosscheck.scene import Scene
+from harness.engines._pinocchio_constraints import ACCURATE, LoopConstraints, Solver
+from harness.engines.pinocchio import PinocchioModel
+from harness.equations.states import States
+from harness.models.text import compact
+from harness.motion.integrators import CONSTRAINED
+
+
+def _solved(solver: Solver, scene: Scene, states: States) -> Prepared:
+    loaded: PinocchioModel = scene.load("pinocchio", "urdf")
+    model = loaded.solved_by(solver)
+    constraints, elements = model.constraints, model.force_elements
+    assert isinstance(constraints, LoopConstraints)
+    configuration, velocity, applied = model.columns(states.q, states.v, states.tau)
+    last = [np.full_like(states.v, np.nan)]
+
+    def columns() -> tuple[Array, Array, Array]:
+        return configuration, velocity, applied if elements.empty else applied + elements.generalised_forces(configuration, velocity)
+
+    def compute() -> None:
+        last[0] = constraints.accelerations(columns())
+
+    def reproducer(state: int, certified: Array) -> str:
+        source = repr(compact(scene.models["urdf"].text))
+        return model.reproducer(source, states.q[state], states.v[state], states.tau[state], certified)
+
+    return Prepared(
+        compute,
+        lambda: np.ascontiguousarray(last[0][:, model.addresses[1]]),
+        reproducer=reproducer,
+        residual=None if solver.mu is None else lambda: constraints.residuals(columns()),
+    )
+
+
+def _method(name: str, solver: Solver) -> Method:
+    prepare = partial(_solved, solver)
+    return Method(f"pinocchio {name}", "urdf", prepare, "Python", "up to 3", linear_velocity_in_body=True, of=(CONSTRAINED,))
+
+
+DEFAULTS = _method("constraintDynamics, default settings", Solver(mu=None))
+ONE_ITERATION = _method("constraintDynamics, mu 1e-6, one iteration", Solver(mu=1e-6, iterations=1))
+LARGE_MU = _method("constraintDynamics, mu 1e-6", Solver(mu=1e-6))
+SMALL_MU = _method("constraintDynamics, mu 1e-12", ACCURATE)
+LOOP_BODIES = _method("lcaba, mu 1e-6", Solver("lcaba", mu=1e-6, iterations=20))
+LOOP_BODIES_SMALL_MU = _method("lcaba, mu 1e-10", Solver("lcaba", mu=1e-10, iterations=5))

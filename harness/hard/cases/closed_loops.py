@@ -1,0 +1,238 @@
+"""Closed loops: towards configurations where rows become dependent, long chains of loops, masses across a loop, and softness.
+
+States are closed at each point's own parameters. MuJoCo is held against what the file declares, the others against rigid truth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from harness.certify.sampling import generic_sample
+from harness.engines._pinocchio_constraints import Solver
+from harness.engines.pinocchio import PinocchioModel
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.hard.cases import STATES, HardCase, Theory, Values, anywhere, decades, posed, shares, with_columns
+
+_HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 7.1 and 10.1"
+_HUNT = "Hunt, Kinematic Geometry of Mechanisms, section 2.1; Bayo, Avello, Nonlinear Dynamics 5 (1994), on chains of four-bars"
+_PROXIMAL = "Carpentier, Budhiraja, Mansard, Proximal and sparse resolution of constrained dynamic equations, RSS 2021"
+_SOLVER = "MuJoCo documentation, Computation, sections Constraint model and Solver parameters"
+_PINOCCHIO = ("pinocchio/urdf",)
+_MUJOCO = ("mujoco/mjcf",)
+_SLIDE_RATE = 0.5
+
+
+def _driven_by_slide(mechanism: Mechanism, value: float, seed: int) -> States:
+    """The crank an angle away from where the slide turns back, at rates with which the slide passes through there."""
+    states = anywhere(mechanism)
+    # Near there the slide moves as the angle times the rate.
+    spread = shares(STATES)
+    return States.at(with_columns(states.q, {0: value}), with_columns(states.v, {0: _SLIDE_RATE * spread / value}), states.tau)
+
+
+DEAD_POINT = HardCase(
+    name="dead_point",
+    title="slider-crank driven by its slide, towards the dead point",
+    system="slider_crank",
+    knob=("angle of the crank from the slide's line", "rad"),
+    values=decades(-8, 0),
+    states=_driven_by_slide,
+    source="Norton, Design of Machinery, 5th ed., section 3.3 (toggle positions); rates grow as 1/angle, and J keeps its rank: the dead "
+    "point is one of the slide as a coordinate, not of the constraint",
+    remedy="take the crank's angle for the independent coordinate; accelerations are safe",
+)
+
+
+def _folded(value: float) -> dict[int, float]:
+    return {0: math.pi - value}
+
+
+GRASHOF_LIMIT = HardCase(
+    name="grashof_limit",
+    title="four-bar whose shortest and longest bar are as long as the others, towards all bars in line",
+    system="four_bar",
+    knob=("angle of the crank from the line", "rad"),
+    values=decades(-7, -0.5),
+    parameters=lambda angle: {"d": 2.2},
+    changes={"mjcf": {"body follower@pos[0]": "d"}, "urdf": {"joint follower/origin@xyz[0]": "d"}},
+    states=posed(_folded),
+    source="Norton, Design of Machinery, 5th ed., section 2.12 (change points); there the rows of J depend on one another, "
+    "and J M^-1 J' has a least eigenvalue of the angle's square",
+    remedy="keep bars of Grashof's limit out of a mechanism that passes the line, or add the bar that decides the way",
+)
+
+PARALLELOGRAM_IN_LINE = HardCase(
+    name="parallelogram_in_line",
+    title="parallelogram of three cranks, towards all bars in line",
+    system="parallelogram",
+    knob=("angle of the cranks from the coupler", "rad"),
+    values=decades(-7, -0.5),
+    states=posed(lambda angle: {0: angle}),
+    source=_HUNT,
+    remedy="add a crank at an angle to the others, as locomotives have",
+)
+
+FOUR_BARS_IN_LINE = HardCase(
+    name="four_bars_in_line",
+    title="two four-bars side by side (A02), towards all bars in line",
+    system="four_bar_chain_2",
+    knob=("angle of the cranks from the couplers", "rad"),
+    values=decades(-7, -0.5),
+    states=posed(lambda angle: {0: angle}),
+    source=_HUNT,
+    remedy="add a crank at an angle to the others, as locomotives have",
+)
+
+
+def _masses(ratio: float) -> Values:
+    return {"m_a": 0.5, "m_c": 0.5 * ratio}
+
+
+def _across(values: Values) -> float:
+    return values["m_c"] * values["c"] ** 2 / 12
+
+
+def _along(values: Values) -> float:
+    return min(1e-15, _across(values))
+
+
+LOOP_MASS_RATIO = HardCase(
+    name="loop_mass_ratio",
+    title="four-bar whose follower is up to nine orders of magnitude lighter or heavier than its crank",
+    system="four_bar",
+    knob=("mass of the follower over the crank's", "1"),
+    values=decades(-9, 9),
+    parameters=_masses,
+    changes={
+        "mjcf": {
+            "body follower/inertial@mass": "m_c",
+            "body follower/inertial@diaginertia[0]": _along,
+            "body follower/inertial@diaginertia[1]": _across,
+            "body follower/inertial@diaginertia[2]": _across,
+        },
+        "urdf": {
+            "link follower/inertial/mass@value": "m_c",
+            "link follower/inertial/inertia@iyy": _across,
+            "link follower/inertial/inertia@izz": _across,
+        },
+    },
+    source=_HIGHAM + "; the tree's M is diagonal between the two sides of the loop, which meet in J M^-1 J' alone",
+    remedy="accelerations are safe; give light bars the inertia that they have",
+)
+
+IMPEDANCE = HardCase(
+    name="loop_impedance",
+    title="four-bar whose loop MuJoCo closes ever more stiffly",
+    system="four_bar",
+    knob=("one minus impedance", "1"),
+    values=decades(-4, -0.1),
+    attributes={"mjcf": lambda gap: {"equality/connect": {"solimp": f"{1 - gap!r} {1 - gap!r}"}}},
+    subjects=_MUJOCO,
+    source=_SOLVER + "; Newton's matrix M + J' D J has D = d / ((1 - d) A), whose condition number grows as 1/(1 - d)",
+    remedy="what is gained towards rigid above 0.999 is paid in digits; enable diagexact, or correct positions after each step",
+)
+
+UNEQUAL_IMPEDANCE = HardCase(
+    name="unequal_impedance",
+    title="parallelogram whose redundant pin MuJoCo holds ever less stiffly than the other",
+    system="parallelogram",
+    knob=("impedance of the middle pin", "1"),
+    values=decades(-4, -0.0005),
+    attributes={"mjcf": lambda impedance: {"equality/connect[@name='middle_pin']": {"solimp": f"{impedance!r} {impedance!r}"}}},
+    subjects=_MUJOCO,
+    source=_SOLVER + "; redundant rows share their force by their impedances, and the sum of both is regular",
+    remedy="accelerations are safe; reactions of redundant rows are those of the softness, not of the mechanism",
+)
+
+
+def _opened(states: States, distance: float) -> States:
+    """The follower turned so far that its end has left the coupler's, by about the distance [m]."""
+    return States.at(with_columns(states.q, {2: states.q[:, 2] + distance * shares(STATES, low=0.5) / 1.3}), states.v, states.tau)
+
+
+DRIFT = HardCase(
+    name="loop_drift",
+    title="four-bar whose loop has drifted open",
+    system="four_bar",
+    knob=("distance of the bars' ends", "m"),
+    values=decades(-9, -1),
+    opened=_opened,
+    subjects=_MUJOCO,
+    source=_SOLVER + "; the impedance follows the distance up to the width of solimp, and the pull back is linear in it",
+    remedy="accelerations are those of the declared softness; rigid ones do not exist off the manifold",
+)
+
+
+def _solved(algorithm: Literal["constraintDynamics", "lcaba"], iterations: int) -> Callable[[Any, float], PinocchioModel]:
+    def configured(model: PinocchioModel, mu: float) -> PinocchioModel:
+        return model.solved_by(Solver(algorithm, mu=mu, iterations=iterations))
+
+    return configured
+
+
+def _proximal(
+    name: str, title: str, configured: Callable[[Any, float], PinocchioModel], growth: float | None, source: str, remedy: str
+) -> HardCase:
+    theory = Theory() if growth is None else Theory("disagrees", growth=growth, digits_growth=growth)
+    return HardCase(
+        name=name,
+        title=title,
+        system="four_bar",
+        knob=("proximal parameter mu", "1"),
+        values=decades(-14, -1),
+        configured=configured,
+        subjects=_PINOCCHIO,
+        theory=dict.fromkeys(_PINOCCHIO, theory),
+        source=source,
+        remedy=remedy,
+    )
+
+
+PROXIMAL = _proximal(
+    "proximal_limit",
+    "four-bar by Pinocchio's constraintDynamics, iterated to its end",
+    _solved("constraintDynamics", 100),
+    None,
+    _PROXIMAL + "; the limit of the iterations does not depend on mu",
+    "any mu above 0 with accuracy 0 and 100 iterations",
+)
+PROXIMAL_ONCE = _proximal(
+    "proximal_once",
+    "four-bar by Pinocchio's constraintDynamics with one iteration",
+    _solved("constraintDynamics", 1),
+    1.0,
+    _PROXIMAL + "; one iteration leaves an error in proportion to mu",
+    "give ProximalSettings more iterations; the default is one",
+)
+LOOP_BODIES = _proximal(
+    "lcaba_mu",
+    "four-bar by Pinocchio's lcaba, twenty iterations",
+    _solved("lcaba", 20),
+    -1.0,
+    "Sathya, Carpentier, Constrained articulated body dynamics algorithms, IEEE Transactions on Robotics, 2024; rounding leaves u / mu of "
+    "M + J' J / mu",
+    "take constraintDynamics, or a mu near 1e-2 with many iterations",
+)
+
+SIZES = (2, 3, 5, 8, 12, 16, 24)
+SEEDS = 2
+
+
+def _at_seed(mechanism: Mechanism, value: float, seed: int) -> States:
+    return generic_sample(mechanism, STATES, seed)
+
+
+LONG_CLOSED_CHAIN = HardCase(
+    name="long_closed_chain",
+    title="row of n four-bars, of up to 49 bodies",
+    system=lambda bodies: f"four_bar_chain_{(bodies - 1) / 2:.0f}",
+    knob=("number of bodies", "1"),
+    values=tuple(float(2 * size + 1) for size in SIZES for _ in range(SEEDS)),
+    states=_at_seed,
+    source="Bayo, Avello, Singularity-free augmented Lagrangian algorithms, Nonlinear Dynamics 5 (1994); J M^-1 J' is tridiagonal by "
+    "blocks, and regular away from the line",
+    remedy="accelerations are safe away from configurations in which all bars are in line",
+)

@@ -1,0 +1,115 @@
+"""The truth along a family of hard points, for one subject: states of each point, certified, and the equations they are held against.
+
+States of mechanisms with constraints are on the manifold of the point's own parameters, unless the case moves them off it. There only a
+declared truth is asked for: the impedance of each constraint is then that of its distance at each state.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.manifold import closed, distances
+from harness.certify.reference import Reference
+from harness.crosscheck.tasks import Assignment, truth_of
+from harness.crosscheck.truth import reference_kernel
+from harness.engines import EQUATIONS, Subject, constraint_laws, linear_velocity_in_body, load_engine
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.hard.cases import HardCase, hard_cases, library_of
+from harness.library import Library
+from harness.models.model_file import ModelFile, read_model
+
+# What is certified at one point, its states, and the equations with the parameters that they have there.
+TruePoint = tuple[Reference, States, Mechanism]
+
+_IMPEDANCE = re.compile(r"(?P<constraint>.*)\[\d+\] impedance")
+
+
+def true_points(case_name: str, subject: Subject, engines: Library) -> list[TruePoint]:
+    """The truth of a subject at each point; ``engines`` is the library whose engines are meant.
+
+    Raises:
+        InvalidModel: the case's models cannot be held against its mechanism.
+    """
+    engine = load_engine(engines, subject.engine)
+    in_body = linear_velocity_in_body(engine)
+    case = hard_cases()[case_name]
+    first = load_mechanism(library_of(case), case.system_at(case.values[0]))
+    if subject.format == EQUATIONS or first.constraints is None or not hasattr(engine, "constraint_laws"):
+        return truth_along(case_name, in_body)
+    return _declared(case, subject, engines, in_body)
+
+
+@functools.lru_cache(maxsize=4)
+def truth_along(case_name: str, in_body: bool) -> list[TruePoint]:
+    """The rigid truth at each point; a system along the knob is compiled once."""
+    case = hard_cases()[case_name]
+    points = []
+    for place, value in enumerate(case.values):
+        mechanism = load_mechanism(library_of(case), case.system_at(value))
+        points.append((states_at(case, mechanism, value, place), case.mechanism_at(mechanism, value), None))
+    return _certified(points, in_body)
+
+
+def states_at(case: HardCase, mechanism: Mechanism, value: float, place: int) -> States:
+    """The states of one point, closed at its parameters; ``mechanism`` has its own."""
+    states = closed(case.mechanism_at(mechanism, value), case.states(mechanism, value, place))
+    return states if case.opened is None else case.opened(states, value)
+
+
+@functools.lru_cache(maxsize=64)
+def model_file(case_name: str, system: str, model_format: str) -> ModelFile | None:
+    """The model of a system along a case, as it is written; None for equations."""
+    if model_format == EQUATIONS:
+        return None
+    return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
+
+
+def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool) -> list[TruePoint]:
+    points = []
+    for place, value in enumerate(case.values):
+        mechanism = load_mechanism(library_of(case), case.system_at(value))
+        at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
+        file = model_file(case.name, mechanism.name, subject.format)
+        assert file is not None
+        model = case.model_at(file, mechanism, value)
+        truth = truth_of(Assignment(engines, subject, at, model)).mechanism
+        if case.opened is None:
+            points.append((states, truth, None))
+            continue
+        laws = constraint_laws(load_engine(engines, subject.engine), model)
+        away = distances(at, states)
+        own = np.tile(truth.parameter_values, (len(states), 1))
+        for column, (name, _, _) in enumerate(truth.parameters):
+            if found := _IMPEDANCE.fullmatch(name):
+                law = laws[found["constraint"]].impedance
+                own[:, column] = [law.at(distance) for distance in away[found["constraint"]]]
+        # Off the manifold the problem is still one, and has no constraints to be closed.
+        points.append((states, replace(truth, constraints=None), own))
+    return _certified(points, in_body)
+
+
+def _certified(points: Sequence[tuple[States, Mechanism, Array | None]], in_body: bool) -> list[TruePoint]:
+    """The points with their references; those whose equations differ in parameters alone are certified at once.
+
+    A point without parameters for each state has those of its mechanism.
+    """
+    found: list[TruePoint] = []
+    for _, group in groupby(points, key=lambda point: (point[1].name, point[1].program.key)):
+        members = list(group)
+        rows = [own if own is not None else np.tile(one.parameter_values, (len(batch), 1)) for batch, one, own in members]
+        kernel = reference_kernel(members[0][1], in_body)
+        reference = kernel.evaluate(States.concatenate([batch for batch, _, _ in members]), np.concatenate(rows))
+        start = 0
+        for batch, one, _ in members:
+            found.append((reference[start : start + len(batch)], batch, one))
+            start += len(batch)
+    return found
