@@ -14,11 +14,12 @@ LINK = """
   </link>
   <joint name="{name}" type="revolute">
     <parent link="{parent}"/>
-    <child link="{name}"/>
-    <origin xyz="{x} 0 0"/>
+    <child link="{name}"/>{pin}
     <axis xyz="0 -1 0"/>
     <limit effort="0" velocity="0"/>
   </joint>"""
+
+PIN = '\n    <origin xyz="{x} 0 0"/>'
 
 CLOSURE = """
   <drake:ball_constraint name="closure_{i}">
@@ -31,8 +32,11 @@ CLOSURE = """
 
 def model(n: int) -> str:
     """``n`` four-bars."""
-    parts = [LINK.format(name=f"crank_{i}", parent="world", x=i, inertia="0.08333333333333333") for i in range(n + 1)]
+    parts = [
+        LINK.format(name=f"crank_{i}", parent="world", pin=PIN.format(x=i) if i else "", inertia="0.08333333333333333")
+        for i in range(n + 1)
+    ]
     for i in range(1, n + 1):
-        parts.append(LINK.format(name=f"coupler_{i}", parent=f"crank_{i - 1}", x=1, inertia="0"))
+        parts.append(LINK.format(name=f"coupler_{i}", parent=f"crank_{i - 1}", pin=PIN.format(x=1), inertia="0"))
         parts.append(CLOSURE.format(i=i))
     return f'<robot name="four_bar_chain_{n}" xmlns:drake="http://drake.mit.edu">\n  <link name="world"/>' + "".join(parts) + "\n</robot>\n"

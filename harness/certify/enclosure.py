@@ -47,9 +47,10 @@ class Encloser:
         self._rows = self._constraints.independent
         self._holding = [row for row in self._rows if row < self._constraints.holonomic]
         self._evaluators: Kept[Callable[..., Any]] = Kept(len(_PRECISIONS))
-        # A mechanism whose constraints are soft has parameters besides, behind those of its rows.
-        self._parameters = len(self._constraints.program.inputs) - (3 * mechanism.nv + 1)
-        self._balls = BallKernel(self._constraints.program, self._parameters)
+        # A mechanism whose constraints are softened has parameters more, which stand last and which no row knows.
+        inputs = len(self._constraints.program.inputs)
+        self._parameters = mechanism.parameter_values[: inputs - mechanism.nq - 2 * mechanism.nv - 1]
+        self._balls = BallKernel(self._constraints.program, len(self._parameters))
 
     def enclose(self, q: Sequence[float], v: Sequence[float]) -> Enclosure | None:
         """As ``enclosed``; what is zero, for all that the highest precision tells, is a ball around zero."""
@@ -135,7 +136,7 @@ class Encloser:
 
     def _bound(self, precision: int) -> Callable[..., Any]:
         """The rows' program at a precision, which is the one in force."""
-        return self._evaluators.get(precision, lambda: self._balls.bind(self._mechanism.parameter_values[: self._parameters]))
+        return self._evaluators.get(precision, lambda: self._balls.bind(self._parameters))
 
     def _parts(self, outputs: Sequence[Any]) -> tuple[Sequence[Any], list[Sequence[Any]]]:
         """The residual, and the Jacobian by rows."""

@@ -83,6 +83,38 @@ def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     }
 
 
+def magnitudes(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
+    """How large the terms are that each output is a sum of, as ``values``: differences add, and so does what is zero by cancelling.
+
+    A length that stands twice in a file is rounded twice, where a derivative sees its two parts cancel.
+    """
+    found: list[Array] = []
+    exact: list[Array] = []
+    with np.errstate(all="ignore"):
+        for instruction in program.instructions:
+            operation, *operands = instruction
+            earlier = earlier_results(instruction)
+            if operation == "input":
+                value = inputs[operands[0]]
+            elif operation in ("rational", "pi"):
+                value = np.full(inputs.shape[1], np.pi if operation == "pi" else int(operands[0]) / int(operands[1]))
+            else:
+                value = FUNCTIONS[operation](*(exact[place] for place in earlier), *operands[len(earlier) :])
+            sizes = [found[place] for place in earlier]
+            if operation in ("add", "sub"):
+                size = sizes[0] + sizes[1]
+            elif operation == "mul":
+                size = sizes[0] * sizes[1]
+            else:
+                size = sizes[0] if operation == "neg" else np.abs(value)
+            exact.append(value)
+            found.append(size)
+    return {
+        name: np.array([found[index] for index in indices]).reshape(len(indices), inputs.shape[1])
+        for name, indices in program.outputs.items()
+    }
+
+
 def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     """d(output)/d(input), (outputs of that name, number of inputs, n), for inputs (number of inputs, n), one column a state.
 

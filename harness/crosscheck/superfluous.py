@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from harness.arrays import Array
 from harness.certify.sampling import random_sample
-from harness.crosscheck.gaps import gaps_of, with_gaps
+from harness.crosscheck.gaps import gaps_of
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
@@ -104,8 +105,15 @@ def _other_readers(library: Library, subject: Subject) -> list[Engine]:
 
 
 def _felt(loaded: Model, states: States) -> Array:
-    """Accelerations, (n, nv), and behind them 1 m or rad with what the rows of constraints leave, which accelerations need not feel."""
-    return with_gaps(accelerations(loaded, states), {name: 1.0 + rows for name, rows in gaps_of(loaded, states).items()})
+    """Accelerations, (n, nv), and for a model with constraints what these hide.
+
+    That is 1 m or rad with what each row leaves, and the mass matrix, to which a constraint that holds a coordinate adds nothing.
+    """
+    answers, gaps, terms = accelerations(loaded, states), gaps_of(loaded, states), getattr(loaded, "terms", None)
+    if not gaps:
+        return answers
+    mass = [] if terms is None else [terms(states.q, states.v, states.tau).mass.reshape(len(states), -1)]
+    return np.hstack([answers, *mass, *(1.0 + rows for rows in gaps.values())])
 
 
 class _Spent(Exception):

@@ -74,7 +74,7 @@ def model_file(case_name: str, system: str, model_format: str) -> ModelFile | No
 
 
 def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool) -> list[TruePoint]:
-    points = []
+    points: list[tuple[States, Mechanism, Array | None]] = []
     for place, value in enumerate(case.values):
         mechanism = load_mechanism(library_of(case), case.system_at(value))
         at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
