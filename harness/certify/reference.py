@@ -155,7 +155,9 @@ class ReferenceKernel:
             found = parts[0][0]
             # Without a configuration in which the constraints hold there is no motion to be asked for.
             return (
-                found if self.mechanism.constraints is None else replace(found, certified=found.certified & closes(self.mechanism, states, parameters))
+                found
+                if self.mechanism.constraints is None
+                else replace(found, certified=found.certified & closes(self.mechanism, states, parameters))
             )
         return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
 

@@ -173,7 +173,9 @@ def _solved(algorithm: Literal["constraintDynamics", "lcaba"], iterations: int) 
     return configured
 
 
-def _proximal(name: str, title: str, configured: Callable[[Any, float], PinocchioModel], growth: float | None, source: str, remedy: str) -> HardCase:
+def _proximal(
+    name: str, title: str, configured: Callable[[Any, float], PinocchioModel], growth: float | None, source: str, remedy: str
+) -> HardCase:
     theory = Theory() if growth is None else Theory("disagrees", growth=growth, digits_growth=growth)
     return HardCase(
         name=name,
