@@ -84,7 +84,7 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
     print_titled("true motion", tables.truths(summary).without("cost", "start"))
-    gaps = [one.gap for one in (*summary.benchmark.motion, *summary.benchmark.drifts)]
+    gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]
     gap = () if any(one is not None for one in gaps) else ("constraints open by",)
     print_titled("motion", tables.best_motions(summary).without(*gap))
     print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time", *gap))

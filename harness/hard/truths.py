@@ -1,4 +1,4 @@
-"""The truth along a family of hard points, for one subject: at each point its states, certified, and the equations that they are held against.
+"""The truth along a family of hard points, for one subject: at each point its states, certified, and the equations they are held against.
 
 States of mechanisms with constraints are on the manifold of the point's own parameters, unless the case moves them off it. There only a
 declared truth is asked for: the impedance of each constraint is then that of its distance at each state.
@@ -74,7 +74,7 @@ def model_file(case_name: str, system: str, model_format: str) -> ModelFile | No
 
 
 def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool) -> list[TruePoint]:
-    points = []
+    points: list[tuple[States, Mechanism, Array | None]] = []
     for place, value in enumerate(case.values):
         mechanism = load_mechanism(library_of(case), case.system_at(value))
         at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)

@@ -14,9 +14,8 @@ from harness.certify.parameter_columns import parameter_derivatives
 from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.pattern import subject_named
-from harness.engines import factorises_mass_matrix, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.hard.cases import hard_cases, library_of
+from harness.engines import load_engine
+from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import Answered, explained, point_of, row_of
 from harness.hard.truths import TruePoint, true_points
