@@ -137,7 +137,7 @@ LIGHT_FOLLOWER = _mass_ratio(
     "four-bar whose follower is up to nine orders of magnitude lighter than its crank",
     -9,
     _HIGHAM + "; a light bar's mobility 1/m is one eigenvalue of J M^-1 J', whose rounding, u/m, hides what the heavy bars add to it",
-    "cut the loop at a heavy bar, so that the light one is carried by the tree; or give it the inertia that it has",
+    "solve the reduced equations, of independent coordinates alone, or give the bar the inertia that it has",
     dict.fromkeys(("lagrange", "pinocchio/urdf"), Theory("disagrees", growth=-0.5, digits_growth=-1.0)),
 )
 HEAVY_FOLLOWER = _mass_ratio(
