@@ -18,8 +18,8 @@ from harness.storage import Kept
 
 # Bits of the balls, of which the first that give float64 numbers suffice: near a dead point rates of 1e-100 are nothing unusual.
 _PRECISIONS = (192, 1024, 4096)
-# Of the bits, the share by which a configuration is sought around where Newton's method ended.
-_SHARE = 0.6
+# Of the bits, the share by which a configuration is sought around where Newton's method ended: what its second step leaves.
+_SHARE = 0.5
 _REFINEMENTS = 12
 # Radius of a ball relative to its number, for which that is known to every bit of float64.
 _SHARP = 2.0**-60
@@ -47,7 +47,7 @@ class Encloser:
         self._rows = self._constraints.independent
         self._holding = [row for row in self._rows if row < self._constraints.holonomic]
         self._evaluators: Kept[Callable[..., Any]] = Kept(len(_PRECISIONS))
-        self._balls = BallKernel(self._constraints.program, len(mechanism.parameters))
+        self._balls = BallKernel(self._constraints.placing, len(mechanism.parameters))
 
     def enclose(self, q: Sequence[float], v: Sequence[float]) -> Enclosure | None:
         """As ``enclosed``; what is zero, for all that the highest precision tells, is a ball around zero."""
@@ -76,11 +76,13 @@ class Encloser:
                 change = _in_balls(jacobian, self._holding, positions, [residual[row] for row in self._holding])
                 if change is None:
                     return None
-                for place, step in zip(positions, change, strict=True):
-                    balls[place] = (balls[place] - step).mid()
                 if all(abs(step) < reach / 4 for step in change):
                     break
-            if not self._is_proved(balls, evaluate, nothing, reach):
+                for place, step in zip(positions, change, strict=True):
+                    balls[place] = (balls[place] - step).mid()
+            else:
+                return None
+            if not self._is_proved(balls, evaluate, nothing, reach, residual, jacobian):
                 return None
         residual, jacobian = self._parts(evaluate(*balls, *nothing))
         if not all(residual[row].contains(0) for row in range(self._constraints.holonomic) if row not in self._holding):
@@ -90,12 +92,22 @@ class Encloser:
         found = _in_balls(jacobian, self._rows, rates, moved)
         return None if found is None else Enclosure([balls[place] for place in positions], [-rate for rate in found])
 
-    def _is_proved(self, balls: list[Any], evaluate: Callable[..., Any], nothing: Sequence[float], reach: Any) -> bool:
-        """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does."""
+    def _is_proved(
+        self,
+        balls: list[Any],
+        evaluate: Callable[..., Any],
+        nothing: Sequence[float],
+        reach: Any,
+        residual: Sequence[Any],
+        at_middle: Sequence[Sequence[Any]],
+    ) -> bool:
+        """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does.
+
+        ``residual`` and ``at_middle`` are what the rows leave and their Jacobian at the positions given.
+        """
         import flint
 
         positions = self._constraints.positions
-        residual, at_middle = self._parts(evaluate(*balls, *nothing))
         middle = [balls[place] for place in positions]
         for place, ball in zip(positions, middle, strict=True):
             balls[place] = ball + flint.arb(0, 1) * reach * max(1.0, abs(float(ball)))
