@@ -26,9 +26,9 @@ from harness.equations.energies import EnergyKernel
 from harness.equations.program import StraightLineProgram
 from harness.models.model_file import parse_model
 from harness.models.text import find_numbers, with_values
-from harness.motion.integrators import Advance, Integrator, select_integrators
+from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path, Taylor
-from harness.motion.trajectories import HORIZON, Start
+from harness.motion.trajectories import HORIZON, Start, drift
 from harness.results.benchmark import Drift
 
 # Size of the steps, and the longest that one integrator may take [s].
@@ -95,7 +95,7 @@ def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: flo
     truth = Taylor(conservative).solve(start.q, start.v, np.linspace(0.0, min(HORIZON, start.horizon), KEPT))
     largest_kinetic = float(energies.along(truth.q, truth.v).kinetic.max()) or 1.0
     found: list[Drift] = []
-    for integrator in select_integrators(names):
+    for integrator in select_integrators(names, kind_of(scene)):
         note(f"{conservative.name}: {integrator.name} over {steps} steps")
         try:
             run = _runs(integrator, integrator.prepare(scene), start, step)
@@ -119,6 +119,7 @@ def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: flo
                 step=count * step / path.evaluations if integrator.adaptive else step,
                 steps=path.evaluations if integrator.adaptive else count,
                 seconds=path.seconds,
+                gap=drift(conservative, path),
                 largest=float(errors.max()) if np.isfinite(errors).all() else math.inf,
                 growth=growth,
                 verdict=verdict_of(growth, errors),

@@ -25,9 +25,9 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
-from harness.motion.integrators import MECHANISMS, ROBOTS, Advance, Integrator, select_integrators
+from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path
-from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, reference_motion
+from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
 from harness.results.benchmark import MotionCost, Order, Truth
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
@@ -122,7 +122,7 @@ def motion_costs(
     judge = Judge(scene, horizon)
     costs: list[MotionCost] = []
     orders: list[Order] = []
-    for integrator in select_integrators(names, ROBOTS if scene.library.is_of_robots else MECHANISMS):
+    for integrator in select_integrators(names, kind_of(scene)):
         note(f"{name}: {integrator.name}")
         try:
             advance = integrator.prepare(scene)
@@ -158,6 +158,7 @@ def _sweep(integrator: Integrator, advance: Advance, judge: Judge, steps: Sequen
                 seconds=elapsed,
                 state_error=state_error,
                 energy_error=judge.energy_error(path),
+                gap=drift(judge.scene.mechanism, path),
                 duration=judge.start.horizon,
             )
         )

@@ -131,6 +131,11 @@ def _chosen(settings: BenchmarkSettings, kind: str) -> list[Method]:
     return select_methods(names, kind) if names or not settings.methods else []
 
 
+def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
+    """The names of the integrators of one kind that are asked for."""
+    return [one.name for one in integrators(kind) if not settings.methods or one.name in settings.methods]
+
+
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
     costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
@@ -155,16 +160,23 @@ def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
         found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
         return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
-    truth, costs, orders = motion_costs(scene, settings.methods, extent.steps, extent.horizon, extent.seconds, note)
+    names = _integrators(settings, kind_of(scene))
+    if not names:
+        return Benchmark()
+    truth, costs, orders = motion_costs(scene, names, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
 
 def _drifts(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent = settings.thoroughness
-    return Benchmark(drifts=drifts(scene, settings.methods, extent.long_steps, note, seconds=extent.long_seconds))
+    names = _integrators(settings, kind_of(scene))
+    return Benchmark(drifts=drifts(scene, names, extent.long_steps, note, seconds=extent.long_seconds) if names else [])
 
 
 def _stationarity(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    if scene.mechanism.constraints is not None:
+        # Variations are of all coordinates; see ``BenchmarkStudy.constrained``.
+        return Benchmark()
     return Benchmark(stationarity=stationarity(scene, note))
 
 
@@ -216,6 +228,12 @@ class BenchmarkStudy(Rounds):
         other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
         if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
             raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
+
+    @property
+    def constrained(self) -> list[str]:
+        """The systems whose action is not varied, because variations would have to keep their constraints."""
+        varied = [part for part in PARTS if part.measure is _stationarity and self._methods[part.moving]]
+        return [name for name, scene in self._scenes.items() if varied and scene.mechanism.constraints is not None]
 
     @property
     def left_out(self) -> list[str]:

@@ -8,6 +8,7 @@ Source: Allgower, Georg, Introduction to Numerical Continuation Methods, chapter
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 
@@ -92,7 +93,7 @@ class Branch:
         """What the holonomic rows that are not redundant leave, (n, m), and their Jacobian, (n, m, nv)."""
         still = np.zeros_like(q)
         inputs = self._mechanism.inputs(States(q, still, still, np.zeros(len(q))))
-        found = values(self._constraints.program, inputs)
+        found = values(self._constraints.placing, inputs)
         jacobian = found[JACOBIAN].reshape(len(self._constraints.rows), self._mechanism.nv, -1).transpose(2, 0, 1)
         return np.ascontiguousarray(found[RESIDUAL][self._holding].T), np.ascontiguousarray(jacobian[:, self._holding])
 
@@ -105,6 +106,10 @@ class Branch:
 def _solved(matrices: Array, columns: Array) -> Array:
     """The solutions, (n, m), of n systems; NaN where one has none."""
     finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(columns).all(axis=1))
+    if finite.all():
+        # A singular one among them is rare, and looking for it costs as much as to solve all.
+        with contextlib.suppress(np.linalg.LinAlgError):
+            return np.asarray(np.linalg.solve(matrices, columns[:, :, None])[:, :, 0])
     determinants = np.asarray(np.linalg.det(np.where(finite[:, None, None], matrices, 0.0)))
     regular = np.flatnonzero(finite & (determinants != 0))
     found = np.full_like(columns, np.nan)

@@ -8,18 +8,21 @@ methods, Acta Numerica 19 (2010), section 13.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from harness.equations.constraints import RATE, RESIDUAL
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
+from harness.equations.program import without_unused
 from harness.storage import Kept
 
 # Bits of the balls, of which the first that give float64 numbers suffice: near a dead point rates of 1e-100 are nothing unusual.
 _PRECISIONS = (192, 1024, 4096)
-# Of the bits, the share by which a configuration is sought around where Newton's method ended.
-_SHARE = 0.6
+# Of the bits, the share by which a configuration is sought around where Newton's method ended: what its second step leaves.
+_SHARE = 0.5
 _REFINEMENTS = 12
 # Radius of a ball relative to its number, for which that is known to every bit of float64.
 _SHARP = 2.0**-60
@@ -50,7 +53,7 @@ class Encloser:
         # A mechanism whose constraints are softened has parameters more, which stand last and which no row knows.
         inputs = len(self._constraints.program.inputs)
         self._parameters = mechanism.parameter_values[: inputs - mechanism.nq - 2 * mechanism.nv - 1]
-        self._balls = BallKernel(self._constraints.program, len(self._parameters))
+        self._balls = BallKernel(self._constraints.placing, len(self._parameters))
 
     def enclose(self, q: Sequence[float], v: Sequence[float]) -> Enclosure | None:
         """As ``enclosed``; what is zero, for all that the highest precision tells, is a ball around zero."""
@@ -79,11 +82,13 @@ class Encloser:
                 change = _in_balls(jacobian, self._holding, positions, [residual[row] for row in self._holding])
                 if change is None:
                     return None
-                for place, step in zip(positions, change, strict=True):
-                    balls[place] = (balls[place] - step).mid()
                 if all(abs(step) < reach / 4 for step in change):
                     break
-            if not self._is_proved(balls, evaluate, nothing, reach):
+                for place, step in zip(positions, change, strict=True):
+                    balls[place] = (balls[place] - step).mid()
+            else:
+                return None
+            if not self._is_proved(balls, evaluate, nothing, reach, residual, jacobian):
                 return None
         residual, jacobian = self._parts(evaluate(*balls, *nothing))
         if not all(residual[row].contains(0) for row in range(self._constraints.holonomic) if row not in self._holding):
@@ -100,20 +105,27 @@ class Encloser:
         left: list[Any] = []
         for precision in _PRECISIONS:
             with flint.ctx.workprec(precision):
-                outputs = self._bound(precision)(*q, *v, *[0.0] * (self._mechanism.nv + 1))
-                rows, first = len(self._constraints.rows), self._constraints.holonomic
-                rates = first + rows * self._mechanism.nv
-                left = [*outputs[:first], *outputs[rates : rates + rows]]
+                left = list(self._left.bind(self._parameters)(*q, *v, *[0.0] * (self._mechanism.nv + 1)))
                 if all(abs(row) <= most or abs(row) > most for row, most in zip(left, allowed, strict=True)):
                     break
         return all(abs(row) <= most for row, most in zip(left, allowed, strict=True))
 
-    def _is_proved(self, balls: list[Any], evaluate: Callable[..., Any], nothing: Sequence[float], reach: Any) -> bool:
-        """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does."""
+    def _is_proved(
+        self,
+        balls: list[Any],
+        evaluate: Callable[..., Any],
+        nothing: Sequence[float],
+        reach: Any,
+        residual: Sequence[Any],
+        at_middle: Sequence[Sequence[Any]],
+    ) -> bool:
+        """Widen the determined positions to the ball that the Krawczyk operator maps into itself; whether it does.
+
+        ``residual`` and ``at_middle`` are what the rows leave and their Jacobian at the positions given.
+        """
         import flint
 
         positions = self._constraints.positions
-        residual, at_middle = self._parts(evaluate(*balls, *nothing))
         middle = [balls[place] for place in positions]
         for place, ball in zip(positions, middle, strict=True):
             balls[place] = ball + flint.arb(0, 1) * reach * max(1.0, abs(float(ball)))
@@ -133,6 +145,13 @@ class Encloser:
                 return False
             balls[place] = mapped
         return True
+
+    @functools.cached_property
+    def _left(self) -> BallKernel:
+        """What the holonomic rows leave, and the rates of all rows."""
+        program = self._constraints.program
+        outputs = {name: program.outputs[name] for name in (RESIDUAL, RATE)}
+        return BallKernel(without_unused(replace(program, outputs=outputs)), len(self._parameters))
 
     def _bound(self, precision: int) -> Callable[..., Any]:
         """The rows' program at a precision, which is the one in force."""

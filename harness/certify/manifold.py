@@ -9,6 +9,7 @@ is undecided (``harness.certify.reference``), and nobody is judged by a state th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +29,7 @@ from harness.storage import Kept
 
 # Of data roundoffs of a row: evaluating it in float64 rounds about as often as its inputs are rounded.
 _ROUNDINGS = 16
-_DISTANCE_BITS = 192
+_BITS = 192
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
@@ -94,15 +95,32 @@ def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
 
     constraints = mechanism.constraints
     assert constraints is not None
-    with flint.ctx.workprec(_DISTANCE_BITS):
-        evaluate = BallKernel(constraints.program, len(mechanism.parameters)).bind(mechanism.parameter_values)
-        found: dict[str, list[float]] = {name: [] for name in constraints.names}
-        for q in states.q.tolist():
-            left = evaluate(*q, *[0.0] * (2 * mechanism.nv + 1))
+    found: dict[str, list[float]] = {name: [] for name in constraints.names}
+    with flint.ctx.workprec(_BITS):
+        for index in range(len(states)):
+            left = _rows_in_balls(mechanism, states, index, mechanism.parameter_values)
             for name, lengths in found.items():
                 own = [left[row] ** 2 for row in range(constraints.holonomic) if constraints.rows[row] == name]
                 lengths.append(float(sum(own, flint.arb(0)).sqrt().mid()))
     return {name: np.array(lengths) for name, lengths in found.items()}
+
+
+def _rows_in_balls(mechanism: Mechanism, states: States, index: int, parameters: Sequence[float]) -> list[Any]:
+    """The middles of what the rows and their rates leave at one state, as in ``rows_left``, in balls of ``_BITS``."""
+    import flint
+
+    assert mechanism.constraints is not None
+    program, nv = mechanism.constraints.program, mechanism.nv
+    state = [*states.q[index].tolist(), *states.v[index].tolist(), *[0.0] * nv, float(states.time[index])]
+    # Parameters that stand behind those of the rows are of a declared law.
+    own = parameters[: len(program.inputs) - len(state)]
+    with flint.ctx.workprec(_BITS):
+        outputs = iter(_BALLS.get(program.key, lambda: BallKernel(program, len(own))).bind(own)(*state))
+        rows = {name: [next(outputs) for _ in places] for name, places in program.outputs.items()}
+    return [ball.mid() for name in (RESIDUAL, RATE) for ball in rows[name]]
+
+
+_BALLS: Kept[BallKernel] = Kept(64)
 
 
 def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = None) -> tuple[Array, Array]:

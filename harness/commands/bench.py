@@ -57,6 +57,8 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     _print_benchmark(summary)
     if study.left_out:
         say("", f"left out, because a robot's file holds no energies: {', '.join(study.left_out)}, and energies along motions")
+    if study.constrained:
+        say("", f"stationary action is left out, because variations would have to keep constraints: {', '.join(study.constrained)}")
     if kept is not None:
         bracket.write_page()
     bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
@@ -82,8 +84,10 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
     print_titled("true motion", tables.truths(summary).without("cost", "start"))
-    print_titled("motion", tables.best_motions(summary))
-    print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time"))
+    gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]
+    gap = () if any(one is not None for one in gaps) else ("constraints open by",)
+    print_titled("motion", tables.best_motions(summary).without(*gap))
+    print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time", *gap))
     print_titled("stationary action", tables.paths(summary.benchmark.stationarity))
     print_titled("figures of the text", tables.figures(summary))
     for kind in tables.KINDS:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from harness.equations.program import StraightLineProgram
+from harness.equations.program import StraightLineProgram, without_unused
 
 # Outputs of the rows' program.
 RESIDUAL, JACOBIAN, RATE, BIAS = "residual", "jacobian", "rate", "bias"
@@ -35,6 +36,11 @@ class Constraints:
     assembly: tuple[float, ...]
     program: StraightLineProgram
     tree: StraightLineProgram
+
+    @functools.cached_property
+    def placing(self) -> StraightLineProgram:
+        """The part of ``program`` that has ``residual`` and ``jacobian`` alone, in this order, which is all that closing takes."""
+        return without_unused(replace(self.program, outputs={name: self.program.outputs[name] for name in (RESIDUAL, JACOBIAN)}))
 
     @property
     def independent(self) -> tuple[int, ...]:

@@ -190,6 +190,8 @@ def why_undecided(reference: Reference) -> Iterator[str]:
             yield "M is not certainly positive definite, so that data roundoff has no energy norm"
         elif not np.isfinite(reference.sensitivity[index]):
             yield f"the equations have no derivative there that {PRECISIONS[-1]} bits would show, so that data roundoff is not known"
+        elif reference.radius[index] <= CERTIFIED_RADIUS * reference.sensitivity[index]:
+            yield "the state does not close the constraints: the branch of the assembly is lost on the way there"
         else:
             share = float(reference.radius[index] / reference.sensitivity[index]) if reference.sensitivity[index] else math.inf
             yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"

@@ -22,9 +22,11 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.manifold import closed, closes, rows_left
 from harness.certify.sampling import ANGLES
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
 from harness.motion.first_order import displacement
 from harness.motion.taylor import Path, Taylor
 
@@ -54,10 +56,16 @@ class Start:
 
     @classmethod
     def of(cls, mechanism: Mechanism, horizon: float = HORIZON) -> Start:
-        """The start a system declares, else a moderate one that moves every coordinate; the same every time."""
+        """The start a system declares, else a moderate one that moves every coordinate; the same every time.
+
+        Where constraints determine a coordinate or its rate, it has the value that they give it.
+
+        Raises:
+            ValueError: no configuration that closes the constraints could be proved there.
+        """
         if mechanism.start:
             q, v = np.array(mechanism.start).T
-            return cls(np.ascontiguousarray(q), np.ascontiguousarray(v), horizon)
+            return cls(*_closed(mechanism, np.ascontiguousarray(q), np.ascontiguousarray(v)), horizon)
         nv = mechanism.nv
         # In (-1, 1), no two alike.
         spread = 2 * np.mod(np.arange(1, 2 * nv + 1) * GOLDEN_RATIO, 1.0) - 1
@@ -67,7 +75,17 @@ class Start:
         v = rate_bounds.mean(axis=1) + RATE_SHARE * np.diff(rate_bounds)[:, 0] / 2 * spread[nv:]
         for place in reversed(mechanism.attitudes):
             q = np.concatenate([q[:place], START_ROTATION, q[place + 3 :]])
-        return cls(q, v, horizon)
+        return cls(*_closed(mechanism, q, v), horizon)
+
+
+def _closed(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """A start, (nq,) and (nv,), on the manifold of the constraints; as it is of a tree."""
+    if mechanism.constraints is None:
+        return q, v
+    found = closed(mechanism, States.at(q[None], v[None], np.zeros((1, mechanism.nv))))
+    if not closes(mechanism, found).all():
+        raise ValueError(f"{mechanism.name}: its constraints do not close at q = {q.tolist()}, from where motions would start")
+    return found.q[0], found.v[0]
 
 
 @dataclass(frozen=True)
@@ -124,6 +142,14 @@ class Metric:
             velocity = self.norms(at, (v - truth.v).astype(np.float64)) / fastest
             larger = np.maximum(position, velocity)
         return np.asarray(np.where(np.isfinite(larger), larger, np.inf))
+
+
+def drift(mechanism: Mechanism, path: Path) -> float | None:
+    """The largest that a holonomic row of the constraints leaves along a path [m or rad]; None of a tree, and of a broken path."""
+    if mechanism.constraints is None or not (np.isfinite(path.q).all() and np.isfinite(path.v).all()):
+        return None
+    left, _ = rows_left(mechanism, States.at(path.q, path.v, np.zeros_like(path.v)))
+    return float(np.abs(left[:, : mechanism.constraints.holonomic]).max(initial=0.0))
 
 
 def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) -> TrueMotion:

@@ -99,6 +99,7 @@ def motions(costs: Iterable[MotionCost]) -> Table:
             Column("time per second of motion", "seconds"): cost_of,
             Column("error of the end state", "relative"): "state_error",
             Column("error of the energy balance", "relative"): "energy_error",
+            Column("constraints open by", "error"): "gap",
             "remark": "note",
         },
         "Motion: cost and error of each integrator",
@@ -115,9 +116,13 @@ def best_motions(summary: BenchmarkSummary) -> Table:
             error, best = min(known, key=lambda entry: entry[0], default=(None, None))
             order = orders.get((system, integrator))
             about = [order.measured, order.expected, order.verdict] if order else [None, None, ""]
-            rows.append([system, integrator, *about, error, cost_of(best) if best else None])
+            rows.append([system, integrator, *about, error, best and best.gap, cost_of(best) if best else None])
     orders_shown = Column("order", "rounded"), Column("expected", "rounded"), "verdict"
-    costs_shown = Column("smallest error", "relative"), Column("time per second of motion", "seconds")
+    costs_shown = (
+        Column("smallest error", "relative"),
+        Column("constraints open by", "error"),
+        Column("time per second of motion", "seconds"),
+    )
     return Table(["system", "integrator", *orders_shown, *costs_shown], rows, "Order and smallest error of each integrator")
 
 
@@ -138,6 +143,7 @@ def drifts(found: Iterable[Drift]) -> Table:
             Column("step", "given", "s"): "step",
             Column("steps", "count"): "steps",
             Column("largest error", "relative"): "largest",
+            Column("constraints open by", "error"): "gap",
             Column("grows as time to the", "rounded"): "growth",
             "energy is": lambda drift: Cell(drift.verdict, tone="" if drift.as_expected else "disagrees"),
             "expected": lambda drift: drift.expected or "-",

@@ -125,6 +125,7 @@ class MotionCost:
         seconds: wall time of the whole motion; duration: length of that motion [s], None where it did not run.
         state_error: relative error of the end state.
         energy_error: largest |E0 - E(t) - work of dampers| over the largest kinetic energy.
+        gap: largest that a constraint is open along the motion [m or rad]; None without constraints, or where the motion broke down.
         note: why there are no errors, "" where there are.
     """
 
@@ -137,6 +138,7 @@ class MotionCost:
     seconds: float = 0.0
     state_error: float | None = None
     energy_error: float | None = None
+    gap: float | None = None
     duration: float | None = None
     note: str = ""
 
@@ -174,6 +176,7 @@ class Drift:
     Attributes:
         step, steps: of the run [s]; seconds: its cost.
         largest: largest |E - E0| over the largest kinetic energy.
+        gap: largest that a constraint is open along the run [m or rad]; None as of ``MotionCost``.
         growth: slope of log energy error over log time: 0 bounded, 1/2 a random walk, 1 secular.
         verdict: "bounded", "random walk" or "secular"; expected: the same, or "" where theory is silent.
     """
@@ -187,6 +190,7 @@ class Drift:
     growth: float | None
     verdict: str
     expected: str
+    gap: float | None = None
 
     @property
     def as_expected(self) -> bool:

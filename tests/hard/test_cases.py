@@ -40,6 +40,7 @@ def test_every_case_says_what_theory_expects_and_what_to_do(case: HardCase) -> N
     assert {theory.verdict for theory in case.theory.values()} <= {verdict.value for verdict in Verdict}
     assert list(case.values) == sorted(case.values) or case.values[-1] == 5e-324
     assert set(case.changes) in (set(), set(MODEL_SUFFIXES))
+    assert set(case.subjects) <= {"lagrange", "mujoco/mjcf", "pinocchio/urdf"}
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case.changes], ids=lambda case: case.name)

@@ -22,7 +22,7 @@ from harness.crosscheck.scene import Scene
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
-from harness.motion.integrators import MECHANISMS, ROBOTS, Advance, Integrator, keep
+from harness.motion.integrators import KINDS, Advance, Integrator, keep
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import Start
 
@@ -193,7 +193,7 @@ EULER_CROMER = Integrator(
     format="equations",
     order=1,
     prepare=lambda scene: Steps(scene, _euler_cromer, 1).advance,
-    of=(MECHANISMS, ROBOTS),
+    of=KINDS,
 )
 RUNGE_KUTTA = Integrator(
     name="equations RK4",
@@ -201,9 +201,7 @@ RUNGE_KUTTA = Integrator(
     order=4,
     prepare=lambda scene: Steps(scene, _runge_kutta, 4).advance,
     long_run="secular",
-    of=(MECHANISMS, ROBOTS),
+    of=KINDS,
 )
-DORMAND_PRINCE = Integrator(
-    name="equations DOP853", format="equations", order=None, prepare=_dormand_prince, adaptive=True, of=(MECHANISMS, ROBOTS)
-)
-TAYLOR = Integrator(name="equations Taylor", format="equations", order=None, prepare=_taylor, adaptive=True, of=(MECHANISMS, ROBOTS))
+DORMAND_PRINCE = Integrator(name="equations DOP853", format="equations", order=None, prepare=_dormand_prince, adaptive=True, of=KINDS)
+TAYLOR = Integrator(name="equations Taylor", format="equations", order=None, prepare=_taylor, adaptive=True, of=KINDS)

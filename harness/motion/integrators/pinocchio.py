@@ -3,7 +3,8 @@
 The fourth-order method is that of Runge, Kutta and Munthe-Kaas: stages live in the tangent space at the start of the
 step, u with q = q0 + u, where the velocity at q becomes u' = J v by the derivative J of the manifold's difference. For
 joints without quaternions J is the identity and the method the classical one. Springs and dampers of the file are
-applied by ``harness.engines._pinocchio_forces``.
+applied by ``harness.engines._pinocchio_forces``. Under constraints accelerations are those of the engine's solver, and nothing brings
+positions back that drift from where the constraints hold.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.8; Pinocchio 4 documentation,
 ``integrate``, ``difference`` and ``dDifference``.
@@ -19,7 +20,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.motion.first_order import linear_velocities_turned
-from harness.motion.integrators import Advance, Integrator, keep
+from harness.motion.integrators import CONSTRAINED, MECHANISMS, Advance, Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
@@ -60,11 +61,14 @@ def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Adva
 
         mechanism = scene.mechanism
         loaded = scene.load("pinocchio", "urdf")
-        model, force_elements = loaded.model, loaded.force_elements
+        model, force_elements, constraints = loaded.model, loaded.force_elements, loaded.constraints
         data = model.createData()
         positions, velocities = loaded.addresses
 
         def accelerations(q: Array, v: Array) -> Array:
+            if constraints is not None:
+                columns = q[:, None], v[:, None], np.asarray(force_elements.at(q, v))[:, None]
+                return np.asarray(constraints.accelerations(columns)[0])
             return np.asarray(pinocchio.aba(model, data, q, v, force_elements.at(q, v)))
 
         def advance(start: Start, step: float, steps: int, every: int) -> Path:
@@ -86,5 +90,8 @@ def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Adva
     return for_scene
 
 
-SEMI_IMPLICIT_EULER = Integrator(name="pinocchio semi-implicit Euler", format="urdf", order=1, prepare=prepare(_semi_implicit_euler, 1))
-RUNGE_KUTTA = Integrator(name="pinocchio RK4", format="urdf", order=4, prepare=prepare(_munthe_kaas, 4), long_run="secular")
+_OF = (MECHANISMS, CONSTRAINED)
+SEMI_IMPLICIT_EULER = Integrator(
+    name="pinocchio semi-implicit Euler", format="urdf", order=1, prepare=prepare(_semi_implicit_euler, 1), of=_OF
+)
+RUNGE_KUTTA = Integrator(name="pinocchio RK4", format="urdf", order=4, prepare=prepare(_munthe_kaas, 4), long_run="secular", of=_OF)

@@ -1,0 +1,143 @@
+"""Families on closed loops: states close at each point's own parameters, models follow the knob, and slopes are those of theory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from catalogue import BUILT_IN
+
+from harness.certify.compare import Comparison, compare
+from harness.certify.manifold import closed, closes, distances
+from harness.crosscheck.tasks import Assignment, truth_of
+from harness.diagnosis.pattern import subject_named
+from harness.engines import Subject, accelerations, load_engine
+from harness.equations.derivation import load_mechanism
+from harness.equations.states import States
+from harness.hard import truths
+from harness.hard.atlas import AtlasStudy
+from harness.hard.cases import HardCase, hard_cases, library_of
+from harness.hard.cases.closed_loops import PROXIMAL_ONCE
+from harness.hard.expected import PATH, judged, load_hard_expectations
+from harness.hard.measurement import measure
+from harness.hard.truths import model_file, states_at
+from harness.library import Library
+from harness.models.attributes import with_attributes
+
+CASES = [case for case in hard_cases().values() if load_mechanism(library_of(case), case.system_at(case.values[0])).constraints is not None]
+MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
+
+
+def at_point(case: HardCase, place: int) -> tuple[States, Comparison]:
+    """States of one point, and MuJoCo's answers there against the problem that the file at this point declares."""
+    value = case.values[place]
+    mechanism = load_mechanism(library_of(case), case.system_at(value))
+    at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
+    file = model_file(case.name, mechanism.name, "mjcf")
+    assert file is not None
+    model = case.model_at(file, mechanism, value)
+    truth = truth_of(Assignment(BUILT_IN, MUJOCO, at, model))
+    loaded = load_engine(BUILT_IN, "mujoco").load(model, at.joints, at.gravity)
+    return states, compare(truth.kernel.evaluate(states), accelerations(loaded, states))
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_states_close_at_the_points_own_parameters_unless_the_case_opens_them(case: HardCase) -> None:
+    for place in (0, len(case.values) // 2):
+        value = case.values[place]
+        mechanism = load_mechanism(library_of(case), case.system_at(value))
+        at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
+        assert closes(at, states).all() == (case.opened is None)
+
+
+@pytest.mark.parametrize("angle", [2e-4, 1e-3, 3e-3])
+def test_bars_nearly_in_line_close(angle: float) -> None:
+    """There a row is less than what float64 rounds in its terms, and balls decide."""
+    mechanism = load_mechanism(BUILT_IN, "four_bar_chain_2")
+    states = closed(mechanism, hard_cases()["four_bars_in_line"].states(mechanism, angle, 0))
+    assert closes(mechanism, states).all()
+    off = states.q.copy()
+    off[:, 2] += 64 * np.spacing(off[:, 2])
+    assert not closes(mechanism, States.at(off, states.v, states.tau)).any()
+
+
+def test_a_drift_is_as_far_as_its_knob_says() -> None:
+    case = hard_cases()["loop_drift"]
+    mechanism = load_mechanism(BUILT_IN, "four_bar")
+    for value in (1e-9, 1e-4, 1e-1):
+        away = distances(mechanism, states_at(case, mechanism, value, 0))["closure"]
+        assert ((0.4 * value < away) & (away < 1.1 * value)).all()
+
+
+def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the impedance of a closed loop, what MuJoCo answers half a millimetre away is another problem's."""
+    case = replace(hard_cases()["loop_drift"], values=(1e-9, 5e-4))
+    monkeypatch.setattr("harness.hard.truths.hard_cases", lambda: {case.name: case})
+    loaded = load_engine(BUILT_IN, "mujoco").load(model_file(case.name, "four_bar", "mjcf"), ("crank", "coupler", "follower"), 9.81)  # type: ignore[arg-type]
+
+    def worst() -> list[float]:
+        points = truths.true_points(case.name, MUJOCO, BUILT_IN)
+        return [float(compare(reference, accelerations(loaded, states)).backward_error.max()) for reference, states, _ in points]
+
+    assert max(worst()) < 64
+    monkeypatch.setattr(truths, "distances", lambda mechanism, states: {"closure": np.zeros(len(states))})
+    near, far = worst()
+    assert far > 1e6 > near
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize(("name", "attribute"), [("loop_impedance", "equality/connect"), ("unequal_impedance", "equality/connect[2]")])
+def test_an_attribute_that_is_forgotten_is_seen(name: str, attribute: str) -> None:
+    case = hard_cases()[name]
+    _, right = at_point(case, 20)
+    assert (right.verdicts == "agrees").all()
+    value = case.values[20]
+    mechanism = load_mechanism(library_of(case), case.system_at(value))
+    file = model_file(name, mechanism.name, "mjcf")
+    assert file is not None
+    changed = case.model_at(file, mechanism, value)
+    assert changed.text == with_attributes(file, {attribute: {"solimp": f"{_impedance(name, value)!r} {_impedance(name, value)!r}"}}).text
+    states = states_at(case, mechanism, value, 20)
+    truth = truth_of(Assignment(BUILT_IN, MUJOCO, mechanism, changed))
+    forgotten = load_engine(BUILT_IN, "mujoco").load(file, mechanism.joints, mechanism.gravity)
+    assert (compare(truth.kernel.evaluate(states), accelerations(forgotten, states)).verdicts == "disagrees").any()
+
+
+def _impedance(name: str, value: float) -> float:
+    return 1 - value if name == "loop_impedance" else value
+
+
+@pytest.mark.parametrize("name", ["grashof_limit", "loop_light_follower"])
+def test_the_model_follows_the_knob(name: str) -> None:
+    """At an easy point MuJoCo agrees with what the changed file declares, and not with that of the file as it is written."""
+    case = hard_cases()[name]
+    place = len(case.values) - 1 if name == "grashof_limit" else 10
+    _, right = at_point(case, place)
+    assert (right.verdicts == "agrees").all()
+    _, wrong = at_point(replace(case, name=name, changes={}), place)
+    assert (wrong.verdicts == "disagrees").any()
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize(("name", "growth"), [("proximal_once", 1.0), ("lcaba_mu", -1.0), ("proximal_limit", None)])
+def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | None) -> None:
+    row = measure(name, PINOCCHIO, BUILT_IN, lambda text: None)
+    expected = load_hard_expectations(PATH, list(hard_cases()), ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
+    assert judged(row, expected).problems == []
+    assert row.theory_growth == growth
+    assert row.growth == (None if growth is None else pytest.approx(growth, abs=0.05))
+
+
+def test_a_case_is_asked_of_the_subjects_it_is_about() -> None:
+    study = AtlasStudy(Library.built_in(), cases=["proximal_once", "dead_point"])
+    asked = {(name, str(subject)) for (_, name, subject) in (task.key for task in study.tasks())}
+    assert asked == {("proximal_once", "pinocchio/urdf"), *(("dead_point", one) for one in ("lagrange", "mujoco/mjcf", "pinocchio/urdf"))}
+    assert PROXIMAL_ONCE.subjects == ("pinocchio/urdf",) and subject_named("pinocchio/urdf") == PINOCCHIO
+
+
+def test_a_path_that_finds_no_element_is_refused() -> None:
+    file = model_file("loop_drift", "four_bar", "mjcf")
+    assert file is not None
+    with pytest.raises(ValueError, match=r"no element at \"equality/connect\[@name='nothing'\]\""):
+        with_attributes(file, {"equality/connect[@name='nothing']": {"solimp": "0.5 0.5"}})
