@@ -42,7 +42,6 @@ from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
 from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reverse_mode import columns_in_balls
-from harness.equations.constraint_forces import MULTIPLIERS, by_reduction, constrained_program
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
@@ -188,12 +187,6 @@ class ChartKernel:
         scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
         with np.errstate(all="ignore"):
             found = self._filtered(states, inputs, scales)
-            undecided = np.flatnonzero(~(found.bits > 0)) if found is not None else np.empty(0, dtype=np.int64)
-            if found is not None and len(undecided) and self._other is not None:
-                by_other = self._other._filtered(states[undecided], inputs[undecided], scales[undecided])
-                if by_other is not None:
-                    decided = by_other.bits > 0
-                    _fill(found, undecided[decided], by_other[decided])
             # States that are not finite have no truth, at no precision.
             left = np.flatnonzero(~(found.bits > 0) & np.isfinite(inputs).all(axis=1)) if found is not None else np.arange(len(states))
             if found is not None and not len(left):
@@ -201,16 +194,9 @@ class ChartKernel:
             in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left])
         if found is None:
             return in_balls
-        _fill(found, left, in_balls)
+        for name, values in vars(in_balls).items():
+            getattr(found, name)[left] = values
         return found
-
-    @functools.cached_property
-    def _other(self) -> ChartKernel | None:
-        """Another way to the same accelerations, whose bounds decide some of the states that those of this one do not."""
-        constraints = self.mechanism.constraints
-        if constraints is None or MULTIPLIERS not in self.program.outputs:
-            return None
-        return ChartKernel(self.mechanism, constrained_program(constraints, by_reduction))
 
     def derivatives(self, inputs: Array, accelerations: Array) -> Array:
         """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64."""
@@ -294,12 +280,6 @@ class ChartKernel:
         separate = np.concatenate([states.tau[:, None], terms], axis=1)
         rotating = np.array(self.mechanism.rotating, dtype=np.float64)
         return measure(scale, factor, accelerations, radii, states.v, separate, rotating, float(ROUNDINGS))
-
-
-def _fill(found: Reference, places: Indices, part: Reference) -> None:
-    """Put the reference of some states in its places."""
-    for name, values in vars(part).items():
-        getattr(found, name)[places] = values
 
 
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:

@@ -9,13 +9,12 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from catalogue import BUILT_IN
 from exact import mechanism_of
 from loops import CRANK_ROCKER, a, coupler, crank, d, follower, four_bar, upright_disc
 
 from harness.certify.manifold import closed, closes, enclosed, rows_left
 from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample, sample
+from harness.certify.sampling import sample
 from harness.crosscheck.variation import Variation, states_of
 from harness.equations.constraint import Constraint
 from harness.equations.derivation import load_mechanism
@@ -197,16 +196,3 @@ def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
     left, open_by_data = rows_left(mechanism, states)
     assert (np.abs(left) > 16 * open_by_data).any()
     assert closes(mechanism, states).all()
-
-
-@pytest.mark.costly
-def test_what_one_way_leaves_open_the_other_decides() -> None:
-    mechanism = load_mechanism(BUILT_IN, "whipple_bicycle")
-    states = generic_sample(mechanism, 64, seed=0)
-    both = ReferenceKernel(mechanism).evaluate(states)
-    # Without the multipliers among its outputs a program has no other way beside it.
-    outputs = {name: places for name, places in mechanism.program.outputs.items() if name != "multipliers"}
-    alone = ReferenceKernel(replace(mechanism, program=replace(mechanism.program, outputs=outputs))).evaluate(states)
-    assert alone.in_balls.any() and both.in_balls.sum() < alone.in_balls.sum() / 2
-    assert both.certified.all()
-    np.testing.assert_allclose(both.high, alone.high, rtol=1e-14, atol=1e-12)
