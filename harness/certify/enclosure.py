@@ -8,15 +8,12 @@ methods, Acta Numerica 19 (2010), section 13.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from harness.equations.constraints import RATE, RESIDUAL
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import without_unused
 from harness.storage import Kept
 
 # Bits of the balls, of which the first that give float64 numbers suffice: near a dead point rates of 1e-100 are nothing unusual.
@@ -98,18 +95,6 @@ class Encloser:
         found = _in_balls(jacobian, self._rows, rates, moved)
         return None if found is None else Enclosure([balls[place] for place in positions], [-rate for rate in found])
 
-    def is_closed(self, q: Sequence[float], v: Sequence[float], allowed: Sequence[float]) -> bool:
-        """Whether rows and, behind the holonomic ones, their rates certainly leave no more than ``allowed``."""
-        import flint
-
-        left: list[Any] = []
-        for precision in _PRECISIONS:
-            with flint.ctx.workprec(precision):
-                left = list(self._left.bind(self._parameters)(*q, *v, *[0.0] * (self._mechanism.nv + 1)))
-                if all(abs(row) <= most or abs(row) > most for row, most in zip(left, allowed, strict=True)):
-                    break
-        return all(abs(row) <= most for row, most in zip(left, allowed, strict=True))
-
     def _is_proved(
         self,
         balls: list[Any],
@@ -145,13 +130,6 @@ class Encloser:
                 return False
             balls[place] = mapped
         return True
-
-    @functools.cached_property
-    def _left(self) -> BallKernel:
-        """What the holonomic rows leave, and the rates of all rows."""
-        program = self._constraints.program
-        outputs = {name: program.outputs[name] for name in (RESIDUAL, RATE)}
-        return BallKernel(without_unused(replace(program, outputs=outputs)), len(self._parameters))
 
     def _bound(self, precision: int) -> Callable[..., Any]:
         """The rows' program at a precision, which is the one in force."""

@@ -8,7 +8,7 @@ Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., section 3.1 (forward
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -83,36 +83,39 @@ def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     }
 
 
-def magnitudes(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
-    """How large the terms are that each output is a sum of, as ``values``: differences add, and so does what is zero by cancelling.
+def values_and_spread(program: StraightLineProgram, inputs: Array, scales: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+    """``values``, and how far each output moves, to first order, when every use of every input moves by up to its scale.
 
-    A length that stands twice in a file is rounded twice, where a derivative sees its two parts cancel.
+    Ways from an input to an output add their absolute values, so that this is no less than the sum over inputs of
+    |derivative times scale|. A length that stands twice in a file is rounded twice, where a derivative sees its two parts cancel.
     """
     found: list[Array] = []
-    exact: list[Array] = []
+    spread: list[Array | None] = []
     with np.errstate(all="ignore"):
         for instruction in program.instructions:
             operation, *operands = instruction
-            earlier = earlier_results(instruction)
             if operation == "input":
-                value = inputs[operands[0]]
+                found.append(inputs[operands[0]])
+                spread.append(scales[operands[0]])
             elif operation in ("rational", "pi"):
-                value = np.full(inputs.shape[1], np.pi if operation == "pi" else int(operands[0]) / int(operands[1]))
+                found.append(np.full(inputs.shape[1], np.pi if operation == "pi" else int(operands[0]) / int(operands[1])))
+                spread.append(None)
             else:
-                value = FUNCTIONS[operation](*(exact[place] for place in earlier), *operands[len(earlier) :])
-            sizes = [found[place] for place in earlier]
-            if operation in ("add", "sub"):
-                size = sizes[0] + sizes[1]
-            elif operation == "mul":
-                size = sizes[0] * sizes[1]
-            else:
-                size = sizes[0] if operation == "neg" else np.abs(value)
-            exact.append(value)
-            found.append(size)
-    return {
-        name: np.array([found[index] for index in indices]).reshape(len(indices), inputs.shape[1])
-        for name, indices in program.outputs.items()
-    }
+                earlier = earlier_results(instruction)
+                arguments = [*(found[place] for place in earlier), *operands[len(earlier) :]]
+                found.append(FUNCTIONS[operation](*arguments))
+                pairs = zip(earlier, PARTIAL_DERIVATIVES[operation](np, *arguments, found[-1]), strict=True)
+                parts = [known * np.abs(partial) for place, partial in pairs if (known := spread[place]) is not None]
+                spread.append(sum(parts[1:], parts[0]) if parts else None)
+    zero, n = np.zeros(inputs.shape[1]), inputs.shape[1]
+
+    def gathered(each: Sequence[Array | None]) -> dict[str, Array]:
+        return {
+            name: np.array([zero if each[index] is None else each[index] for index in indices]).reshape(len(indices), n)
+            for name, indices in program.outputs.items()
+        }
+
+    return gathered(found), gathered(spread)
 
 
 def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:

@@ -18,7 +18,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.branch import Branch
 from harness.certify.enclosure import Encloser, Enclosure, nearest
-from harness.certify.forward_mode import jacobians, values
+from harness.certify.forward_mode import values_and_spread
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.constraints import RATE, RESIDUAL
 from harness.equations.kernels import BallKernel
@@ -70,20 +70,7 @@ def closes(mechanism: Mechanism, states: States, parameters: Array | None = None
     if mechanism.constraints is None:
         return np.ones(len(states), dtype=np.bool_)
     left, open_by_data = rows_left(mechanism, states, parameters)
-    allowed = _ROUNDINGS * open_by_data
-    found: Flags = np.asarray((np.abs(left) <= allowed).all(axis=1))
-    # Lengths that cancel in a row are rounded in float64, which a row near zero angles need not forgive: balls tell.
-    finite = np.isfinite(states.q).all(axis=1) & np.isfinite(states.v).all(axis=1) & np.isfinite(allowed).all(axis=1)
-    for index in np.flatnonzero(~found & finite).tolist():
-        encloser = _closures(mechanism if parameters is None else _at(mechanism, parameters[index]))[1]
-        found[index] = encloser.is_closed(states.q[index].tolist(), states.v[index].tolist(), allowed[index].tolist())
-    return found
-
-
-def _at(mechanism: Mechanism, values_of_parameters: Array) -> Mechanism:
-    """The mechanism at other values of its parameters."""
-    named = zip(mechanism.parameters, values_of_parameters.tolist(), strict=True)
-    return replace(mechanism, parameters=tuple((name, value, unit) for (name, _, unit), value in named))
+    return np.asarray((np.abs(left) <= _ROUNDINGS * open_by_data).all(axis=1))
 
 
 def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
@@ -136,10 +123,9 @@ def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = N
     # In a sum with another angle a large one would round its digits away.
     for place in set(program.turning) & set(range(mechanism.nq)):
         inputs[place] = np.arctan2(np.sin(inputs[place]), np.cos(inputs[place]))
-    left, slopes = values(rows, inputs), jacobians(rows, inputs)
-    with np.errstate(all="ignore"):
-        moved = [UNIT_ROUNDOFF * (np.abs(slopes[name]) * scales).sum(axis=1).T for name in (RESIDUAL, RATE)]
-    return np.hstack([left[name].T for name in (RESIDUAL, RATE)]), np.hstack(moved)
+    left, spread = values_and_spread(rows, inputs, scales)
+    opened, moved = (np.hstack([part[RESIDUAL].T, part[RATE].T]) for part in (left, spread))
+    return opened, UNIT_ROUNDOFF * moved
 
 
 _CLOSURES: Kept[tuple[Branch, Encloser]] = Kept(64)

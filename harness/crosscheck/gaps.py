@@ -12,14 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.forward_mode import magnitudes
 from harness.certify.manifold import rows_left
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference
 from harness.engines import Model, accelerations
-from harness.equations.constraints import RESIDUAL
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.verdict import AGREEMENT
 
@@ -77,12 +73,9 @@ def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
 
 
 def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]:
-    """The data roundoff of each constraint, (n,), of the length of its rows: a length that stands twice in a file is rounded twice."""
+    """The data roundoff of each constraint, (n,), of the length of its rows."""
     constraints = mechanism.constraints
     assert constraints is not None
     _, by_data = rows_left(mechanism, states)
-    rows = without_unused(replace(constraints.program, outputs={RESIDUAL: constraints.program.outputs[RESIDUAL]}))
-    twice = UNIT_ROUNDOFF * magnitudes(rows, mechanism.inputs(states))[RESIDUAL].T
-    held = np.maximum(by_data[:, : constraints.holonomic], twice)
     owners = np.array(constraints.rows[: constraints.holonomic])
-    return {name: np.linalg.norm(held[:, owners == name], axis=1) for name in gaps}
+    return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}

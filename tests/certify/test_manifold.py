@@ -12,7 +12,7 @@ import pytest
 from exact import mechanism_of
 from loops import CRANK_ROCKER, a, coupler, crank, d, follower, four_bar, upright_disc
 
-from harness.certify.manifold import closed, closes, enclosed, rows_left
+from harness.certify.manifold import closed, closes, enclosed
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.variation import Variation, states_of
@@ -193,6 +193,4 @@ def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
     states.q[:100, 0] *= 1e-6
     states.q[100, 0] = 1e-160
     states = closed(mechanism, states)
-    left, open_by_data = rows_left(mechanism, states)
-    assert (np.abs(left) > 16 * open_by_data).any()
     assert closes(mechanism, states).all()
