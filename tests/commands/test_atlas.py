@@ -75,7 +75,8 @@ def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(sta
     assert invoke().exit_code == 1
     asked = {(name, str(subject)) for name, subject in map(where, stage.tasks)}
     native = select_subjects(Library.built_in(), (), native_only=True)
-    assert asked == {(name, str(subject)) for name in hard_cases() for subject in native}
+    about = {name: case.subjects or tuple(map(str, native)) for name, case in hard_cases().items()}
+    assert asked == {(name, str(subject)) for name in about for subject in native if str(subject) in about[name]}
     # Long chains take minutes.
     assert [made["time_limit"] for made in stage.made_with] == [600.0]
     stage.rounds.clear()
