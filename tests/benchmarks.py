@@ -41,7 +41,7 @@ LIBRARY = Library.built_in()
 SYSTEMS = [name for name in LIBRARY.system_names() if load_mechanism(LIBRARY, name).constraints is None]
 # A mechanism with closed loops, and a tree of as many bodies that costs it at most so many times. Data roundoff takes derivatives by
 # parameters: seven bodies with one mass and one length for all would be no match for seven that have their own.
-LOOPS = {"four_bar": "chain_3", "slider_crank": "arm_3r", "parallelogram": "chain_4", "andrews_squeezer": "arm_7r"}
+LOOPS = {"four_bar": "chain_3", "slider_crank": "arm_3r", "parallelogram": "scara", "andrews_squeezer": "arm_7r"}
 DEARER_THAN_A_TREE = 5.0
 # Of rows of four-bars, in bodies: the program grows in proportion, as J M^-1 J' is tridiagonal by blocks; its derivatives for each
 # velocity as the square; and the factor of M, which norms take, as the cube.
