@@ -19,7 +19,10 @@ from lxml import etree
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
-from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
+from harness.comparison.questions import Aid, Asked, BodyInertia, Held, Refused, Request, by_joint, projected
+from harness.engines._mujoco_law import laws_in
+from harness.models.constraint_law import ConstraintLaw
+from harness.models.constraints import ModelConstraint
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -40,10 +43,19 @@ class MujocoCaller:
         "mjcf": "its reader takes what the file holds; nothing is supplied",
     }
     takes_inertias_about_tree = True
+    why_no_equalities = ""
     call: Mapping[str, str] = dict.fromkeys(
         formats,
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
     )
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        return laws_in(_settings(root, model_format), constraints)
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        """As the compiler is told, which does so by itself in a URDF alone."""
+        told = [compiler.get("fusestatic") for compiler in _settings(root, model_format).iterfind("compiler[@fusestatic]")]
+        return bool(told[-1] == "true" if told else model_format == "urdf")
 
     def load(self, request: Request) -> LoadedRobot:
         import mujoco
@@ -57,6 +69,12 @@ class MujocoCaller:
             named = _ELEMENT.search(words)
             raise Refused(words, named[1] if named else "") from error
         return LoadedRobot(model, request, notes)
+
+
+def _settings(root: Any, model_format: str) -> Any:
+    """The element in which compiler and options stand: that of a URDF's extension, where it has one."""
+    extension = root.find("mujoco") if model_format == "urdf" else root
+    return root if extension is None else extension
 
 
 def _spec(request: Request, at_the_top: bool = False) -> Any:
@@ -178,6 +196,19 @@ def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Seq
     return inertia.mass, inertia.centre.tolist(), moments.tolist(), quaternion.tolist()
 
 
+def _switch_on(model: Any, held: Held) -> None:
+    """Let some equalities act and no other; raises Refused where the compiler made others of the file."""
+    import mujoco
+
+    kinds = {"mimic": "joint", "flexvert": "flex", "flexstrain": "flex"}
+    wanted = [kinds.get(kind, kind) for kind in held.kinds]
+    found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
+    if [one if not one.startswith("flex") else "flex" for one in found] != wanted:
+        raise Refused(f"it makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
+    model.eq_active0[:] = 0
+    model.eq_active0[list(held.switched_on)] = 1
+
+
 class LoadedRobot:
     """An ``MjModel`` with the joints of a request."""
 
@@ -185,8 +216,13 @@ class LoadedRobot:
         import mujoco
 
         flags = mujoco.mjtDisableBit
-        for flag in (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
+        for flag in (flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
             model.opt.disableflags |= flag
+        if request.held is None:
+            model.opt.disableflags |= flags.mjDSBL_CONSTRAINT
+        else:
+            model.opt.disableflags |= flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
+            _switch_on(model, request.held)
         model.opt.density = model.opt.viscosity = 0.0
         self.model, self.notes, self._request = model, tuple(notes), request
         places = _places(model, request.joints)
@@ -240,6 +276,8 @@ class _Run:
         qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         for state, (q, v, force) in enumerate(self._rows):
             qpos[:], qvel[:], applied[:] = q, v, force
+            # A solver that starts from the last answer would make this one depend on it.
+            data.qacc_warmstart[:] = 0.0
             mujoco.mj_forward(model, data)
             found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
 

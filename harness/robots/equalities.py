@@ -1,0 +1,71 @@
+"""The equalities of a robot's file besides its joints: points that meet, and joints that are coupled.
+
+They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, which
+``harness.robots.equality_rows`` writes.
+
+Sources: MuJoCo documentation, XML reference, ``equality``; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from harness.models.constraints import End, JointConstraint, ModelConstraint, PointConstraint, Softness
+from harness.robots.tree import Place, Pose
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Two points meet: three rows, the first minus the second along the axes of the world [m].
+
+    Attributes:
+        bodies: of the two points. first: place of the first in its body. second: of the second; None for the point of the second body
+            that the first covers where all joints stand at their reference.
+        floating: (body, pose) of bodies on a free joint, where the file puts them.
+    """
+
+    bodies: tuple[str, str]
+    first: Pose
+    second: Pose | None
+    floating: tuple[tuple[str, Pose], ...] = ()
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """Joint ``joint`` measured from its reference is a polynomial of joint ``leader`` measured from its own: one row [m or rad].
+
+    Attributes:
+        leader: None for a joint that the polynomial's constant holds. coefficients: of the powers 0 to 4.
+    """
+
+    joint: str
+    leader: str | None
+    coefficients: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Equality:
+    """One equality of a file.
+
+    Attributes:
+        kind: its tag. line: in the robot's own file. is_active: whether it holds from the start.
+        rows: None where the harness does not write them, ``why_not`` then says why. softness: None for a format that has none.
+    """
+
+    kind: str
+    place: Place
+    line: int
+    rows: Meeting | Linkage | None
+    why_not: str = ""
+    softness: Softness | None = None
+    is_active: bool = True
+
+    def declared(self, name: str) -> ModelConstraint:
+        """The constraint as engines that read models know it, as far as its softness and the weights of its rows go."""
+        if isinstance(self.rows, Linkage):
+            first, second, *_ = map(float, self.rows.coefficients)
+            return JointConstraint(name, self.line, self.softness, self.rows.joint, self.rows.leader, (first, second, 0.0, 0.0, 0.0))
+        assert self.rows is not None, self.why_not
+        one, other = (End(body, (0.0, 0.0, 0.0)) for body in self.rows.bodies)
+        return PointConstraint(name, self.line, self.softness, (one, other))
