@@ -29,7 +29,7 @@ from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
-from harness.robots.equalities import Equality, Linkage
+from harness.robots.equalities import Equality, Meeting, TendonLinkage
 from harness.robots.equality_rows import TiedTree, tied_tree
 from harness.robots.inverse_weights import inverse_weights_of
 from harness.robots.robot import Robot
@@ -85,10 +85,12 @@ def _why_not(equality: Equality, read: Robot) -> str:
     if equality.rows is None:
         return equality.why_not
     joints, bodies = {joint.name for joint in read.tree.joints}, {body.name for body in read.tree.bodies} | {WORLD}
-    if isinstance(equality.rows, Linkage):
-        named, known = {equality.rows.joint, equality.rows.leader or equality.rows.joint}, joints
-    else:
+    if isinstance(equality.rows, Meeting):
         named, known = set(equality.rows.bodies), bodies
+    elif isinstance(equality.rows, TendonLinkage):
+        named, known = {joint for tendon in equality.rows.tendons for joint, _ in tendon.terms}, joints
+    else:
+        named, known = {equality.rows.joint, equality.rows.leader or equality.rows.joint}, joints
     missing = ", ".join(sorted(named - known))
     return f"is about {missing}, which the engine does not have" if missing else ""
 
@@ -116,7 +118,10 @@ def _declared_truth(read: Meant, caller: Caller, numbers: Sequence[int]) -> Refe
     laws = caller.laws(root, robot.format, [one.declared(name) for name, one in chosen.items()])
     tied = tied_tree(robot.tree, robot.joints, chosen)
     weights = inverse_weights_of(
-        robot.tree, (part for law in laws.values() for row in law.weights or () for part in row), caller.fuses(root, robot.format)
+        robot.tree,
+        (part for law in laws.values() for row in law.weights or () for part in row),
+        caller.fuses(root, robot.format),
+        (tendon.declared for one in chosen.values() if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
     )
     rows = tied.constraints.rows
     places = [rows[:row].count(name) for row, name in enumerate(rows)]

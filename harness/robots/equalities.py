@@ -1,4 +1,4 @@
-"""The equalities of a robot's file besides its joints: points that meet, and joints that are coupled.
+"""The equalities of a robot's file besides its joints: points that meet, and joints and tendons that are coupled.
 
 They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, which
 ``harness.robots.equality_rows`` writes.
@@ -11,7 +11,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.models.constraints import End, JointConstraint, ModelConstraint, PointConstraint, Softness
+from harness.models.constraints import (
+    POLYNOMIAL,
+    End,
+    JointConstraint,
+    ModelConstraint,
+    PointConstraint,
+    Softness,
+    Tendon,
+    TendonConstraint,
+)
 from harness.robots.tree import Place, Pose
 
 
@@ -45,6 +54,35 @@ class Linkage:
 
 
 @dataclass(frozen=True)
+class Sum:
+    """A tendon that is the sum of multiples of the positions of joints, each measured from its reference [m or rad].
+
+    ``terms`` is (joint, multiple) of hinges and slides.
+    """
+
+    name: str
+    terms: tuple[tuple[str, Fraction], ...]
+
+    @property
+    def declared(self) -> Tendon:
+        """The tendon as engines that read models know it."""
+        return Tendon(self.name, tuple((joint, float(multiple)) for joint, multiple in self.terms), ())
+
+
+@dataclass(frozen=True)
+class TendonLinkage:
+    """Tendon ``tendon`` is a polynomial of tendon ``leader``: one row; without a leader it is the polynomial's constant."""
+
+    tendon: Sum
+    leader: Sum | None
+    coefficients: tuple[Fraction, ...]
+
+    @property
+    def tendons(self) -> tuple[Sum, ...]:
+        return (self.tendon,) if self.leader is None else (self.tendon, self.leader)
+
+
+@dataclass(frozen=True)
 class Equality:
     """One equality of a file.
 
@@ -56,16 +94,22 @@ class Equality:
     kind: str
     place: Place
     line: int
-    rows: Meeting | Linkage | None
+    rows: Meeting | Linkage | TendonLinkage | None
     why_not: str = ""
     softness: Softness | None = None
     is_active: bool = True
 
     def declared(self, name: str) -> ModelConstraint:
-        """The constraint as engines that read models know it, as far as its softness and the weights of its rows go."""
-        if isinstance(self.rows, Linkage):
-            first, second, *_ = map(float, self.rows.coefficients)
-            return JointConstraint(name, self.line, self.softness, self.rows.joint, self.rows.leader, (first, second, 0.0, 0.0, 0.0))
-        assert self.rows is not None, self.why_not
-        one, other = (End(body, (0.0, 0.0, 0.0)) for body in self.rows.bodies)
+        """The constraint as engines that read models know it, as far as its softness and the weights of its rows go.
+
+        The points of a ``Meeting`` and the coefficients of a polynomial have no part in these.
+        """
+        rows = self.rows
+        assert rows is not None, self.why_not
+        if isinstance(rows, Linkage):
+            return JointConstraint(name, self.line, self.softness, rows.joint, rows.leader, POLYNOMIAL)
+        if isinstance(rows, TendonLinkage):
+            leader = None if rows.leader is None else rows.leader.declared
+            return TendonConstraint(name, self.line, self.softness, rows.tendon.declared, leader, POLYNOMIAL)
+        one, other = (End(body, (0.0, 0.0, 0.0)) for body in rows.bodies)
         return PointConstraint(name, self.line, self.softness, (one, other))

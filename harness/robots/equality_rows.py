@@ -14,7 +14,7 @@ from fractions import Fraction
 
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.equations.program import without_unused
-from harness.robots.equalities import Equality, Linkage, Meeting
+from harness.robots.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.robots.recursion import RecursionWriter
 from harness.robots.spatial import Three
 from harness.robots.tree import WORLD, Given, Pose, Tree
@@ -82,22 +82,27 @@ class _Rows(RecursionWriter):
 
     def _rows(self, equality: Equality) -> Three:
         assert equality.rows is not None, equality.why_not
-        return self._coupled(equality.rows) if isinstance(equality.rows, Linkage) else self._between(equality.rows)
-
-    def _coupled(self, linkage: Linkage) -> Three:
-        joints = {joint.name: joint for joint in self.tree.joints}
-        moved = {
-            name: self.difference(self._position(joints[name]), self.angle(joints[name].reference, joints[name].in_degrees))
-            for name in (linkage.joint, linkage.leader)
-            if name is not None
-        }
-        constant, *others = map(self.given, linkage.coefficients)
+        if isinstance(equality.rows, Meeting):
+            return self._between(equality.rows)
+        if isinstance(equality.rows, TendonLinkage):
+            follower, *leader = (self._length(tendon) for tendon in equality.rows.tendons)
+        else:
+            follower, *leader = (self._moved(name) for name in (equality.rows.joint, equality.rows.leader) if name is not None)
+        constant, *others = map(self.given, equality.rows.coefficients)
         wanted = self.zero
-        if linkage.leader is not None:
-            # Horner's scheme.
+        # Horner's scheme, of one leader or none.
+        for moved in leader:
             for coefficient in reversed(others):
-                wanted = self.product(self.sum(wanted, coefficient), moved[linkage.leader])
-        return [self.difference(moved[linkage.joint], self.sum(constant, wanted))]
+                wanted = self.product(self.sum(wanted, coefficient), moved)
+        return [self.difference(follower, self.sum(constant, wanted))]
+
+    def _moved(self, name: str) -> int:
+        """The position of a hinge or slide, from its reference."""
+        joint = next(joint for joint in self.tree.joints if joint.name == name)
+        return self.difference(self._position(joint), self.angle(joint.reference, joint.in_degrees))
+
+    def _length(self, tendon: Sum) -> int:
+        return self.dot([self.given(multiple) for _, multiple in tendon.terms], [self._moved(name) for name, _ in tendon.terms])
 
     def _between(self, meeting: Meeting) -> Three:
         one, other = meeting.bodies

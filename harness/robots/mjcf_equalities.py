@@ -1,4 +1,4 @@
-"""The equalities of an MJCF, of which connections of points and couplings of joints are read.
+"""The equalities of an MJCF, of which connections of points, and couplings of joints and of fixed tendons, are read.
 
 Source: MuJoCo documentation, XML reference, ``equality``, ``option/flag``.
 """
@@ -13,8 +13,9 @@ from harness.models.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import is_on
 from harness.models.values import one_sign
-from harness.robots.equalities import Equality, Linkage, Meeting
+from harness.robots.equalities import Equality, Linkage, Meeting, Sum, TendonLinkage
 from harness.robots.mjcf_numbers import Attributes
+from harness.robots.mjcf_tendons import tendons
 from harness.robots.source import Source
 from harness.robots.tree import WORLD, Body, Placement, Pose, vector
 
@@ -41,6 +42,7 @@ class _Reader:
         self._source, self._attributes, self._name = source, attributes, name
         worlds = [*root.iterchildren("worldbody")]
         self._sites = _named(site for world in worlds for site in world.iter("site"))
+        self._tendons = _named(tendons(root))
         self._bodies = {WORLD: WORLD} | {key: name(body) for key, body in _named(b for world in worlds for b in world.iter("body")).items()}
         self._kinds = {joint.name: joint.kind for body in bodies for joint in body.joints}
         self._is_on = all(is_on(root, stage) for stage in ("constraint", "equality"))
@@ -49,7 +51,11 @@ class _Reader:
         self._floating = tuple((key, attributes.pose(elements[key])) for key in elements if key in floating)
 
     def read(self, element: etree._Element) -> Equality:
-        readers: Mapping[str, Callable[[etree._Element], Meeting | Linkage]] = {"connect": self._connect, "joint": self._joint}
+        readers: Mapping[str, Callable[[etree._Element], Meeting | Linkage | TendonLinkage]] = {
+            "connect": self._connect,
+            "joint": self._joint,
+            "tendon": self._tendon,
+        }
         rows, why_not, softness = None, _UNWRITTEN, None
         try:
             if element.tag in readers:
@@ -93,6 +99,23 @@ class _Reader:
             raise _NotRead("names no hinge or slide of this file")
         coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
         return Linkage(names[0], names[1] if len(names) > 1 else None, coefficients)
+
+    def _tendon(self, element: etree._Element) -> TendonLinkage:
+        tendons = [self._sum(str(element.get(attribute))) for attribute in ("tendon1", "tendon2") if attribute in element.attrib]
+        if not tendons:
+            raise _NotRead("names no tendon")
+        coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
+        return TendonLinkage(tendons[0], tendons[1] if len(tendons) > 1 else None, coefficients)
+
+    def _sum(self, name: str) -> Sum:
+        tendon = self._tendons.get(name)
+        if tendon is None or tendon.tag != "fixed":
+            raise _NotRead("is about a tendon that runs along a path, or about none of this file")
+        parts = [*tendon.iterchildren("joint")]
+        names = [str(part.get("joint")) for part in parts]
+        if any(self._kinds.get(joint) not in _SINGLE_AXIS for joint in names):
+            raise _NotRead("is about a tendon of what is no hinge or slide of this file")
+        return Sum(name, tuple((joint, self._source.number(part, "coef", None)) for joint, part in zip(names, parts, strict=True)))
 
 
 def _named(elements: Iterator[etree._Element]) -> dict[str, etree._Element]:

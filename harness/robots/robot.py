@@ -130,7 +130,7 @@ def _read(document: Document, floating_base: bool, gravity: float, compile_meshe
     model_format = _format(source, root)
     if model_format == "urdf":
         tree, left_out = urdf.read_tree(source, root, gravity, floating_base), urdf_left_out.left_out(source, root)
-        equalities = urdf_mimics.equalities(source, root)
+        equalities = urdf_mimics.equalities(source, root, tree)
     elif floating_base:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:

@@ -14,7 +14,7 @@ from lxml import etree
 from harness.models.xml import describe, literal_tag
 from harness.robots.equalities import Equality, Linkage
 from harness.robots.source import Source
-from harness.robots.tree import Body, Joint
+from harness.robots.tree import Body, Joint, Tree
 
 JOINT_TAGS = ("joint", "drake:joint")
 _SINGLE_AXIS = ("hinge", "slide")
@@ -36,12 +36,12 @@ def follow(source: Source, elements: Mapping[str, etree._Element], bodies: Itera
     )
 
 
-def equalities(source: Source, root: etree._Element) -> tuple[Equality, ...]:
-    """Each ``mimic`` of a file whose joints ``follow`` has read, as a coupling of a joint with the one that it names."""
-    found = []
+def equalities(source: Source, root: etree._Element, tree: Tree) -> tuple[Equality, ...]:
+    """Each ``mimic`` of a joint that moves, as a coupling with the one that it names; ``follow`` has read the joints of the tree."""
+    following, found = {joint.name for joint in tree.joints if joint.follows}, []
     for joint in root.iterchildren("*"):
         mimic = joint.find("mimic") if literal_tag(joint) in JOINT_TAGS else None
-        if mimic is not None:
+        if mimic is not None and joint.get("name") in following:
             zero = Fraction(0)
             coefficients = source.number(mimic, "offset", 0.0), source.number(mimic, "multiplier", 1.0), zero, zero, zero
             linkage = Linkage(str(joint.get("name")), str(mimic.get("joint")), coefficients)
