@@ -36,6 +36,8 @@ from harness.robots.robot import Robot
 from harness.robots.tree import WORLD
 from harness.verdict import Verdict
 
+# Equalities whose effect is said; each takes the file's being loaded once more.
+MOST_EFFECTS = 32
 _BITS = 128
 _HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
@@ -55,7 +57,7 @@ def judge_equalities(meant: Meant, caller: Caller) -> EqualitiesRecord:
     if free.refusal or read.undetermined or not set(joints) <= set(free.accelerations):
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=free.refusal or _UNEXPLAINED)
     is_known = set(compare(read.truth, free.of(joints), factorises=True).verdicts.tolist()) <= _HELD
-    active = [number for number, one in enumerate(robot.equalities) if one.is_active]
+    active = [number for number, one in enumerate(robot.equalities) if one.is_active][:MOST_EFFECTS]
     alone = {number: _effect(read, _asked(meant, caller, (number,), STATES_OF_EFFECTS)) for number in active} if is_known else {}
     parts = [_part(one, why_not.get(number, ""), alone.get(number)) for number, one in enumerate(robot.equalities)]
     if not is_known or not judged:

@@ -71,6 +71,9 @@ def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = N
     losing = sum(bool(subject.lost_digits) for subject in compared)
     count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
     count += f"; {losing} of them lose digits" if losing else ""
+    held = [one for one in found.equalities if one.verdict]
+    agreeing = sum(one.explained for one in held)
+    count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
     yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     if before is not None:

@@ -60,6 +60,44 @@ def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str]
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
 
+BESIDE = """<mujoco>
+  <compiler angle="radian" fusestatic="true"/>
+  <default><default class="soft"><equality solimp="0.5 0.75 0.25 0.25 3"/></default></default>
+  <worldbody>
+    <body name="float" pos="0.25 0.5 1" quat="1 0.5 0 0.25">
+      <freejoint/>
+      <inertial pos="0 0.125 0" mass="0.5" diaginertia="0.0078125 0.015625 0.01171875"/>
+      <frame pos="0 0 0.25" euler="0.5 0.25 0"><site name="hook" pos="0.125 0 0"/></frame>
+      <body pos="0.25 0 0">
+        <inertial pos="0 0 0.125" mass="0.25" diaginertia="0.00390625 0.00390625 0.00390625"/>
+        <body name="arm" pos="0 0.25 0">
+          <joint name="arm" axis="0 1 0.5" ref="0.25"/>
+          <inertial pos="0 0 0.125" mass="0.25" diaginertia="0.00390625 0.00390625 0.00390625"/>
+          <site name="tip" pos="0 0 0.25"/>
+        </body>
+      </body>
+    </body>
+    <body name="cart"><joint name="cart" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+  </worldbody>
+  <equality>
+    <connect class="soft" body1="float" anchor="0.125 0 0"/>
+    <connect body1="arm" body2="cart" anchor="0 0 0.5"/>
+    <connect site1="hook" site2="tip"/>
+    <joint joint1="cart" polycoef="0.25"/>
+  </equality>
+</mujoco>
+"""
+
+
+def test_bodies_that_float_and_bodies_without_joints_are_tied(tmp_path: Path) -> None:
+    """By anchors, whose second point is where the first stands with all joints at their reference, and by sites in frames."""
+    path = tmp_path / "float.xml"
+    path.write_text(BESIDE)
+    record = held_by(path)
+    assert (record.verdict, record.message, [part.why_not for part in record.parts]) == (Verdict.AGREES, "", [""] * 4)
+    assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts)
+
+
 @pytest.mark.parametrize("flag", ['<flag diagexact="enable"/>', '<flag refsafe="disable"/>'])
 def test_flags_of_the_solver_are_read(flag: str, tmp_path: Path) -> None:
     path = edited(FOUR_BAR, tmp_path, ('gravity="0 0 -9.8125"/>', f'gravity="0 0 -9.8125">{flag}</option>'))
