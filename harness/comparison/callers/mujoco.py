@@ -1,7 +1,7 @@
 """MuJoCo as its user calls it: ``mujoco.MjModel.from_xml_path``, then ``mujoco.mj_forward``.
 
-What acts by constraints (limits, contacts, friction loss, equalities) is off, and so are actuators and the fluid. Meshes that are not
-beside the file are taken out with their geoms, and the answer says so.
+What acts by constraints (limits, contacts, friction loss, and equalities that are not asked for) is off, and so are actuators and the
+fluid. Meshes that are not beside the file are taken out with their geoms, and the answer says so.
 
 Source: MuJoCo documentation, Modeling, URDF extensions; API reference, ``mjtDisableBit``.
 """
@@ -19,7 +19,8 @@ from lxml import etree
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
-from harness.comparison.questions import Aid, Asked, BodyInertia, Held, Refused, Request, by_joint, projected
+from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
+from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
@@ -50,12 +51,10 @@ class MujocoCaller:
     )
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
-        return laws_in(_settings(root, model_format), constraints)
+        return laws_in(settings(root, model_format), constraints)
 
     def fuses(self, root: Any, model_format: str) -> bool:
-        """As the compiler is told, which does so by itself in a URDF alone."""
-        told = [compiler.get("fusestatic") for compiler in _settings(root, model_format).iterfind("compiler[@fusestatic]")]
-        return bool(told[-1] == "true" if told else model_format == "urdf")
+        return fuses(root, model_format)
 
     def load(self, request: Request) -> LoadedRobot:
         import mujoco
@@ -64,17 +63,13 @@ class MujocoCaller:
         mujoco.set_mju_user_warning(lambda message: None)
         try:
             model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
+            if request.held is not None:
+                switch_on(model, request.held.kinds, request.held.switched_on)
         except ValueError as error:
             words = " ".join(str(error).split())
             named = _ELEMENT.search(words)
             raise Refused(words, named[1] if named else "") from error
         return LoadedRobot(model, request, notes)
-
-
-def _settings(root: Any, model_format: str) -> Any:
-    """The element in which compiler and options stand: that of a URDF's extension, where it has one."""
-    extension = root.find("mujoco") if model_format == "urdf" else root
-    return root if extension is None else extension
 
 
 def _spec(request: Request, at_the_top: bool = False) -> Any:
@@ -196,19 +191,6 @@ def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Seq
     return inertia.mass, inertia.centre.tolist(), moments.tolist(), quaternion.tolist()
 
 
-def _switch_on(model: Any, held: Held) -> None:
-    """Let some equalities act and no other; raises Refused where the compiler made others of the file."""
-    import mujoco
-
-    kinds = {"mimic": "joint", "flexvert": "flex", "flexstrain": "flex"}
-    wanted = [kinds.get(kind, kind) for kind in held.kinds]
-    found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
-    if [one if not one.startswith("flex") else "flex" for one in found] != wanted:
-        raise Refused(f"it makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
-    model.eq_active0[:] = 0
-    model.eq_active0[list(held.switched_on)] = 1
-
-
 class LoadedRobot:
     """An ``MjModel`` with the joints of a request."""
 
@@ -218,11 +200,8 @@ class LoadedRobot:
         flags = mujoco.mjtDisableBit
         for flag in (flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
             model.opt.disableflags |= flag
-        if request.held is None:
-            model.opt.disableflags |= flags.mjDSBL_CONSTRAINT
-        else:
-            model.opt.disableflags |= flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
-            _switch_on(model, request.held)
+        others = flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
+        model.opt.disableflags |= flags.mjDSBL_CONSTRAINT if request.held is None else others
         model.opt.density = model.opt.viscosity = 0.0
         self.model, self.notes, self._request = model, tuple(notes), request
         places = _places(model, request.joints)
