@@ -17,6 +17,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from harness.arrays import Array
+from harness.models.constraint_law import ConstraintLaw
+from harness.models.constraints import ModelConstraint
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,18 @@ class Aid:
     leaders: tuple[Asked, ...]
 
 
+@dataclass(frozen=True)
+class Held:
+    """Equalities of a file that an engine is to hold.
+
+    Attributes:
+        kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
+    """
+
+    kinds: tuple[str, ...]
+    switched_on: tuple[int, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Request:
     """One file for an engine to load.
@@ -101,6 +115,7 @@ class Request:
         format: "urdf" or "mjcf". joints: of the file, in its order.
         floating_base: name of the free joint to be put under a URDF's root, "" for none.
         aid: what is supplied; None for the engine as its user calls it.
+        held: equalities that act; None where all constraints are off.
     """
 
     path: Path
@@ -108,6 +123,7 @@ class Request:
     joints: tuple[Asked, ...]
     floating_base: str = ""
     aid: Aid | None = None
+    held: Held | None = None
 
     @property
     def couplings(self) -> Array | None:
@@ -203,6 +219,7 @@ class Caller(Protocol):
         factorises_mass_matrix: whether it solves for accelerations by a factorisation of M.
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
+        why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
     """
 
     engine: str
@@ -212,6 +229,13 @@ class Caller(Protocol):
     factorises_mass_matrix: bool
     call: Mapping[str, str]
     takes_inertias_about_tree: bool
+    why_no_equalities: str
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        """What the engine documents of constraints of the file with this root element, by their names; of none where it holds none."""
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        """Whether its reader makes bodies that no joint moves one with their parents."""
 
     def load(self, request: Request) -> Loaded:
         """Load the file once.

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from harness.comparison.callers import find_callers
+from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.questions import Answers, Question, ask
@@ -18,7 +19,7 @@ from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
 from harness.errors import InvalidInput, InvalidModel
-from harness.results.comparison import Comparison, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
+from harness.results.comparison import Comparison, EqualitiesRecord, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
 from harness.robots.robot import Robot, read_robot
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -61,6 +62,7 @@ class RobotComparison(Rounds):
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
         self._found.files.sort(key=lambda file: order[file.path])
         self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
+        self._found.equalities.sort(key=lambda one: (order[one.path], one.engine))
         return self._found
 
     @property
@@ -105,7 +107,17 @@ class RobotComparison(Rounds):
             about = subject_of(found, caller, aided)
             return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure))]
         self._next.append(Task((self._take_record, path, engine, aided), _judge, (found, outcome.value, engine, aided), affinity=path))
+        if found.robot.equalities and found.certified is not None and not aided and not outcome.value.refusal:
+            self._next.append(Task((self._take_equalities, path, engine), _judge_equalities, (found, engine), affinity=path))
         return []
+
+    def _take_equalities(self, outcome: Outcome, path: Path, engine: str) -> Iterable[Part]:
+        record = outcome.value
+        if failure := self.failure(outcome):
+            model_format = self._meant[path].robot.format
+            record = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
+        self._found.equalities.append(record)
+        return [Part(f"{path.name} {record.subject} with equalities", Comparison(equalities=[record]))]
 
     def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
         if failure := self.failure(outcome):
@@ -173,6 +185,10 @@ def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answer
 
 def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
     return judge(found, answers, find_callers()[engine], aided)
+
+
+def _judge_equalities(found: Meant, engine: str, note: Callable[[str], None]) -> EqualitiesRecord:
+    return judge_equalities(found, find_callers()[engine])
 
 
 def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:

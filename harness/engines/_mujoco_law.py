@@ -10,6 +10,7 @@ mj_makeImpedance, mj_diagApprox, mj_Jdotv).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 
 from lxml import etree
@@ -29,10 +30,14 @@ def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
     """The law of each constraint by name; those of a URDF, which says nothing of it, are as soft as MuJoCo's defaults."""
     if not file.constraints:
         return {}
-    root = parse_document(file.path, file.text, ROOT_TAGS[file.format]).root
+    return laws_in(parse_document(file.path, file.text, ROOT_TAGS[file.format]).root, file.constraints)
+
+
+def laws_in(root: etree._Element, constraints: Iterable[ModelConstraint]) -> dict[str, ConstraintLaw]:
+    """The law of each of some constraints of the file with this root element."""
     least_time = _least_time_constant(root)
     exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
-    return {one.name: _law(one, least_time, exact) for one in file.constraints}
+    return {one.name: _law(one, least_time, exact) for one in constraints}
 
 
 def _least_time_constant(root: etree._Element) -> Fraction:

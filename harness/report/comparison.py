@@ -7,7 +7,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.report.sparkline import Sparkline
-from harness.results.comparison import Comparison, Effect, FileRecord, ImpossibleInertia, PairRecord, SubjectRecord, changes, trends
+from harness.results.comparison import (
+    Comparison,
+    Effect,
+    EqualitiesRecord,
+    FileRecord,
+    ImpossibleInertia,
+    PairRecord,
+    SubjectRecord,
+    changes,
+    trends,
+)
 from harness.results.comparison_tables import pair_table, short_names, subjects_table, survey_table
 from harness.results.records import Run
 from harness.results.table import Cell, Table, counted, error_text
@@ -36,7 +46,7 @@ def sections(found: Comparison) -> Iterator[Section]:
     for file in found.files:
         own = found.of(file.path)
         if own:
-            yield Section(f"3. The engines on {file.name}", [subjects_table(own), *_readings(own)])
+            yield Section(f"3. The engines on {file.name}", [subjects_table(own), *_readings(own), *_equalities(found, file)])
     yield Section("4. The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     for section in pair_sections(found):
         yield replace(section, title=f"5. {section.title}")
@@ -61,6 +71,9 @@ def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = N
     losing = sum(bool(subject.lost_digits) for subject in compared)
     count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
     count += f"; {losing} of them lose digits" if losing else ""
+    held = [one for one in found.equalities if one.verdict]
+    agreeing = sum(one.explained for one in held)
+    count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
     yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     if before is not None:
@@ -98,7 +111,8 @@ def survey_sections(
         own = found.of(file.path)
         impossible = _impossible(Comparison(files=[file], subjects=own))
         tables = [subjects_table(own)] if own else []
-        yield Section(names[file.path], [*_descriptions([file]), *impossible, *tables, *_readings(own)], anchors[file.path])
+        parts: list[str | Table] = [*_descriptions([file]), *impossible, *tables, *_readings(own), *_equalities(found, file)]
+        yield Section(names[file.path], parts, anchors[file.path])
 
 
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:
@@ -183,6 +197,26 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield f"  {subject.lost_digits}"
 
 
+def _equalities(found: Comparison, file: FileRecord) -> Iterator[str]:
+    """What each engine makes of the equalities of a file."""
+    for one in (record for record in found.equalities if record.path == file.path):
+        yield f"{one.subject}, plain, with the file's equalities: {_with_equalities(one)}"
+        for kind, why_not in dict.fromkeys((part.kind, part.why_not) for part in one.parts):
+            alike = [part for part in one.parts if (part.kind, part.why_not) == (kind, why_not)]
+            most = max(alike, key=lambda part: part.alone or 0.0)
+            told = [f"{kind}, {len(alike)}, {lines_text([part.line for part in alike])}", f"not judged: it {why_not}" if why_not else ""]
+            yield "  " + "; ".join(filter(None, [*told, most.moves and f"{'at most, ' if len(alike) > 1 else ''}{most.moves}"]))
+
+
+def _with_equalities(one: EqualitiesRecord) -> str:
+    """The outcome in words."""
+    if not one.verdict or one.backward_error is None:
+        return one.message or "not judged"
+    outcome = str(one.verdict) if one.explained else "unexplained"
+    optimum = f"{error_text(one.backward_error)} data roundoffs from the optimum that its documentation gives"
+    return f"{outcome}, {optimum}" + (f", {error_text(one.together)} times the tree's own qdd away from that" if one.together else "")
+
+
 def _count(reading: Effect) -> str:
     number, nouns = len(reading.lines), reading.concerns
     one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
@@ -195,6 +229,9 @@ def subject_lines(subject: SubjectRecord) -> list[str]:
 
 
 def _rest(found: Comparison) -> Iterator[str]:
+    for record in found.equalities:
+        if not record.explained:
+            yield f"{Path(record.path).name} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"
     for subject in found.subjects:
         if subject.rest and not subject.explained:
             yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}"

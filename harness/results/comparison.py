@@ -179,6 +179,50 @@ class SubjectRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EqualityPart:
+    """One equality of a file: its tag, and the largest change of qdd where an engine holds it alone, relative in the energy norm.
+
+    ``why_not``: why the engine's answer is not judged with it; "" where it is.
+    """
+
+    kind: str
+    line: int
+    why_not: str = ""
+    alone: float | None = None
+
+    @property
+    def moves(self) -> str:
+        """The effect in words, as the engine itself has it."""
+        if self.alone is None:
+            return ""
+        return f"alone it moves the engine's qdd by {_size(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EqualitiesRecord:
+    """A plain engine on a file whose equalities it is told to hold, limits, contacts and friction still off.
+
+    Attributes:
+        verdict: against the optimum that the engine documents; "" where no answer is judged. message: why, where no part says it.
+        backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
+    """
+
+    path: str
+    engine: str
+    format: str
+    parts: list[EqualityPart]
+    verdict: str = ""
+    explained: bool = True
+    backward_error: float | None = None
+    together: float | None = None
+    message: str = ""
+
+    @property
+    def subject(self) -> str:
+        return f"{self.engine}/{self.format}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Difference:
     """One quantity that two files give otherwise.
 
@@ -225,12 +269,14 @@ class Comparison(StudyResult):
     files: list[FileRecord] = field(default_factory=list)
     subjects: list[SubjectRecord] = field(default_factory=list)
     pairs: list[PairRecord] = field(default_factory=list)
+    equalities: list[EqualitiesRecord] = field(default_factory=list)
 
     @property
     def as_expected(self) -> bool:
         """True where every file has a meaning, every answer is explained, and all files are one robot."""
         files = all(not file.problem for file in self.files)
-        return files and all(subject.explained for subject in self.subjects) and all(pair.same for pair in self.pairs)
+        answers = all(subject.explained for subject in self.subjects) and all(held.explained for held in self.equalities)
+        return files and answers and all(pair.same for pair in self.pairs)
 
     def of(self, path: str) -> list[SubjectRecord]:
         """The subjects of a file."""
@@ -238,7 +284,7 @@ class Comparison(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.records.dumps``."""
-        return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs}
+        return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs, "equalities": self.equalities}
 
 
 def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:

@@ -42,15 +42,26 @@ def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[I
     Raises:
         InvalidModel: as ``read_robot``. ValueError: the zero position has no inverse of M.
     """
+    tendons = (each for one in model.constraints if isinstance(one, TendonConstraint) for each in (one.tendon, one.leader) if each)
     # Gravity has no part in it.
-    tree = bounded(tree_of(model, 0.0))
-    return _AtZero(model, tree).evaluated(list(dict.fromkeys(wanted)))
+    return inverse_weights_of(tree_of(model, 0.0), wanted, _fuses(model), tendons)
+
+
+def inverse_weights_of(
+    tree: Tree, wanted: Iterable[InverseWeight], fuses: bool, tendons: Iterable[Tendon] = ()
+) -> dict[InverseWeight, float]:
+    """Those of a tree of bodies; ``fuses`` says whether an engine makes bodies that no joint moves one with their parents.
+
+    Raises:
+        ValueError: as ``inverse_weights``.
+    """
+    return _AtZero(bounded(tree), fuses, tendons).evaluated(list(dict.fromkeys(wanted)))
 
 
 class _AtZero(BodyWriter):
     """Writes M, and rows J, of one tree in its zero position."""
 
-    def __init__(self, model: ModelFile, tree: Tree) -> None:
+    def __init__(self, tree: Tree, fuses: bool, tendons: Iterable[Tendon]) -> None:
         super().__init__(())
         self._tree = tree
         self.scale_to(tree)
@@ -63,13 +74,10 @@ class _AtZero(BodyWriter):
         self._rigids: dict[str, Rigid] = {}
         # The body that an engine makes one with what is fixed to it.
         self._carrier = {WORLD: WORLD}
-        fuses = _fuses(model)
         for body in tree.bodies:
             self._place(body)
             self._carrier[body.name] = self._carrier[body.parent] if fuses and not body.joints else body.name
-        self._tendons = {
-            one.name: one for each in model.constraints if isinstance(each, TendonConstraint) for one in (each.tendon, each.leader) if one
-        }
+        self._tendons = {one.name: one for one in tendons}
 
     def _place(self, body: Body) -> None:
         turn, shift = self._frames[body.name] = self.placed(*self._frames[body.parent], body.pose)

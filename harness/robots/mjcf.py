@@ -17,7 +17,9 @@ from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import GRAVITY, is_on
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import describe
+from harness.robots.equalities import Equality
 from harness.robots.meshes import Meshes
+from harness.robots.mjcf_equalities import read_equalities
 from harness.robots.mjcf_inertias import Inertias
 from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
 from harness.robots.mjcf_spring_dampers import with_spring_dampers
@@ -28,8 +30,10 @@ from harness.robots.tree import ORIGIN, WORLD, Body, Given, Joint, Tree, Vector,
 KINDS = ("hinge", "slide", "ball", "free")
 
 
-def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> Tree:
-    """The tree of an MJCF whose included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
+def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...]]:
+    """The tree of an MJCF, and the equalities that are no part of it.
+
+    Its included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
 
     ``meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
 
@@ -45,7 +49,8 @@ def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None
     )
     inertias = reader.inertias
     tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
-    return with_spring_dampers(tree, reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
+    equalities = read_equalities(source, root, attributes, reader.name, bodies)
+    return with_spring_dampers(tree, reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper")), equalities
 
 
 def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:

@@ -39,10 +39,10 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     Raises:
         ValueError: the tree has other joints.
     """
-    return _Recursion(tree, joints, linear_velocity_in_body).written()
+    return RecursionWriter(tree, joints, linear_velocity_in_body).written()
 
 
-class _Recursion(JointForceWriter):
+class RecursionWriter(JointForceWriter):
     """Writes the program of one tree."""
 
     def _down(self, node: Node, motion: Pair) -> Pair:
@@ -182,11 +182,14 @@ class _Recursion(JointForceWriter):
 
     def written(self) -> Recursion:
         """The program of what the tree says."""
+        return Recursion(without_unused(self.program(self.outputs_of_tree())), self.parameters)
+
+    def outputs_of_tree(self) -> Mapping[str, Three]:
+        """The places of what the equations of motion hold."""
         velocities = self._velocities()
-        outputs: Mapping[str, Three] = {
+        return {
             "mass": self._mass_matrix(),
             "velocity": self._velocity_terms(velocities),
             "gravity": self._gravity_terms(),
             "passive": self._passive_forces(velocities),
         }
-        return Recursion(without_unused(self.program(outputs)), self.parameters)

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
 from harness.models.xml import Document, describe, parse_any, read_any
-from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out
+from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out, urdf_mimics
+from harness.robots.equalities import Equality
 from harness.robots.findings import Impossible, LeftOut
 from harness.robots.inertias import impossible_inertias, total_mass
 from harness.robots.meshes import CompileMeshes, Meshes
@@ -46,6 +47,8 @@ class Robot:
         joints: names of the joints that move by themselves, in the order of the file.
         total_mass: of all bodies but the world [kg].
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.
+        equalities: points that meet and joints that are coupled, as engines may hold them besides the tree; a joint that mimics another
+            is one, and follows the other in the tree.
     """
 
     path: Path
@@ -56,6 +59,7 @@ class Robot:
     impossible: tuple[Impossible, ...]
     total_mass: float
     floating_base: str = ""
+    equalities: tuple[Equality, ...] = ()
 
     @property
     def bodies(self) -> int:
@@ -126,11 +130,12 @@ def _read(document: Document, floating_base: bool, gravity: float, compile_meshe
     model_format = _format(source, root)
     if model_format == "urdf":
         tree, left_out = urdf.read_tree(source, root, gravity, floating_base), urdf_left_out.left_out(source, root)
+        equalities = urdf_mimics.equalities(source, root, tree)
     elif floating_base:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         expand(source, root, document.path)
-        tree = mjcf.read_tree(source, root, None if compile_meshes is None else Meshes(document.path, compile_meshes))
+        tree, equalities = mjcf.read_tree(source, root, None if compile_meshes is None else Meshes(document.path, compile_meshes))
         left_out = mjcf_left_out.left_out(source, root, tree)
     robot = Robot(
         path=document.path,
@@ -141,6 +146,7 @@ def _read(document: Document, floating_base: bool, gravity: float, compile_meshe
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
         floating_base=urdf.FLOATING_BASE if floating_base else "",
+        equalities=equalities,
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from harness.models.formats import POINT_SPRING
+from harness.models.formats import BALL_CONSTRAINT, POINT_SPRING
 from harness.models.xml import literal_tag
 from harness.robots.findings import LeftOut
 from harness.robots.source import Source
@@ -19,6 +19,7 @@ _LIMITS, _FRICTION, _EFFORT = "joint limits", "friction loss", "effort and veloc
 _TRANSMISSIONS, _GAZEBO, _XACRO = "transmissions", "gazebo elements", "xacro leftovers"
 _DAMPING = "damping of joints of several degrees of freedom"
 _MUJOCO = "options of MuJoCo's own reader"
+_LOOPS = "Drake's ball constraints, which no engine's reader reads"
 # What each is, and whether an engine that has it switched on could give other accelerations for it.
 _BEARS_ON_MOTION = {
     _CONTACTS: True,
@@ -26,6 +27,7 @@ _BEARS_ON_MOTION = {
     _FRICTION: True,
     _DAMPING: True,
     _MUJOCO: True,
+    _LOOPS: True,
     _EFFORT: False,
     _TRANSMISSIONS: False,
     "safety controllers and calibration": False,
@@ -41,6 +43,7 @@ _LEFT_OUT = {
     "robot/transmission": _TRANSMISSIONS,
     "robot/gazebo": _GAZEBO,
     "robot/mujoco": _MUJOCO,
+    f"robot/{BALL_CONSTRAINT}": _LOOPS,
     "joint/safety_controller": "safety controllers and calibration",
     "joint/calibration": "safety controllers and calibration",
 }

@@ -11,10 +11,12 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.models.xml import describe
+from harness.models.xml import describe, literal_tag
+from harness.robots.equalities import Equality, Linkage
 from harness.robots.source import Source
-from harness.robots.tree import Body, Joint
+from harness.robots.tree import Body, Joint, Tree
 
+JOINT_TAGS = ("joint", "drake:joint")
 _SINGLE_AXIS = ("hinge", "slide")
 
 
@@ -32,6 +34,19 @@ def follow(source: Source, elements: Mapping[str, etree._Element], bodies: Itera
         else body
         for body in bodies
     )
+
+
+def equalities(source: Source, root: etree._Element, tree: Tree) -> tuple[Equality, ...]:
+    """Each ``mimic`` of a joint that moves, as a coupling with the one that it names; ``follow`` has read the joints of the tree."""
+    following, found = {joint.name for joint in tree.joints if joint.follows}, []
+    for joint in root.iterchildren("*"):
+        mimic = joint.find("mimic") if literal_tag(joint) in JOINT_TAGS else None
+        if mimic is not None and joint.get("name") in following:
+            zero = Fraction(0)
+            coefficients = source.number(mimic, "offset", 0.0), source.number(mimic, "multiplier", 1.0), zero, zero, zero
+            linkage = Linkage(str(joint.get("name")), str(mimic.get("joint")), coefficients)
+            found.append(Equality("mimic", source.place(mimic), source.place(mimic).line, linkage))
+    return tuple(found)
 
 
 def _mimic(elements: Mapping[str, etree._Element], name: str) -> etree._Element | None:

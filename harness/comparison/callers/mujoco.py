@@ -1,7 +1,7 @@
 """MuJoCo as its user calls it: ``mujoco.MjModel.from_xml_path``, then ``mujoco.mj_forward``.
 
-What acts by constraints (limits, contacts, friction loss, equalities) is off, and so are actuators and the fluid. Meshes that are not
-beside the file are taken out with their geoms, and the answer says so.
+What acts by constraints (limits, contacts, friction loss, and equalities that are not asked for) is off, and so are actuators and the
+fluid. Meshes that are not beside the file are taken out with their geoms, and the answer says so.
 
 Source: MuJoCo documentation, Modeling, URDF extensions; API reference, ``mjtDisableBit``.
 """
@@ -20,6 +20,10 @@ from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
+from harness.engines._mujoco_equalities import fuses, settings, switch_on
+from harness.engines._mujoco_law import laws_in
+from harness.models.constraint_law import ConstraintLaw
+from harness.models.constraints import ModelConstraint
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -40,10 +44,17 @@ class MujocoCaller:
         "mjcf": "its reader takes what the file holds; nothing is supplied",
     }
     takes_inertias_about_tree = True
+    why_no_equalities = ""
     call: Mapping[str, str] = dict.fromkeys(
         formats,
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
     )
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        return laws_in(settings(root, model_format), constraints)
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        return fuses(root, model_format)
 
     def load(self, request: Request) -> LoadedRobot:
         import mujoco
@@ -52,6 +63,8 @@ class MujocoCaller:
         mujoco.set_mju_user_warning(lambda message: None)
         try:
             model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
+            if request.held is not None:
+                switch_on(model, request.held.kinds, request.held.switched_on)
         except ValueError as error:
             words = " ".join(str(error).split())
             named = _ELEMENT.search(words)
@@ -185,8 +198,10 @@ class LoadedRobot:
         import mujoco
 
         flags = mujoco.mjtDisableBit
-        for flag in (flags.mjDSBL_CONSTRAINT, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
+        for flag in (flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
             model.opt.disableflags |= flag
+        others = flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
+        model.opt.disableflags |= flags.mjDSBL_CONSTRAINT if request.held is None else others
         model.opt.density = model.opt.viscosity = 0.0
         self.model, self.notes, self._request = model, tuple(notes), request
         places = _places(model, request.joints)
@@ -240,6 +255,8 @@ class _Run:
         qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         for state, (q, v, force) in enumerate(self._rows):
             qpos[:], qvel[:], applied[:] = q, v, force
+            # A solver that starts from the last answer would make this one depend on it.
+            data.qacc_warmstart[:] = 0.0
             mujoco.mj_forward(model, data)
             found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
 

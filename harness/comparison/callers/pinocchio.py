@@ -17,6 +17,8 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines._standard_error import captured_standard_error
+from harness.models.constraint_law import ConstraintLaw
+from harness.models.constraints import ModelConstraint
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
@@ -31,10 +33,17 @@ class PinocchioCaller:
         formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
     )
     takes_inertias_about_tree = False
+    why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
     }
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        return {}
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        return False
 
     def load(self, request: Request) -> LoadedRobot:
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.

@@ -1,0 +1,172 @@
+"""An engine's answer with the equalities of a file switched on, held against the optimum that the engine documents for them.
+
+What a plain answer leaves out is asked once more: points that meet and joints that are coupled act, and limits, contacts and friction
+stay off. The tree is that which the engine's readings make of the file. Each state has its own impedance, by its distance from closing.
+
+Source: MuJoCo documentation, Computation, sections Constraint model and Solver parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.comparison.accounting import fold
+from harness.comparison.questions import Answers, Caller, Held, Question, ask
+from harness.comparison.readings import element_at, find_readings
+from harness.comparison.states import request_of, spread
+from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
+from harness.equations.constraint_forces import Softness, softened_program
+from harness.equations.constraints import RESIDUAL
+from harness.equations.kernels import BallKernel
+from harness.equations.program import without_unused
+from harness.equations.states import States
+from harness.models.constraint_law import ConstraintLaw
+from harness.results.comparison import EqualitiesRecord, EqualityPart
+from harness.robots.equalities import Equality, Meeting, TendonLinkage
+from harness.robots.equality_rows import TiedTree, tied_tree
+from harness.robots.inverse_weights import inverse_weights_of
+from harness.robots.robot import Robot
+from harness.robots.tree import WORLD
+from harness.verdict import Verdict
+
+# Equalities whose effect is said; each takes the file's being loaded once more.
+MOST_EFFECTS = 32
+_BITS = 128
+_HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
+_UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
+
+
+def judge_equalities(meant: Meant, caller: Caller) -> EqualitiesRecord:
+    """The record of a plain engine on a file with equalities."""
+    robot = meant.robot
+    about: dict[str, Any] = {"path": str(robot.path), "engine": caller.engine, "format": robot.format}
+    if caller.why_no_equalities:
+        return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
+    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format)).robot)
+    why_not = {number: reason for number, one in enumerate(robot.equalities) if (reason := _why_not(one, read.robot))}
+    judged = [number for number in range(len(robot.equalities)) if number not in why_not]
+    free = _asked(meant, caller, ())
+    joints = read.robot.joints
+    if free.refusal or read.undetermined or not set(joints) <= set(free.accelerations):
+        return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=free.refusal or _UNEXPLAINED)
+    is_known = set(compare(read.truth, free.of(joints), factorises=True).verdicts.tolist()) <= _HELD
+    active = [number for number, one in enumerate(robot.equalities) if one.is_active][:MOST_EFFECTS]
+    alone = {number: _effect(read, _asked(meant, caller, (number,), STATES_OF_EFFECTS)) for number in active} if is_known else {}
+    parts = [_part(one, why_not.get(number, ""), alone.get(number)) for number, one in enumerate(robot.equalities)]
+    if not is_known or not judged:
+        return EqualitiesRecord(**about, parts=parts, message="" if is_known else _UNEXPLAINED)
+    # The first answer was given, so that this one is no refusal.
+    answers = _asked(meant, caller, judged)
+    compared = compare(_declared_truth(read, caller, judged), answers.of(joints), factorises=True)
+    known = compared.known("backward_error")
+    return EqualitiesRecord(
+        **about,
+        parts=parts,
+        verdict=str(compared.verdicts[compared.worst]),
+        explained=set(compared.verdicts.tolist()) <= _HELD,
+        backward_error=float(known.max()) if len(known) else None,
+        together=_effect(read, answers),
+    )
+
+
+def _part(equality: Equality, why_not: str, alone: float | None = None) -> EqualityPart:
+    return EqualityPart(kind=equality.kind, line=equality.line, why_not=why_not, alone=alone)
+
+
+def _why_not(equality: Equality, read: Robot) -> str:
+    """Why an engine's answer with an equality is not judged; "" where it is."""
+    if not equality.is_active:
+        return "is switched off in the file"
+    if equality.rows is None:
+        return equality.why_not
+    joints, bodies = {joint.name for joint in read.tree.joints}, {body.name for body in read.tree.bodies} | {WORLD}
+    if isinstance(equality.rows, Meeting):
+        named, known = set(equality.rows.bodies), bodies
+    elif isinstance(equality.rows, TendonLinkage):
+        named, known = {joint for tendon in equality.rows.tendons for joint, _ in tendon.terms}, joints
+    else:
+        named, known = {equality.rows.joint, equality.rows.leader or equality.rows.joint}, joints
+    missing = ", ".join(sorted(named - known))
+    return f"is about {missing}, which the engine does not have" if missing else ""
+
+
+def _asked(meant: Meant, caller: Caller, switched_on: Sequence[int], most: int | None = None) -> Answers:
+    """Accelerations of the plain engine with some of the equalities."""
+    request = request_of(meant.robot, aided=False)
+    states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
+    held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
+    return ask(caller, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
+
+
+def _effect(read: Meant, answers: Answers) -> float | None:
+    """By how much an answer differs from the truth of the tree alone, relative in the energy norm."""
+    found = answers.of(read.robot.joints)
+    truth = read.truth[np.arange(len(found))]
+    return largest_change(truth, found, truth.certified)
+
+
+def _declared_truth(read: Meant, caller: Caller, numbers: Sequence[int]) -> Reference:
+    """The certified optimum at the states of ``read`` with these equalities."""
+    robot, states = read.robot, read.states
+    chosen = {f"{robot.equalities[number].kind} {number}": robot.equalities[number] for number in numbers}
+    root = element_at(robot.tree.place)
+    laws = caller.laws(root, robot.format, [one.declared(name) for name, one in chosen.items()])
+    tied = tied_tree(robot.tree, robot.joints, chosen)
+    weights = inverse_weights_of(
+        robot.tree,
+        (part for law in laws.values() for row in law.weights or () for part in row),
+        caller.fuses(root, robot.format),
+        (tendon.declared for one in chosen.values() if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
+    )
+    rows = tied.constraints.rows
+    places = [rows[:row].count(name) for row, name in enumerate(rows)]
+    softness = [
+        Softness(
+            law.impedance.at(0.0),
+            law.stiffness,
+            law.damping,
+            None if law.weights is None else max(_least(law), sum(weights[part] for part in law.weights[place])),
+            law.has_curvature,
+        )
+        for law, place in ((laws[name], place) for name, place in zip(rows, places, strict=True))
+    ]
+    program, named = softened_program(tied.constraints, softness)
+    own = [(str(number), float(value), "") for number, value in enumerate(tied.parameters)]
+    tree = reference_of(robot).mechanism
+    parameters = (*own, *((name, value, "") for name, value in named))
+    mechanism = replace(tree, program=program, parameters=parameters, other_charts=(), charts_in_body=())
+    values = np.tile([value for _, value, _ in parameters], (len(states), 1))
+    columns = {name: len(own) + number for number, (name, _) in enumerate(named)}
+    for row, impedances in enumerate(_impedances(tied, states, laws).T):
+        values[:, columns[f"{rows[row]}[{row}] impedance"]] = impedances
+    return ReferenceKernel(mechanism).evaluate(states, values)
+
+
+def _least(law: ConstraintLaw) -> float:
+    """The least inverse mass of a row whose regularisation is no less than the engine's least number."""
+    return law.least_regularisation * law.impedance.most / (1 - law.impedance.most)
+
+
+def _impedances(tied: TiedTree, states: States, laws: Mapping[str, ConstraintLaw]) -> Array:
+    """(n, rows) at the distance of each state from closing a constraint, the norm over its rows."""
+    import flint
+
+    rows, program = tied.constraints.rows, tied.constraints.program
+    program = without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]}))
+    with flint.ctx.workprec(_BITS):
+        evaluate = BallKernel(program, len(tied.parameters)).bind([float(value) for value in tied.parameters])
+        inputs = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
+        residual = np.array([[float(value) for value in evaluate(*row)] for row in inputs.tolist()])
+    found = np.empty_like(residual)
+    for name, law in laws.items():
+        own = [row for row, one in enumerate(rows) if one == name]
+        distances = np.linalg.norm(residual[:, own], axis=1)
+        found[:, own] = np.array([law.impedance.at(float(distance)) for distance in distances])[:, None]
+    return found

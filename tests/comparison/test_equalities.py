@@ -1,0 +1,127 @@
+"""MuJoCo with a file's equalities is held against the optimum that it documents, whether the loops are closed or not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from comparison.robots import FILES, edited, line_of, meant_by
+
+from harness.comparison import equalities
+from harness.comparison.callers import find_callers
+from harness.comparison.equalities import judge_equalities
+from harness.report.comparison import sections
+from harness.results.comparison import Comparison, EqualitiesRecord, FileRecord, SubjectRecord
+from harness.verdict import AGREEMENT, Verdict
+
+FOUR_BAR = FILES / "four_bar.xml"
+LINES = ('name="loop"', 'name="cam"', 'name="rope"', 'name="gear"', 'name="winch"', 'name="brake"')
+
+
+def held_by(path: Path, engine: str = "mujoco") -> EqualitiesRecord:
+    return judge_equalities(meant_by(path), find_callers()[engine])
+
+
+@pytest.mark.parametrize("name", ["four_bar.xml", "mimic.urdf", "four_bar.urdf"])
+def test_mujoco_holds_equalities_as_it_documents(name: str) -> None:
+    record = held_by(FILES / name)
+    assert (record.verdict, record.explained, record.message) == (Verdict.AGREES, True, "")
+    assert record.backward_error is not None and record.backward_error <= AGREEMENT
+    # They are no small matter, so that agreement is not that of the tree alone.
+    assert record.together is not None and record.together > 1e-3
+
+
+def test_each_equality_is_told_with_its_line_and_what_it_does() -> None:
+    parts = held_by(FOUR_BAR).parts
+    assert [part.line for part in parts] == [line_of(FOUR_BAR, text) for text in LINES]
+    assert [part.kind for part in parts] == ["connect", "joint", "connect", "tendon", "tendon", "weld"]
+    assert [bool(part.why_not) for part in parts] == [False, False, False, False, True, True]
+    assert all(part.alone is not None and part.alone > 1e-3 for part in parts[:4]) and parts[5].alone is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('solref="0.03125 1"', 'solref="0.03125 1.0000001"'),
+        ('solimp="0.9 0.98 0.5"', 'solimp="0.9 0.98 0.50001"'),
+        ('polycoef="0.125 0.5 0.25"', 'polycoef="0.125 0.5 0.2500001"'),
+        ('anchor="0.0625 0 0.25"', 'anchor="0.0625 0 0.2500001"'),
+        ('pos="0.75 0 0.0625"', 'pos="0.75 0 0.0625001"'),
+        ('ref="30"', 'ref="30.00001"'),
+        ('joint="flap" coef="-0.75"', 'joint="flap" coef="-0.7500001"'),
+    ],
+)
+def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
+    own, other = meant_by(FOUR_BAR), meant_by(edited(FOUR_BAR, tmp_path, change))
+    declared = equalities._declared_truth
+    monkeypatch.setattr(equalities, "_declared_truth", lambda _, caller, numbers: declared(other, caller, numbers))
+    record = judge_equalities(own, find_callers()["mujoco"])
+    assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
+
+
+BESIDE = """<mujoco>
+  <compiler angle="radian" fusestatic="true"/>
+  <default><default class="soft"><equality solimp="0.5 0.75 0.25 0.25 3"/></default></default>
+  <worldbody>
+    <body name="float" pos="0.25 0.5 1" quat="1 0.5 0 0.25">
+      <freejoint/>
+      <inertial pos="0 0.125 0" mass="0.5" diaginertia="0.0078125 0.015625 0.01171875"/>
+      <frame pos="0 0 0.25" euler="0.5 0.25 0"><site name="hook" pos="0.125 0 0"/></frame>
+      <body pos="0.25 0 0">
+        <inertial pos="0 0 0.125" mass="0.25" diaginertia="0.00390625 0.00390625 0.00390625"/>
+        <body name="arm" pos="0 0.25 0">
+          <joint name="arm" axis="0 1 0.5" ref="0.25"/>
+          <inertial pos="0 0 0.125" mass="0.25" diaginertia="0.00390625 0.00390625 0.00390625"/>
+          <site name="tip" pos="0 0 0.25"/>
+        </body>
+      </body>
+    </body>
+    <body name="cart"><joint name="cart" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+  </worldbody>
+  <equality>
+    <connect class="soft" body1="float" anchor="0.125 0 0"/>
+    <connect body1="arm" body2="cart" anchor="0 0 0.5"/>
+    <connect site1="hook" site2="tip"/>
+    <joint joint1="cart" polycoef="0.25"/>
+  </equality>
+</mujoco>
+"""
+
+
+def test_bodies_that_float_and_bodies_without_joints_are_tied(tmp_path: Path) -> None:
+    """By anchors, whose second point is where the first stands with all joints at their reference, and by sites in frames."""
+    path = tmp_path / "float.xml"
+    path.write_text(BESIDE)
+    record = held_by(path)
+    assert (record.verdict, record.message, [part.why_not for part in record.parts]) == (Verdict.AGREES, "", [""] * 4)
+    assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts)
+
+
+@pytest.mark.parametrize("flag", ['<flag diagexact="enable"/>', '<flag refsafe="disable"/>'])
+def test_flags_of_the_solver_are_read(flag: str, tmp_path: Path) -> None:
+    path = edited(FOUR_BAR, tmp_path, ('gravity="0 0 -9.8125"/>', f'gravity="0 0 -9.8125">{flag}</option>'))
+    record = held_by(edited(path, tmp_path, ('solref="0.03125 1"', 'solref="0.0025 1"')))
+    assert record.verdict == Verdict.AGREES
+
+
+def test_equalities_that_are_switched_off_are_told_and_not_asked(tmp_path: Path) -> None:
+    path = edited(FOUR_BAR, tmp_path, ('gravity="0 0 -9.8125"/>', 'gravity="0 0 -9.8125"><flag equality="disable"/></option>'))
+    record = held_by(path)
+    assert record.verdict == "" and {part.why_not for part in record.parts} == {"is switched off in the file"}
+
+
+def test_pinocchio_is_told_to_hold_none() -> None:
+    record = held_by(FOUR_BAR, "pinocchio")
+    assert "pin.aba holds no equality" in record.message and record.explained and len(record.parts) == len(LINES)
+
+
+def test_a_wrong_answer_makes_the_comparison_red_and_is_printed() -> None:
+    record = held_by(FOUR_BAR)
+    wrong = EqualitiesRecord(path="a.xml", engine="mujoco", format="mjcf", parts=record.parts, explained=False, message="it crashed")
+    subject = SubjectRecord(path="a.xml", engine="mujoco", format="mjcf", aided=False, call="", verdict="agrees", explained=True)
+    found = Comparison(files=[FileRecord(path="a.xml", format="mjcf")], subjects=[subject], equalities=[wrong])
+    assert not found.as_expected
+    text = "\n".join(part for section in sections(found) for part in section.parts if isinstance(part, str))
+    assert text.count("plain, with the file's equalities: it crashed") == 2
+    assert f"joint, 1, line {record.parts[1].line}; alone it moves the engine's qdd by" in text
