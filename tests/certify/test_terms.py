@@ -21,9 +21,9 @@ from harness.certify.interpreter import derivatives
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
-from harness.crosscheck.truth import reference_kernel
+from harness.crosscheck.tasks import Assignment, reference_kernel_of
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names, term_errors
-from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, linear_velocity_in_body, load_engine, subjects
+from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
@@ -54,7 +54,10 @@ def seed_of(name: str) -> int:
 
 
 def kernel_of(mechanism: Mechanism, subject: Subject) -> ReferenceKernel:
-    return reference_kernel(mechanism, linear_velocity_in_body(load_engine(BUILT_IN, subject.engine)))
+    """The kernel of the subject's own truth, which for soft constraints follows from its file."""
+    is_read = mechanism.constraints is not None and subject.format != EQUATIONS
+    model = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format) if is_read else None
+    return reference_kernel_of(Assignment(BUILT_IN, subject, mechanism, model))
 
 
 def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text) -> Model:
