@@ -22,7 +22,8 @@ from harness.equations.program import StraightLineProgram
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.robots.free_bodies import BoundFreeBodies, free_bodies
+from harness.robots.free_bodies import free_bodies
+from harness.robots.free_body_equations import BoundFreeBodies
 from harness.robots.robot import tree_of
 from harness.verdict import AGREEMENT
 
