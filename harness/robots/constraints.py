@@ -92,6 +92,10 @@ class ConstraintWriter(WorldWriter):
             found[column] = self.sum(found[column], factor)
         return found
 
+    def rate(self, jacobian: Three) -> int:
+        """How fast the velocities change a row."""
+        return self.dot(jacobian, range(self._first_rate, self._first_rate + self.nv))
+
     def biases(self, moving: list[Moving], rows: Sequence[Row]) -> Three:
         """The accelerations that rows have where no velocity changes."""
         carried: list[Pair] = []

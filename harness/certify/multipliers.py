@@ -1,0 +1,61 @@
+"""Certified multipliers of a mechanism's constraints: what each row bears, with its derivatives by all inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.forward_mode import jacobians, values
+from harness.certify.quantity import Between, QuantityKernel
+from harness.certify.reference import Flags
+from harness.equations.constraint_forces import LAW, MULTIPLIERS
+from harness.equations.mechanism import Mechanism
+from harness.equations.program import without_unused
+from harness.equations.states import States
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """What m rows bear at n states [N or N m].
+
+    Attributes:
+        high, low, radius: (n, m). slopes: (n, m, inputs of the mechanism's program), in float64. certified: (n,).
+        by_accelerations: (n, m, nv) derivatives by the accelerations, where a law has the multipliers from these; 0 elsewhere.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    slopes: Array
+    by_accelerations: Array
+    certified: Flags
+
+
+class MultiplierKernel:
+    """The multipliers of a mechanism with ``rows`` rows, none of them for a tree; write once, evaluate many batches."""
+
+    def __init__(self, mechanism: Mechanism, rows: int) -> None:
+        self._mechanism, self._rows = mechanism, rows
+        if rows:
+            program = mechanism.program
+            self._program = without_unused(replace(program, outputs={MULTIPLIERS: program.outputs[MULTIPLIERS]}))
+            self._law = without_unused(replace(program, outputs={LAW: program.outputs[LAW]})) if LAW in program.outputs else None
+            self._kernel = QuantityKernel(self._program, [[row] for row in range(rows)])
+
+    def evaluate(self, states: States) -> Multipliers:
+        """What the rows bear at ``states``."""
+        inputs = np.ascontiguousarray(self._mechanism.inputs(states).T)
+        n, count = inputs.shape
+        none = np.zeros((n, 0))
+        if not self._rows:
+            return Multipliers(none, none, none, np.zeros((n, 0, count)), np.zeros((n, 0, states.v.shape[1])), np.ones(n, dtype=np.bool_))
+        nothing = Between(none, none, none, none, np.zeros((n, 0, count)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
+        found = self._kernel.evaluate(inputs, nothing)
+        columns = np.ascontiguousarray(inputs.T)
+        slopes = jacobians(self._program, columns)[MULTIPLIERS].transpose(2, 0, 1)
+        law = np.zeros((n, self._rows, states.v.shape[1]))
+        if self._law is not None:
+            law = values(self._law, columns)[LAW].T.reshape(law.shape)
+        return Multipliers(found.high[:, :, 0], found.low[:, :, 0], found.radius, slopes, law, found.certified)
