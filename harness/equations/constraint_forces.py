@@ -101,8 +101,8 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
     missing = tied.less(wanted, tied.times(tied.jacobian, moved))
     # Minus, as those of the rigid forces -J' lambda.
     multipliers = [tied.negative(tied.product(weight, force)) for weight, force in zip(weights, missing, strict=True)]
-    law = [entry for row in weighted for entry in row]
-    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers, law), numbers
+    entries = [entry for row in weighted for entry in row]
+    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers, entries), numbers
 
 
 class Tied(ProgramWriter):

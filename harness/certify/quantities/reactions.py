@@ -50,30 +50,33 @@ class ReactionTruth:
         read = untied(robot_of(question.read, mechanism.gravity).tree, self._joints)
         # Another point is a number of another file, with roundings of its own.
         points_of = None if have_same_points(robot.tree, read, self._joints) else read
-        own, self._numbers, bearing = self._motion(robot)
+        own, rigid, self._numbers, bearing = self._motion(robot)
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of, declared.constraints, bearing)
         if not self.reactions.joints:
             raise NotOffered("no joint of the mechanism transmits anything: all are free")
         self.blocks = [f"{kind} of joint {name!r}" for kind in ("force", "moment") for name in self.reactions.joints]
         self._energies = ReferenceKernel(mechanism, in_body)
         self._reference = RobotReference(robot, in_body, own)
+        self._rigid = self._reference if rigid is own else RobotReference(robot, in_body, rigid)
         self._multipliers = MultiplierKernel(own, len(bearing))
         nq, nv = mechanism.nq, mechanism.nv
         self._between, blocks = slice(nq + nv, nq + 2 * nv + len(bearing)), np.arange(6 * len(self.reactions.joints)).reshape(-1, 3)
         self._kernel = QuantityKernel(self.reactions.program, blocks.tolist(), self._between, self.reactions.sizes)
 
-    def _motion(self, robot: Robot) -> tuple[Mechanism, Sequence[Given], Sequence[int]]:
-        """The declared file's mechanism, the numbers of the file that are its first parameters, and the rows of constraints that bear."""
-        mechanism, declared, softened = self._question.mechanism, self._question.declared, self._question.softened
+    def _motion(self, robot: Robot) -> tuple[Mechanism, Mechanism, Sequence[Given], Sequence[int]]:
+        """The declared file's mechanism: by its engine's law, and rigid. The numbers of the file that are the first parameters of both,
+        and the rows of constraints that bear something."""
+        mechanism, softened = self._question.mechanism, self._question.softened
         if mechanism.constraints is None:
             in_body = self._question.linear_velocity_in_body
-            return mechanism_of(robot), recursion_program(robot.tree, self._joints, in_body).parameters, ()
+            tree = mechanism_of(robot)
+            return tree, tree, recursion_program(robot.tree, self._joints, in_body).parameters, ()
         tied = _tied(robot, self._question)
         if softened is not None:
-            return softened(tied.mechanism), tied.parameters, tied.bearing
+            return softened(tied.mechanism), tied.mechanism, tied.parameters, tied.bearing
         if not tied.is_determined:
             raise NotOffered("rows of its constraints follow from others, so that nothing says how rigid joints share what they bear")
-        return tied.mechanism, tied.parameters, tied.bearing
+        return tied.mechanism, tied.mechanism, tied.parameters, tied.bearing
 
     @property
     def key(self) -> Hashable:
@@ -89,7 +92,7 @@ class ReactionTruth:
             InvalidModel: the accelerations of the declared file are not those of the energies.
         """
         reference = self._reference.evaluate(states)
-        self._hold_against_energies(states, reference)
+        self._hold_against_energies(states, reference if self._rigid is self._reference else self._rigid.evaluate(states))
         between = self._values_between(states, reference)
         inputs = np.concatenate([states.q, states.v, between.high, states.time[:, None]], axis=1)
         numbers = np.broadcast_to([float(value) for value in self.reactions.parameters], (len(states), len(self.reactions.parameters)))
@@ -101,9 +104,7 @@ class ReactionTruth:
         return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
 
     def _hold_against_energies(self, states: States, reference: Reference) -> None:
-        """Numbers are no truth for a mechanism that does not move as they say; a law of constraints moves as no energies do."""
-        if self._question.softened is not None and self._question.mechanism.constraints is not None:
-            return
+        """Numbers are no truth for a mechanism that does not move as they say; ``reference`` holds its constraints rigid."""
         comparison = compare(self._energies.evaluate(states), np.asarray(reference.high))
         if (comparison.verdicts == Verdict.DISAGREES.value).any():
             worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
