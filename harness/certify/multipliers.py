@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.forward_mode import jacobians, values
+from harness.certify.forward_mode import jacobians
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Flags
-from harness.equations.constraint_forces import LAW, MULTIPLIERS
+from harness.equations.constraint_forces import MULTIPLIERS
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused
 from harness.equations.states import States
@@ -22,14 +22,12 @@ class Multipliers:
 
     Attributes:
         high, low, radius: (n, m). slopes: (n, m, inputs of the mechanism's program), in float64. certified: (n,).
-        by_accelerations: (n, m, nv) derivatives by the accelerations, where a law has the multipliers from these; 0 elsewhere.
     """
 
     high: Array
     low: Array
     radius: Array
     slopes: Array
-    by_accelerations: Array
     certified: Flags
 
 
@@ -41,7 +39,6 @@ class MultiplierKernel:
         if rows:
             program = mechanism.program
             self._program = without_unused(replace(program, outputs={MULTIPLIERS: program.outputs[MULTIPLIERS]}))
-            self._law = without_unused(replace(program, outputs={LAW: program.outputs[LAW]})) if LAW in program.outputs else None
             self._kernel = QuantityKernel(self._program, [[row] for row in range(rows)])
 
     def evaluate(self, states: States) -> Multipliers:
@@ -50,12 +47,8 @@ class MultiplierKernel:
         n, count = inputs.shape
         none = np.zeros((n, 0))
         if not self._rows:
-            return Multipliers(none, none, none, np.zeros((n, 0, count)), np.zeros((n, 0, states.v.shape[1])), np.ones(n, dtype=np.bool_))
+            return Multipliers(none, none, none, np.zeros((n, 0, count)), np.ones(n, dtype=np.bool_))
         nothing = Between(none, none, none, none, np.zeros((n, 0, count)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
         found = self._kernel.evaluate(inputs, nothing)
-        columns = np.ascontiguousarray(inputs.T)
-        slopes = jacobians(self._program, columns)[MULTIPLIERS].transpose(2, 0, 1)
-        law = np.zeros((n, self._rows, states.v.shape[1]))
-        if self._law is not None:
-            law = values(self._law, columns)[LAW].T.reshape(law.shape)
-        return Multipliers(found.high[:, :, 0], found.low[:, :, 0], found.radius, slopes, law, found.certified)
+        slopes = jacobians(self._program, np.ascontiguousarray(inputs.T))[MULTIPLIERS].transpose(2, 0, 1)
+        return Multipliers(found.high[:, :, 0], found.low[:, :, 0], found.radius, slopes, found.certified)

@@ -34,8 +34,7 @@ from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constr
 from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
 
 Column = list[int]
-# Outputs beside those of a tree: see ``constrained_program`` and ``softened_program``.
-MULTIPLIERS, LAW = "multipliers", "law"
+MULTIPLIERS = "multipliers"
 
 
 def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[Column, Column]]) -> StraightLineProgram:
@@ -67,8 +66,7 @@ class Softness:
 def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
     """The program of the softened problem, and names and values of the parameters that it has behind the others.
 
-    ``rows`` is the law of every row, redundant ones as well. It has two outputs more: the ``multipliers``, -D (r - b - J a), and
-    D J by rows, the ``law`` by which the multipliers follow from accelerations.
+    ``rows`` is the law of every row, redundant ones as well. It has an output more, the ``multipliers`` -D (r - b - J a).
 
     Raises:
         ValueError: there are other rows, or rolling ones.
@@ -101,8 +99,7 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
     missing = tied.less(wanted, tied.times(tied.jacobian, moved))
     # Minus, as those of the rigid forces -J' lambda.
     multipliers = [tied.negative(tied.product(weight, force)) for weight, force in zip(weights, missing, strict=True)]
-    entries = [entry for row in weighted for entry in row]
-    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers, entries), numbers
+    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers), numbers
 
 
 class Tied(ProgramWriter):
@@ -129,12 +126,11 @@ class Tied(ProgramWriter):
         terms = zip(range(first, first + self.nv), *(self.outputs[name] for name in ("passive", "velocity", "gravity")), strict=True)
         self.force = [self.difference(self.sum(tau, p), self.sum(c, g)) for tau, p, c, g in terms]
 
-    def with_forces(self, forces: Column, multipliers: Sequence[int] = (), law: Sequence[int] = ()) -> StraightLineProgram:
-        """The tree's program with the forces of constraints among the passive ones, and what else is known of these."""
+    def with_forces(self, forces: Column, multipliers: Sequence[int] = ()) -> StraightLineProgram:
+        """The tree's program with the forces of constraints among the passive ones."""
         outputs = {name: self.outputs[name] for name in OUTPUTS}
         outputs["passive"] = [self.sum(*pair) for pair in zip(outputs["passive"], forces, strict=True)]
-        further = {MULTIPLIERS: multipliers, LAW: law}
-        return without_unused(self.program(outputs | {name: places for name, places in further.items() if places}))
+        return without_unused(self.program(outputs | ({MULTIPLIERS: multipliers} if multipliers else {})))
 
     def transposed(self, rows: Sequence[Column]) -> list[Column]:
         return [list(column) for column in zip(*rows, strict=True)]

@@ -122,9 +122,6 @@ class ReactionTruth:
         bearing = self._multipliers.evaluate(states)
         slopes = np.concatenate([slopes, bearing.slopes], axis=1)
         felt, further = self._as_inputs(states, slopes)
-        # A law has the multipliers from accelerations that are rounded.
-        rounded = np.zeros((*slopes.shape[:2], nv))
-        rounded[:, nv:] = bearing.by_accelerations * reference.high[:, None]
         # What half an ulp of twice the kinetic energy as a torque on each rotating coordinate does.
         twice_the_energy = (np.einsum("nij,nj->ni", reference.norm_factor, states.v) ** 2).sum(axis=1)
         rotating = states.q.shape[1] + nv + np.flatnonzero(self._question.mechanism.rotating)
@@ -134,7 +131,7 @@ class ReactionTruth:
             radius=np.concatenate([radius, bearing.radius], axis=1),
             further=further,
             slopes=felt,
-            shares=np.concatenate([twice_the_energy[:, None, None] * slopes[:, :, rotating], rounded], axis=2),
+            shares=np.asarray(twice_the_energy[:, None, None] * slopes[:, :, rotating]),
             certified=reference.certified & bearing.certified,
         )
 
