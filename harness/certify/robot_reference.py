@@ -20,12 +20,13 @@ class RobotReference:
     """Certified accelerations of one robot; write its program once, evaluate many batches.
 
     ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint: that of the body, as
-    Pinocchio has it, or that of the parent, as MuJoCo has it.
+    Pinocchio has it, or that of the parent, as MuJoCo has it. ``mechanism`` is the robot's own by default, or that of its tree under
+    constraints.
     """
 
-    def __init__(self, robot: Robot, linear_velocity_in_body: bool = False) -> None:
+    def __init__(self, robot: Robot, linear_velocity_in_body: bool = False, mechanism: Mechanism | None = None) -> None:
         self.robot = robot
-        self.mechanism: Mechanism = mechanism_of(robot)
+        self.mechanism: Mechanism = mechanism_of(robot) if mechanism is None else mechanism
         self._kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
 
     def evaluate(self, states: States, numbers: Array | None = None) -> Reference:

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.crosscheck.tasks import Assignment, frame_of
-from harness.engines import NotOffered
+from harness.crosscheck.truth import softened, softness_of
+from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine
+from harness.engines._audit import require_constraints
+from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile, read_model
 from harness.storage import Kept
 
 
 def truth_of(quantity: Quantity, system: str, assignment: Assignment, read: ModelFile) -> Truth:
-    """The truth for the readers of one file, made once per process."""
-    declared = declared_model(assignment.library, system)
-    key = quantity.name, assignment.mechanism.key, declared.text, read.text, frame_of(assignment)
-    return _TRUTHS.get(key, lambda: quantity.truth(Question(assignment.mechanism, declared, read, frame_of(assignment))))
+    """The truth for the readers of one file, made once per process.
+
+    Raises:
+        InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
+    """
+    mechanism, declared, softening = assignment.mechanism, declared_model(assignment.library, system), None
+    laws: Mapping[str, ConstraintLaw] = {}
+    if mechanism.constraints is not None:
+        require_constraints(declared, mechanism)
+        require_constraints(read, mechanism)
+        laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), read)
+        softening = _softening(laws, read) if laws else None
+    key = quantity.name, mechanism.key, declared.text, read.text, frame_of(assignment), tuple(laws.items())
+    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, frame_of(assignment), softening)))
+
+
+def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:
+    """What an engine makes of constraints that are held rigid, by its laws of the file that it reads."""
+
+    def softening(mechanism: Mechanism) -> Mechanism:
+        assert mechanism.constraints is not None
+        return softened(mechanism, softness_of(mechanism.constraints, laws, read))
+
+    return softening
 
 
 def declared_model(library: Library, system: str) -> ModelFile:

@@ -270,8 +270,9 @@ def reactions(model: Model, joints: Sequence[str], states: States) -> Array:
     of ``load``, each once.
 
     A row is the force [N] and the moment [N m] that the parent exerts on the child through the joint, along the world's axes; the
-    moment is about the anchor of the last joint of the child, which moves with it. Springs between points pull from outside. The row
-    of a free joint is not looked at.
+    moment is about the anchor of the last joint of the child, which moves with it. Springs between points pull from outside, and so do
+    constraints that hold points or frames together; couplings of joints act through the joints. The row of a free joint is not looked
+    at.
 
     Raises:
         InvalidAnswer: it is no array of that shape of floating-point numbers.

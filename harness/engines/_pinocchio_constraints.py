@@ -143,6 +143,33 @@ class LoopConstraints:
             found[state] = jacobian.T @ self._memory.lambda_c
         return found
 
+    def with_forces_on_bodies(self, inputs: tuple[Array, ...]) -> tuple[Array, list[Any]]:
+        """Accelerations, (nv,), at one q, v and tau, and what the constraints do to the body of each joint, in the frame of the joint.
+
+        ``lambda_c`` has the force on the first end and then, of frames, the moment, in the frame of that end; the second end bears
+        the opposite.
+        """
+        import pinocchio
+
+        accelerations = self._solve(inputs, pinocchio.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_MU, PROXIMAL_ITERATIONS)).copy()
+        found, multipliers, first = [pinocchio.Force.Zero() for _ in range(self._model.njoints)], self._memory.lambda_c, 0
+        for one in self.models:
+            size = 6 if one.type == pinocchio.ContactType.CONTACT_6D else 3
+            own = np.concatenate([multipliers[first : first + size], np.zeros(6 - size)])
+            first += size
+            force = pinocchio.Force(own[:3], own[3:])
+            places = [
+                (joint, self._memory.oMi[joint] * placement, placement)
+                for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement))
+            ]
+            (_, frame, _), (_, other, _) = places
+            # Turned into the second end's frame, at its own origin.
+            turn = other.rotation.T @ frame.rotation
+            opposite = pinocchio.Force(-(turn @ force.linear), -(turn @ force.angular))
+            for (joint, _, placement), acting in zip(places, (force, opposite), strict=True):
+                found[joint] += placement.act(acting)
+        return accelerations, found
+
     def gaps(self, configuration: Array) -> dict[str, Array]:
         """What each constraint's rows leave, (n, 3) [m] of points and (n, 6) [m and rad] of frames, at q (nq, n)."""
         import pinocchio

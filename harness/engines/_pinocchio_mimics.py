@@ -76,6 +76,13 @@ class MimicJoints:
             found[state] = self.ratios @ np.linalg.solve(mass, self.ratios.T @ tau - pinocchio.rnea(self.model, self._data, q, v, still))
         return found
 
+    def with_forces_on_bodies(self, inputs: tuple[Array, ...]) -> tuple[Array, list[Any]]:
+        """Accelerations of the tree, (nv,), at one q, v and tau, and no forces: couplings act through the joints."""
+        import pinocchio
+
+        [accelerations] = self.accelerations((inputs[0][:, None], inputs[1][:, None], inputs[2][:, None]))
+        return accelerations, [pinocchio.Force.Zero() for _ in range(self._tree.njoints)]
+
     def generalised_forces(self, columns: Columns) -> Array:
         """What the couplings exert on the joints of the tree, (n, nv) [N or N m]: its inverse dynamics without the forces given."""
         import pinocchio

@@ -130,7 +130,7 @@ class PinocchioModel:
         """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
 
         It is what a joint transmits to its body, in the frame of the joint. Springs between points, which neither algorithm knows,
-        are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``.
+        are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``, as are those of constraints.
         Source: Pinocchio documentation, ``rnea`` and ``Data::f``; Featherstone, section 5.3.
         """
         import pinocchio
@@ -141,8 +141,13 @@ class PinocchioModel:
         joints = [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
         found = np.empty((len(q), len(joints), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
-            accelerations = pinocchio.aba(model, data, *inputs)
-            pinocchio.rnea(model, data, *inputs[:2], accelerations, self.force_elements.on_bodies(*inputs[:2]))
+            outside = self.force_elements.on_bodies(*inputs[:2])
+            if self.constraints is None:
+                accelerations = pinocchio.aba(model, data, *inputs)
+            else:
+                accelerations, held = self.constraints.with_forces_on_bodies(inputs)
+                outside = [one + other for one, other in zip(outside, held, strict=True)]
+            pinocchio.rnea(model, data, *inputs[:2], accelerations, outside)
             pinocchio.updateGlobalPlacements(model, data)
             for place, joint in enumerate(joints):
                 turn, transmitted = data.oMi[joint].rotation, data.f[joint]

@@ -66,7 +66,7 @@ class Softness:
 def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
     """The program of the softened problem, and names and values of the parameters that it has behind the others.
 
-    ``rows`` is the law of every row, redundant ones as well.
+    ``rows`` is the law of every row, redundant ones as well. It has an output more, the ``multipliers`` -D (r - b - J a).
 
     Raises:
         ValueError: there are other rows, or rolling ones.
@@ -97,7 +97,9 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
     pulled = [tied.sum(force, tied.dot(column, wanted)) for force, (_, column) in zip(tied.force, by_column, strict=True)]
     [moved] = tied.solved(stiffened, [pulled])
     missing = tied.less(wanted, tied.times(tied.jacobian, moved))
-    return tied.with_forces([tied.dot(column, missing) for _, column in by_column]), numbers
+    # Minus, as those of the rigid forces -J' lambda.
+    multipliers = [tied.negative(tied.product(weight, force)) for weight, force in zip(weights, missing, strict=True)]
+    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers), numbers
 
 
 class Tied(ProgramWriter):

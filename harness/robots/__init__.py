@@ -12,7 +12,7 @@ writes its program in the vectors of ``spatial`` and the joints of ``nodes``; ``
 on mechanisms, and ``accelerations`` evaluates it in balls.
 
 ``free_bodies`` and ``reactions`` write other programs of the same tree, from the bodies as ``world_motion`` has them in the world: every
-body kept free, and what each joint transmits.
+body kept free, and what each joint transmits. ``constraints`` has the rows of what the file ties beside its joints.
 
 Certified accelerations at states are those of ``harness.certify.robot_reference``.
 """

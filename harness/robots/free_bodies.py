@@ -1,108 +1,51 @@
-"""The equations of motion of a tree whose bodies are kept free: six accelerations each, joints as constraints, reactions as unknowns.
+"""The equations of motion of bodies that are kept free: six accelerations each, joints as constraints, reactions as unknowns.
 
 Newton's law for the centre of mass and Euler's about it, for every body by itself, with what its joints transmit; and for every
-joint, that its two sides accelerate alike across the directions in which it is stiff. Nothing is eliminated, and no inertia is
-handed from body to body, so that a solution has no step in common with Lagrange's equations or with a recursion.
+joint, that its two sides accelerate alike across the directions in which it is stiff. The constraints of a file are further rows of
+the same kind. Nothing is eliminated, and no inertia is handed from body to body, so that a solution has no step in common with
+Lagrange's equations or with a recursion.
 
 Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems, chapter 11 (spatial dynamics, absolute coordinates).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 from harness.equations.kernels import BallKernel
-from harness.equations.program import StraightLineProgram, without_unused
+from harness.equations.program import without_unused
+from harness.models.constraints import ModelConstraint
+from harness.robots.constraints import ConstraintWriter, untied
+from harness.robots.free_body_equations import FreeBodies
 from harness.robots.linear import Linear, LinearWriter, Vector
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
-from harness.robots.tree import Given, Tree
-from harness.robots.world_motion import Moving, WorldWriter
+from harness.robots.tree import Tree
+from harness.robots.world_motion import Moving
 
 # Moment and force, or angular and linear acceleration, in unknowns.
 Wrench = tuple[Vector, Vector]
 _BITS = 64
 
 
-@dataclass(frozen=True)
-class FreeBodies:
-    """The linear equations A x = b of one tree.
+def free_bodies(
+    tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, constraints: Sequence[ModelConstraint] = ()
+) -> FreeBodies:
+    """The equations of a tree, and of its file's constraints; q, v and tau are as ``recursion_program`` takes them.
 
-    Attributes:
-        program: its outputs "matrix" and "right" are the entries of A that are not zero, at ``places``, and b; those called
-            "<name> coefficients" and "<name>" give what is read from a solution, each a sum of unknowns at ``read[name]``, and a
-            constant: "accelerations" are qdd, "moments" and "forces" (three for each of ``joints``) are what the parent does to the
-            child through a joint, along the world's axes, about the point of ``world_motion.WorldWriter.points`` [N m, N].
-        parameters: the numbers of the file that are the program's last inputs.
-        joints: names of the joints that transmit something: all but free ones. bodies: how many there are; each joint has one, as
-            one without mass stands between two joints of one body. rows: of the joints' constraints.
-    """
-
-    program: StraightLineProgram
-    parameters: tuple[Given, ...]
-    places: tuple[tuple[int, int], ...]
-    read: Mapping[str, tuple[tuple[int, ...], ...]]
-    joints: tuple[str, ...]
-    bodies: int
-    rows: int
-
-    @property
-    def size(self) -> int:
-        """How many equations there are, and unknowns."""
-        return 6 * self.bodies + self.rows
-
-    def bind(self, numbers: Sequence[float] | None = None) -> BoundFreeBodies:
-        """The equations with the numbers of the file, or others in their place, at the working precision of flint in force."""
-        kernel = BallKernel(self.program, len(self.parameters))
-        return BoundFreeBodies(self, kernel.bind([float(value) for value in self.parameters] if numbers is None else numbers))
-
-
-@dataclass(frozen=True)
-class BoundFreeBodies:
-    """Equations whose parameters have values."""
-
-    equations: FreeBodies
-    evaluate: Any
-
-    def solve(self, inputs: Sequence[float]) -> Mapping[str, list[Any]]:
-        """What is read from the solution, as ``arb``, at q, v, tau and time; not finite where A is not certainly regular."""
-        import flint
-
-        own, values = self.equations, iter(self.evaluate(*inputs))
-        outputs = {name: [next(values) for _ in places] for name, places in own.program.outputs.items()}
-        matrix = flint.arb_mat(own.size, own.size)
-        for (row, column), entry in zip(own.places, outputs["matrix"], strict=True):
-            matrix[row, column] = entry
-        try:
-            solution = matrix.solve(flint.arb_mat([[entry] for entry in outputs["right"]]))
-        except ZeroDivisionError:
-            solution = flint.arb_mat(own.size, 1, [flint.arb.nan()] * own.size)
-        found = {}
-        for name, sums in own.read.items():
-            coefficients = iter(outputs[f"{name} coefficients"])
-            found[name] = [
-                sum((next(coefficients) * solution[number, 0] for number in numbers), constant)
-                for numbers, constant in zip(sums, outputs[name], strict=True)
-            ]
-        return found
-
-
-def free_bodies(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False) -> FreeBodies:
-    """The equations of a tree; q, v and tau are as ``recursion_program`` takes them.
+    A joint that follows another, and that is one of ``joints``, moves by itself, and a row of a constraint couples it.
 
     Raises:
-        ValueError: the tree has other joints.
+        ValueError: the tree has other joints, or a constraint couples tendons.
     """
-    return _FreeBodies(tree, joints, linear_velocity_in_body).written()
+    return _FreeBodies(tree, joints, linear_velocity_in_body, constraints).written()
 
 
-class _FreeBodies(WorldWriter):
+class _FreeBodies(ConstraintWriter):
     """Writes the equations of one tree."""
 
-    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool) -> None:
-        super().__init__(tree, joints, linear_velocity_in_body)
+    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool, constraints: Sequence[ModelConstraint]) -> None:
+        super().__init__(untied(tree, joints), joints, linear_velocity_in_body)
         self._linear = LinearWriter(self)
         self._moving = self.moving()
         self._pulls = self.pulls(self._moving)
@@ -113,16 +56,26 @@ class _FreeBodies(WorldWriter):
         self._stiff = self._stiff_directions()
         # By column, how fast the joint itself accelerates.
         self._rates = self._accelerations_of_joints()
+        self._tied = self.rows(self._moving, constraints)
+        first = 6 * len(self.nodes) + sum(len(about) + len(along) for about, along in self._stiff)
+        self._multipliers = self._linear.unknown(range(first, first + len(self._tied)))
 
     def written(self) -> FreeBodies:
         """The equations."""
         wrenches = self._wrenches()
         rows = [row for number in range(len(self.nodes)) for row in self._balance(number, wrenches)]
-        constraints = [row for number in range(len(self.nodes)) for row in self._constraints(number)]
-        equations = [*rows, *constraints]
+        stiff = [row for number in range(len(self.nodes)) for row in self._constraints(number)]
+        equations = [*rows, *stiff, *self._accelerations_of_rows()]
         names, moments, forces = self._reactions(wrenches)
-        sums = {"accelerations": [self._rates[column] for column in range(self.nv)], "moments": moments, "forces": forces}
+        jacobian = [self.jacobian(self._moving, row) for row in self._tied]
+        sums = {
+            "accelerations": [self._rates[column] for column in range(self.nv)],
+            "moments": moments,
+            "forces": forces,
+            "constraint forces": self._constraint_forces(jacobian),
+        }
         outputs: dict[str, Three] = {
+            "jacobian": [entry for row in jacobian for entry in row],
             "matrix": [place for equation in equations for place in equation.terms.values()],
             "right": [self.negative(equation.constant) for equation in equations],
         }
@@ -136,7 +89,8 @@ class _FreeBodies(WorldWriter):
             read={name: tuple(tuple(one.terms) for one in linear) for name, linear in sums.items()},
             joints=names,
             bodies=len(self.nodes),
-            rows=len(constraints),
+            rows=len(stiff),
+            constraints=tuple(row.constraint for row in self._tied),
         )
 
     # Joints.
@@ -218,6 +172,29 @@ class _FreeBodies(WorldWriter):
             linear.dot(direction, part) for part, stiff in zip((angular, along), self._stiff[number], strict=True) for direction in stiff
         ]
 
+    # Constraints of the file.
+
+    def _accelerations_of_rows(self) -> list[Linear]:
+        """How fast what each row leaves accelerates, which is not at all."""
+        linear, found = self._linear, []
+        for row in self._tied:
+            parts = [Linear(row.known)]
+            for number, moment, force in row.on_nodes:
+                spin, acceleration = self._accelerations[number]
+                parts += [linear.dot(moment, spin), linear.dot(force, acceleration)]
+            parts += [linear.times(factor, self._rates[column]) for column, factor in row.on_columns]
+            found.append(linear.sum(*parts))
+        return found
+
+    def _constraint_forces(self, jacobian: Sequence[Three]) -> list[Linear]:
+        """What the multipliers of all rows do along each velocity."""
+        linear = self._linear
+        pairs = list(zip(self._multipliers, jacobian, strict=True))
+        return [
+            linear.negative(linear.sum(linear.nothing, *(linear.times(entries[column], multiplier) for multiplier, entries in pairs)))
+            for column in range(self.nv)
+        ]
+
     # What joints transmit.
 
     def _wrenches(self) -> list[Wrench]:
@@ -248,6 +225,9 @@ class _FreeBodies(WorldWriter):
         for column, force in enumerate(self.forces_of_joints()):
             applied = self._first_rate + self.nv + column
             total = Linear(self.sum(applied, force))
+            for unknown, row in zip(self._multipliers, self._tied, strict=True):
+                pulls = [linear.times(self.negative(factor), unknown) for own, factor in row.on_columns if own == column]
+                total = linear.sum(total, *pulls)
             for number, one in enumerate(self._moving):
                 for motion, own in zip(one.motions, one.node.columns, strict=True):
                     if own != column:
@@ -273,6 +253,10 @@ class _FreeBodies(WorldWriter):
             if other.node.parent == number:
                 moments += [wrenches[child][0], linear.cross(other.arm, wrenches[child][1])]
                 forces.append(wrenches[child][1])
+        for multiplier, row in zip(self._multipliers, self._tied, strict=True):
+            acting = [(moment, force) for node, moment, force in row.on_nodes if node == number]
+            moments += [linear.along(multiplier, moment) for moment, _ in acting]
+            forces += [linear.along(multiplier, force) for _, force in acting]
         return [*linear.added(*moments), *linear.added(*forces)]
 
     def _inertia_forces(self, number: int, one: Moving) -> Wrench:

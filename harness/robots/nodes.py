@@ -43,21 +43,22 @@ class Node:
 class NodeWriter(BodyWriter):
     """Writes the nodes of one tree, parents before their children.
 
-    ``INPUTS`` names the three vectors that stand before the time: positions, velocities, and one more as long as these.
+    ``INPUTS`` names the three vectors that stand before the time: positions, velocities, and one more as long as these; ``further``
+    inputs stand between them and the time.
     """
 
     INPUTS = ("q", "v", "tau")
 
-    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool) -> None:
+    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool, further: Sequence[str] = ()) -> None:
         self._in_body = linear_velocity_in_body
-        order = list(dict.fromkeys(joints))
+        self._order = order = list(dict.fromkeys(joints))
         kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints if not joint.follows}
         if sorted(order) != sorted(kinds):
             raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
         sizes = [SIZES[kinds[name]] for name in order]
         nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
         names = [f"{kind}{i}" for kind, count in zip(self.INPUTS, (nq, self.nv, self.nv), strict=True) for i in range(count)]
-        super().__init__((*names, "t"))
+        super().__init__((*names, *further, "t"))
         self._first_rate = nq
         self._places: dict[str, tuple[list[int], list[int]]] = {}
         q = v = 0

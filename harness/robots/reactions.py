@@ -1,8 +1,8 @@
 """What joints transmit, as a program of positions, velocities, accelerations, and the numbers of a file.
 
 The reaction of a joint is what the parent does to the child through it: what everything behind the joint needs for its motion,
-beyond its weight and the springs between points that pull at it. It is written along the world's axes, as in
-``harness.robots.free_bodies``, where the same reactions are unknowns of linear equations.
+beyond its weight, the springs between points that pull at it, and the constraints that hold it. It is written along the world's axes,
+as in ``harness.robots.free_bodies``, where the same reactions are unknowns of linear equations.
 
 Source: Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum and angular momentum of a system of particles).
 """
@@ -16,9 +16,11 @@ from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
+from harness.models.constraints import ModelConstraint
+from harness.robots.constraints import ConstraintWriter, Row, untied
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
-from harness.robots.tree import Given, Tree
+from harness.robots.tree import WORLD, Given, Tree
 from harness.robots.world_motion import Moving, WorldWriter
 
 _BITS = 256
@@ -29,11 +31,11 @@ class Reactions:
     """The reactions of one tree.
 
     Attributes:
-        program: from q, v, qdd, time and ``parameters``; for each of ``joints`` the outputs "force" [N] and "moment" [N m], three
-            components each along the world's axes; the moment is about the joint's point.
+        program: from q, v, qdd, multipliers of constraints, time and ``parameters``; for each of ``joints`` the outputs "force" [N] and
+            "moment" [N m], three components each along the world's axes; the moment is about the joint's point.
         sizes: a program with the same inputs; its outputs of the same names hold, one number a joint, how large the parts are that
-            an algorithm may form of that vector and cancel: weight, inertia, and mass times spin times velocity, of each body, and
-            their moments about the root of the tree.
+            an algorithm may form of that vector and cancel: weight, inertia, and mass times spin times velocity, of each body, what
+            constraints do to it, and their moments about the root of the tree.
         joints: names of the joints that move by themselves and transmit something: all but free ones, in the tree's order.
     """
 
@@ -43,29 +45,42 @@ class Reactions:
     joints: tuple[str, ...]
 
 
-def reactions_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, points_of: Tree | None = None) -> Reactions:
+def reactions_program(
+    tree: Tree,
+    joints: Sequence[str],
+    linear_velocity_in_body: bool = False,
+    points_of: Tree | None = None,
+    constraints: Sequence[ModelConstraint] = (),
+    bearing: Sequence[int] = (),
+) -> Reactions:
     """The reactions of a tree; q, v and qdd follow ``joints`` as ``recursion_program`` takes them.
 
     The point of a joint is the anchor of the last joint of its body, and moves with the body: that of ``points_of``, where the same
     joints may have their anchors elsewhere; by default of the tree itself.
 
+    ``bearing`` are the numbers of those rows of ``constraints`` that bear something, for each of which there is a multiplier. A coupling
+    of joints acts through the joints, whose accelerations tell of it.
+
     Raises:
-        ValueError: a tree has other joints.
+        ValueError: a tree has other joints, or a constraint couples tendons.
     """
-    return _Reactions(tree, joints, linear_velocity_in_body).written(points_of)
+    further = tuple(f"lambda{place}" for place in range(len(bearing)))
+    return _Reactions(untied(tree, joints), joints, linear_velocity_in_body, further).written(points_of, constraints, bearing)
 
 
-class _Reactions(WorldWriter):
+class _Reactions(ConstraintWriter):
     """Writes the reactions of one tree."""
 
     INPUTS = ("q", "v", "qdd")
 
-    def written(self, points_of: Tree | None) -> Reactions:
+    def written(self, points_of: Tree | None, constraints: Sequence[ModelConstraint], bearing: Sequence[int]) -> Reactions:
         moving = self.moving()
         parts = self._parts(moving)
+        rows = self.rows(moving, constraints)
+        self._add_constraints(parts, [rows[number] for number in bearing])
         for number, (moment, force) in enumerate(self.pulls(moving)):
             parts[number].append((self.minus(moment), self.minus(force)))
-        points = self.points(moving) if points_of is None else self.positions_of(points_of)
+        points = self.points(moving) if points_of is None else self.positions_of(untied(points_of, self._order))
         chosen = [(number, one.node.joint.name) for number, one in enumerate(moving) if _transmits(one)]
         vectors: dict[str, Three] = {"force": [], "moment": []}
         sizes: dict[str, Three] = {"force": [], "moment": []}
@@ -99,13 +114,11 @@ class _Reactions(WorldWriter):
 
     def _size(self, moving: list[Moving], parts: list[list[Pair]], number: int, point: Three) -> tuple[int, int]:
         """How large the parts of moment and force are that cancel; see ``Reactions.sizes``."""
-        root = number
-        while moving[root].node.parent >= 0:
-            root = moving[root].node.parent
+        root = self._root(moving, number)
         moment, force = self.zero, self.zero
         for other in self._behind(moving, number):
             one = moving[other]
-            distance = self._length(self.less(one.position, moving[root].position))
+            distance = self._length(self.less(one.position, root))
             forces = self.zero
             for part in parts[other]:
                 moment, forces = self.sum(moment, self._length(part[0])), self.sum(forces, self._length(part[1]))
@@ -114,8 +127,19 @@ class _Reactions(WorldWriter):
                 velocity = self.added(one.velocity, self.cross(one.spin, lump.centre))
                 forces = self.sum(forces, self.product(lump.mass, self._length(self.cross(one.spin, velocity))))
             moment, force = self.sum(moment, self.product(distance, forces)), self.sum(force, forces)
-        shift = self._length(self.less(point, moving[root].position))
+        shift = self._length(self.less(point, root))
         return self.sum(moment, self.product(shift, force)), force
+
+    def _root(self, moving: list[Moving], number: int) -> Three:
+        """Where the tree begins: the first joint, or the origin of the body that is fixed to the world and has it."""
+        while moving[number].node.parent >= 0:
+            number = moving[number].node.parent
+        bodies, joint = {body.name: body for body in self.planted.bodies}, moving[number].node.joint.name
+        top = next(body for body in self.planted.bodies if joint in {one.name for one in body.joints})
+        while top.parent != WORLD:
+            top = bodies[top.parent]
+        fixed, _, position = self.frames[top.name]
+        return position if fixed < 0 else moving[number].position
 
     def _parts(self, moving: list[Moving]) -> list[list[Pair]]:
         """Of each node, what its lumps need for their motion beyond their weight: moments about the node's origin, and forces."""
@@ -131,6 +155,13 @@ class _Reactions(WorldWriter):
                 parts.append((self.cross(one.spin, self.turned(lump.moments, one.spin)), self.still))
             found.append(parts)
         return found
+
+    def _add_constraints(self, parts: list[list[Pair]], rows: Sequence[Row]) -> None:
+        """Add what bodies need against the forces of constraints, which are -J' times the multipliers."""
+        first = self._first_rate + 2 * self.nv
+        for place, row in enumerate(rows):
+            for number, moment, force in row.on_nodes:
+                parts[number].append((self.times(first + place, moment), self.times(first + place, force)))
 
     def _accelerations(self, moving: list[Moving]) -> list[Pair]:
         """Of each node, the change of its spin and the acceleration of its origin."""

@@ -210,16 +210,23 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
 
 
 def sizes_of_formulations(exhibit: Exhibit) -> str:
-    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model, and for one with loops."""
-    if not exhibit.models or exhibit.mechanism.constraints is not None:
+    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model.
+
+    Of the rows of constraints, those count that do not follow from others.
+    """
+    if not exhibit.models:
         return ""
     mechanism, model = exhibit.mechanism, next(iter(exhibit.models.values()))
+    forces = 0 if mechanism.constraints is None else len(mechanism.constraints.independent)
+    by_lagrange = f"{mechanism.nv + forces} by Lagrange" + (f", {forces} of them forces of constraints" if forces else "")
     try:
-        free = free_bodies(tree_of(model, mechanism.gravity), mechanism.joints)
+        free = free_bodies(tree_of(model, mechanism.gravity), mechanism.joints, constraints=model.constraints)
     except (InvalidInput, ValueError) as problem:
-        return f"{mechanism.nv} by Lagrange; with every body free none, as {problem}"
+        return f"{by_lagrange}; with every body free none, as {problem}"
     accelerations = f"6 accelerations of {'its body' if free.bodies == 1 else f'each of {free.bodies} bodies'}"
-    return f"{mechanism.nv} by Lagrange; {free.size} with every body free: {accelerations}, and {free.rows} reactions"
+    others = f"{free.rows} reactions, and {forces} forces of constraints" if forces else f"and {free.rows} reactions"
+    size = 6 * free.bodies + free.rows + forces
+    return f"{by_lagrange}; {size} with every body free: {accelerations}, {others}"
 
 
 def joint_table(exhibit: Exhibit) -> Table:

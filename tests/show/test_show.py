@@ -77,6 +77,11 @@ def test_long_equations_are_shown_by_their_energies(name: str, words: str) -> No
     [
         ("arm_2r", "2 by Lagrange; 22 with every body free: 6 accelerations of each of 2 bodies, and 10 reactions"),
         ("heavy_top", "3 by Lagrange; 9 with every body free: 6 accelerations of its body, and 3 reactions"),
+        (
+            "four_bar",
+            "5 by Lagrange, 2 of them forces of constraints; 35 with every body free: 6 accelerations of each of 3 bodies, "
+            "15 reactions, and 2 forces of constraints",
+        ),
     ],
 )
 def test_equations_and_unknowns_are_counted_both_ways(name: str, said: str) -> None:

@@ -29,12 +29,15 @@ class Question:
         declared: the model file whose numbers are the truth for all that read another of the same mechanism.
         read: the model file that the engine reads.
         linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
+        softened: makes of a mechanism under the constraints of ``declared`` the one whose constraints give as the engine declares of
+            ``read``; None where it holds them rigid.
     """
 
     mechanism: Mechanism
     declared: ModelFile
     read: ModelFile
     linear_velocity_in_body: bool
+    softened: Callable[[Mechanism], Mechanism] | None = None
 
 
 class Truth(Protocol):
