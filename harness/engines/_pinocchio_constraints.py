@@ -151,7 +151,8 @@ class LoopConstraints:
         """
         import pinocchio
 
-        accelerations = self._solve(inputs, pinocchio.ProximalSettings(PROXIMAL_ACCURACY, PROXIMAL_MU, PROXIMAL_ITERATIONS)).copy()
+        answer = pinocchio.constraintDynamics(self._model, self._memory, *inputs, self.models, self.data, *ACCURATE.settings())
+        accelerations = np.array(answer)
         found, multipliers, first = [pinocchio.Force.Zero() for _ in range(self._model.njoints)], self._memory.lambda_c, 0
         for one in self.models:
             size = 6 if one.type == pinocchio.ContactType.CONTACT_6D else 3

@@ -151,8 +151,10 @@ def held_by_all(models: Mapping[str, ModelFile], gravity: float) -> dict[str, He
         if subject.format not in models:
             continue
         model = models[subject.format]
+        # A joint that mimics another is one where a system asks for it, and no line of its own says so.
+        joints = max((list(each.joint_lines) for each in models.values()), key=len)
         try:
-            loaded = load_engine(BUILT_IN, subject.engine).load(model, list(model.joint_lines), gravity)
+            loaded = load_engine(BUILT_IN, subject.engine).load(model, joints, gravity)
         except Unsupported:
             continue
         held[str(subject)] = loaded.held()  # type: ignore[attr-defined]

@@ -256,7 +256,7 @@ def test_mujoco_s_mimic_joint_is_as_soft_as_the_entry_says(
     impedance: float | None, low: float, high: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = "simple_pendulum.mimic"
-    monkeypatch.setattr(_mujoco_urdf, "_ignored", lambda root: iter(()))
+    monkeypatch.setattr(_mujoco_urdf, "_ignored", lambda root, joints: iter(()))
     model, _ = _mujoco_urdf.read(read_model(BUILT_IN.model_path(name, "urdf"), "urdf"), 9.81)
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     assert model.neq == 1
