@@ -138,7 +138,7 @@ LIGHT_FOLLOWER = _mass_ratio(
     -9,
     _HIGHAM + "; a light bar's mobility 1/m is one eigenvalue of J M^-1 J', whose rounding, u/m, hides what the heavy bars add to it",
     "solve the reduced equations, of independent coordinates alone, or give the bar the inertia that it has",
-    dict.fromkeys(("lagrange", "pinocchio/urdf"), Theory("disagrees", growth=-0.5, digits_growth=-1.0)),
+    dict.fromkeys(("lagrange", "pinocchio/urdf"), Theory("unstable", growth=-0.5, digits_growth=-1.0)),
 )
 HEAVY_FOLLOWER = _mass_ratio(
     "loop_heavy_follower",
