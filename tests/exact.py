@@ -67,8 +67,35 @@ class Exact:
         return self.mass_and_force(arguments)[0]
 
     def accelerations(self, arguments: Any) -> mpmath.matrix:
+        """Those of M a + J' lambda = tau + p - c - g, J a = -J' v, where there are constraints; what J does is a central difference."""
         with mpmath.workdps(DIGITS):
-            return mpmath.lu_solve(*self.mass_and_force(arguments))
+            mass, force = self.mass_and_force(arguments)
+            rows = len(self.equations.constraint_rows)
+            if not rows:
+                return mpmath.lu_solve(mass, force)
+            step, v = mpmath.mpf(10) ** -25, list(map(mpmath.mpf, arguments[self.nv : 2 * self.nv]))
+            jacobian, ahead, behind = (self._jacobian_at(arguments, v, s) for s in (0, step, -step))
+            bias = (ahead - behind) / (2 * step) * mpmath.matrix(v)
+            whole, right = mpmath.zeros(self.nv + rows), mpmath.zeros(self.nv + rows, 1)
+            for i in range(self.nv):
+                right[i] = force[i]
+                for j in range(self.nv):
+                    whole[i, j] = mass[i, j]
+                for row in range(rows):
+                    whole[i, self.nv + row] = whole[self.nv + row, i] = jacobian[row, i]
+            for row in range(rows):
+                right[self.nv + row] = -bias[row]
+            return mpmath.lu_solve(whole, right)[: self.nv, 0]
+
+    def _jacobian_at(self, arguments: Any, v: list[mpmath.mpf], step: mpmath.mpf) -> mpmath.matrix:
+        """J where the positions have moved by v times ``step``."""
+        moved = [mpmath.mpf(q) + rate * step for q, rate in zip(arguments[: self.nv], v, strict=True)]
+        entries = self._jacobian([*moved, *arguments[self.nv :]])
+        return mpmath.matrix([entries[start : start + self.nv] for start in range(0, len(entries), self.nv)])
+
+    @cached_property
+    def _jacobian(self) -> Callable[..., Any]:
+        return self.function([*self.equations.constraint_jacobian])
 
     def energy_norm(self, arguments: Any, vector: Any) -> mpmath.mpf:
         with mpmath.workdps(DIGITS):

@@ -22,7 +22,7 @@ def rank_condition(constraints: Constraints, inputs: Array, norm_factor: Array) 
     """
     rows = without_unused(replace(constraints.program, outputs={JACOBIAN: constraints.program.outputs[JACOBIAN]}))
     n, nv = norm_factor.shape[:2]
-    jacobian = values(rows, inputs)[JACOBIAN].reshape(-1, nv, n).transpose(2, 1, 0)
+    jacobian = values(rows, inputs)[JACOBIAN].reshape(len(constraints.rows), nv, n).transpose(2, 1, 0)
     columns = _whitened(norm_factor, jacobian[:, :, list(constraints.independent)])
     with np.errstate(all="ignore"):
         columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)

@@ -83,8 +83,9 @@ def _columns(program: StraightLineProgram, inputs: Sequence[float], scales: Sequ
     for place, adjoint in _swept(program, values, adjoints):
         columns[place] = [None if entry is None else entry * flint.arb(scales[place]) for entry in adjoint]
     for row, place in enumerate(applied):
-        # No equation but its own feels an applied force.
-        columns[place][row] = flint.arb(scales[place])
+        # Beside what the program makes of an applied force, as forces of constraints do, its own equation feels it.
+        own = columns[place][row]
+        columns[place][row] = flint.arb(scales[place]) if own is None else own + flint.arb(scales[place])
     return mass, columns
 
 

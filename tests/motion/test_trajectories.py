@@ -59,12 +59,25 @@ def energy_balance(mechanism: Mechanism, program: StraightLineProgram, states: S
             for motion, clock in places
         )
         applied = sum((force * rate for force, rate in zip(tau, v, strict=True)), zero)
+        applied += power_of_constraints(mechanism, [*states.q[index], *states.v[index], *states.tau[index], states.time[index]])
         growth = (ahead["energy"] - behind["energy"]) / (2 * DIFFERENCE_STEP)
         explicit = (later["lagrangian"] - earlier["lagrangian"]) / (2 * DIFFERENCE_STEP)
         size = 1 + abs(growth) + abs(applied) + abs(here["power"]) + abs(here["kinetic"])
         size *= 1 + max((abs(x) for x in [*accelerations, *v]), key=float)
         found.append((growth - here["power"] - applied + explicit, size))
     return found
+
+
+def power_of_constraints(mechanism: Mechanism, state: list[float]) -> flint.arb:
+    """The power of the forces that hold constraints: none but for the last bit of the velocities, which they see."""
+    if mechanism.constraints is None:
+        return flint.arb(0)
+    passive = []
+    for program in (mechanism.program, mechanism.constraints.tree):
+        alone = replace(program, outputs={"passive": program.outputs["passive"]})
+        passive.append(BallKernel(alone, len(mechanism.parameters)).bind(mechanism.parameter_values)(*map(float, state)))
+    v = state[mechanism.nq : mechanism.nq + mechanism.nv]
+    return sum(((held - free) * flint.arb(float(rate)) for held, free, rate in zip(*passive, v, strict=True)), flint.arb(0))
 
 
 def moved(values: list[flint.arb], rates: list[flint.arb], by: flint.arb) -> list[flint.arb]:
