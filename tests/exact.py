@@ -121,7 +121,8 @@ class Exact:
         n = self.nv
         with mpmath.workdps(DIGITS):
             step = mpmath.mpf(10) ** -25
-            accelerations = self.accelerations(arguments)
+            # Of the tree: states need not close constraints, whose forces would do work then.
+            accelerations = mpmath.lu_solve(*self.mass_and_force(arguments))
             ahead, behind = (self._energies(self.along_the_motion(arguments, accelerations, s))[0] for s in (step, -step))
             later, earlier = (
                 self._energies([*arguments[: 3 * n], arguments[3 * n] + s, *arguments[3 * n + 1 :]])[1] for s in (step, -step)

@@ -105,6 +105,8 @@ def _list_library(bracket: Bracket) -> None:
     names, failures = library.select(()), Rounds()
     found = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
     # Worker processes alone run a system file.
+    # Each imports SymPy, which takes longer than most files.
+    bracket.workers = 1
     if missing := [Task(name, degrees_of_freedom, (library, name)) for name in names if name not in found]:
         for outcome in bracket.pool.run(missing):
             if not failures.failure(outcome):

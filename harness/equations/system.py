@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -85,7 +86,7 @@ class System:
         self._check_ranges()
         self._check_constraints()
 
-    @property
+    @cached_property
     def rates(self) -> tuple[sp.Expr, ...]:
         """First time derivatives of the coordinates, in their order."""
         return tuple(q.diff(TIME) for q in self.coordinates)
@@ -185,11 +186,12 @@ class System:
         for name, expression in expressions.items():
             for symbol in sorted(expression.free_symbols - allowed, key=str):
                 raise ValueError(f"{name} contains {symbol}, which has no value; add it to parameters")
-            for derivative in expression.atoms(sp.Derivative) - rates:
+            atoms = expression.atoms(sp.Derivative, sp.core.function.AppliedUndef, sp.Float)
+            for derivative in {atom for atom in atoms if isinstance(atom, sp.Derivative)} - rates:
                 raise ValueError(f"{name} contains {derivative}; only first rates of the coordinates may appear")
-            for function in expression.atoms(sp.core.function.AppliedUndef) - set(self.coordinates):
+            for function in {atom for atom in atoms if isinstance(atom, sp.core.function.AppliedUndef)} - set(self.coordinates):
                 raise ValueError(f"{name} contains {function}, which is no coordinate")
-            for number in sorted(expression.atoms(sp.Float)):
+            for number in sorted(atom for atom in atoms if isinstance(atom, sp.Float)):
                 raise ValueError(f"{name} contains {number}, which SymPy rounds in every product; write sympy.Rational({str(number)!r})")
         if self.potential.atoms(sp.Derivative):
             raise ValueError("potential contains a rate; put the term into kinetic or generalised_forces")
@@ -228,7 +230,7 @@ class System:
                 constraint.is_rolling(self.rates)
             except ValueError as error:
                 raise ValueError(f"constraint {name!r} {error}") from error
-            if any(TIME in row.xreplace(dict.fromkeys([*self.rates, *self.coordinates], sp.S.One)).free_symbols for row in constraint.rows):
+            if any(map(_depends_on_time, constraint.rows)):
                 raise ValueError(f"constraint {name!r} depends on time explicitly; expected a function of coordinates and rates")
             for q in constraint.determines:
                 if q not in self.coordinates:
@@ -245,6 +247,19 @@ class System:
                 raise ValueError(f"assembly has {q} at {value!r}; expected coordinates and finite numbers")
         if self.assembly and not self.constraints:
             raise ValueError("assembly is given, and there is no constraint; leave it out")
+
+
+def _depends_on_time(expression: sp.Expr) -> bool:
+    """Whether time stands in an expression otherwise than in its coordinates and rates."""
+    waiting, seen = [expression], set()
+    while waiting:
+        part = waiting.pop()
+        if part == TIME:
+            return True
+        if not isinstance(part, sp.core.function.AppliedUndef | sp.Derivative):
+            waiting += [argument for argument in part.args if argument not in seen]
+            seen.update(part.args)
+    return False
 
 
 def _check_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> None:

@@ -51,7 +51,7 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 # One is expressed by no engine.
-SOME = [*SYSTEMS[:: 6 if IN_CI else 12], "rolling_disc"]
+SOME = list(dict.fromkeys([*SYSTEMS[:: 6 if IN_CI else 12], "rolling_disc"]))
 SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of(name) in SOME]
 
 
