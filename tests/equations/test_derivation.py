@@ -406,7 +406,7 @@ def test_listing_derives_nothing(cache: Path, derivations: list[str]) -> None:
 
 
 @pytest.mark.costly
-def test_listing_costs_at_most_six_imports_of_sympy(tmp_path: Path) -> None:
+def test_listing_costs_at_most_an_import_of_sympy_for_six_mechanisms(tmp_path: Path) -> None:
     """CPU seconds of processes on one machine, the library from an empty cache."""
 
     def cpu_seconds(*arguments: str) -> float:
@@ -416,4 +416,5 @@ def test_listing_costs_at_most_six_imports_of_sympy(tmp_path: Path) -> None:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    assert cpu_seconds("-m", "harness", "list") <= 6 * cpu_seconds("-c", "import sympy.physics.mechanics")
+    most = len(BUILT_IN.system_names()) / 6 * cpu_seconds("-c", "import sympy.physics.mechanics")
+    assert cpu_seconds("-m", "harness", "list") <= most
