@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from harness.errors import shown_path
 from harness.report.sparkline import Sparkline
-from harness.results.records import Record, Records, Run, dumps
+from harness.results.plain_json import dumps
+from harness.results.records import Record, Records, Run
 from harness.results.table import Cell, Table, counted, error_text
 
 if TYPE_CHECKING:

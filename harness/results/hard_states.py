@@ -21,7 +21,8 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.library import Library
-from harness.results.records import Record, dumps
+from harness.results.plain_json import dumps
+from harness.results.records import Record
 from harness.storage import write_atomically
 from harness.verdict import SEVERITY, Verdict
 

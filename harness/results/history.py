@@ -13,7 +13,8 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.results.cross_check import CrossCheckResult
-from harness.results.records import Record, Run, dumps
+from harness.results.plain_json import dumps
+from harness.results.records import Record, Run
 from harness.results.study_result import StudyResult
 
 _Row = TypeVar("_Row")

@@ -7,15 +7,14 @@ a system. JSON has no infinities: wherever a number is not finite, the JSON hold
 
 from __future__ import annotations
 
-import json
 import math
-import numbers
 from collections import UserList
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
 
+from harness.results.plain_json import dumps
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
@@ -327,25 +326,3 @@ def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (
         "systems": list(cards),
     }
     return dumps(document | parts, indent=2) + "\n"
-
-
-def dumps(value: Any, indent: int | None = None) -> str:
-    """Strict JSON of plain data and dataclasses of it; numbers that are not finite become "inf", "-inf" or "nan"."""
-    return json.dumps(_plain(value), indent=indent, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, bool | str) or value is None:
-        return value
-    if isinstance(value, numbers.Integral):
-        return int(value)
-    if isinstance(value, numbers.Real):
-        number = float(value)
-        return number if math.isfinite(number) else str(number)
-    raise TypeError(f"{value!r} is of type {type(value).__name__}, which has no place in a record")

@@ -7,7 +7,7 @@ from typing import Any
 import flint
 import numpy as np
 import pytest
-from catalogue import BUILT_IN
+from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
 from harness.certify.quantities import Question, find_quantities
@@ -147,10 +147,11 @@ def test_data_roundoff_is_that_of_both_steps_and_of_the_second_alone(name: str) 
     np.testing.assert_allclose(differences.truth.evaluate(states).sensitivity[0], expected, rtol=1e-9)
 
 
+# Under constraints engines go by laws of their own: tests/certify/test_reactions_tied.py.
+@pytest.mark.costly
+@pytest.mark.parametrize("modelled_name", TREES)
 def test_engines_and_formats_agree_on_what_joints_transmit(modelled_name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, modelled_name)
-    if mechanism.constraints is not None:
-        pytest.skip("engines hold constraints by laws of their own: test_reactions_tied")
     states = sample(mechanism, 64, SEED)
     for engine, in_body in (("mujoco", False), ("pinocchio", bool(mechanism.charts_in_body))):
         for model_format in ("mjcf", "urdf"):

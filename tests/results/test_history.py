@@ -22,7 +22,7 @@ from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Dri
 from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.hard_states import RankedCase
 from harness.results.history import History
-from harness.results.records import dumps
+from harness.results.plain_json import dumps
 
 FINDING = SuperfluousPart("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
 CAUSE = Cause(
