@@ -60,7 +60,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     """Exit status, records by subject and standard error of a check of all, whose JSON goes to standard output."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.engines.LOADING_SECONDS", 2.5)
+        patch.setattr("harness.engines._files.LOADING_SECONDS", 2.5)
         done = harness("check", "--library", ".", "--states", "40", "--json", "-", isolated=True, cwd=library)
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 

@@ -1,0 +1,145 @@
+"""Engine files: found by name, described as plain data, and loaded."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import importlib
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.version import version_of
+from harness.workers import Outcome, Task, Workers
+
+if TYPE_CHECKING:
+    from harness.engines import Engine
+
+EQUATIONS = "equations"
+FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
+# Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
+LOADING_SECONDS = 600.0
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class EngineFile:
+    """An engine file as plain data.
+
+    Attributes:
+        requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
+        version: of the program behind it; None where it is not installed.
+        outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
+    """
+
+    requires: tuple[str, str]
+    formats: tuple[str, ...]
+    version: str | None
+    outcome: Outcome
+
+
+def engine_paths(library: Library) -> dict[str, Path]:
+    """Every engine file by name, sorted: those of the harness and those of the library, which win."""
+    found = {path.stem: path for folder in library.engine_folders() for path in folder.glob("*.py") if not path.stem.startswith("_")}
+    return dict(sorted(found.items()))
+
+
+def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mapping[str, EngineFile]:
+    """Every engine file by name, sorted; ``engine_files`` returns the same from then on.
+
+    A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
+    The harness's own are loaded here.
+    """
+    paths = engine_paths(library)
+    tasks = {name: Task(name, _describe, (library, name)) for name in paths}
+    outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
+    if foreign := [task for name, task in tasks.items() if name not in outcomes]:
+        made = workers()
+        with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
+            outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
+    files = {}
+    for name, path in paths.items():
+        requires, formats, version = outcomes[name].value or (("", ""), _spelt_formats(path), None)
+        files[name] = EngineFile(requires, formats, version, outcomes[name])
+    _DESCRIBED[library.engines] = files
+    return files
+
+
+_DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
+
+
+def engine_files(library: Library) -> Mapping[str, EngineFile]:
+    """Every engine file of a library by name, as ``describe_engines`` found it in this process."""
+    if library.engines not in _DESCRIBED:
+        describe_engines(library, Workers)
+    return _DESCRIBED[library.engines]
+
+
+def _is_own(path: Path) -> bool:
+    return path.is_relative_to(_PACKAGE)
+
+
+def _module_name(path: Path) -> str:
+    return ".".join([_PACKAGE.name, *path.relative_to(_PACKAGE).with_suffix("").parts])
+
+
+def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
+    """The first three attributes of an ``EngineFile``, as a task for ``harness.workers``; raises as ``load_engine``."""
+    engine = load_engine(library, name)
+    return (engine.requires[0], engine.requires[1]), tuple(dict.fromkeys(engine.formats)), installed_version(engine)
+
+
+def _spelt_formats(path: Path) -> tuple[str, ...]:
+    """The formats that an engine file spells out, read without running it; those of all model files where it spells out none."""
+    with contextlib.suppress(OSError, ValueError, TypeError, SyntaxError):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "formats":
+                return tuple(name for name in FORMATS if name in ast.literal_eval(node.value)) or tuple(MODEL_SUFFIXES)
+    return tuple(MODEL_SUFFIXES)
+
+
+def load_engine(library: Library, name: str) -> Engine:
+    """The engine called ``name``; a library's own engine wins over the harness's. Only worker processes load one of a library.
+
+    Raises:
+        InvalidInput: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+        InvalidRequest: there is no such engine.
+    """
+    paths = engine_paths(library)
+    if name not in paths:
+        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
+    path = paths[name]
+    module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
+    engine: Engine | None = getattr(module, "ENGINE", None)
+    if problem := _problem_of(engine):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
+        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
+    assert engine is not None
+    return engine
+
+
+def _problem_of(engine: Any) -> str:
+    """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
+    if engine is None:
+        return "defines no ENGINE"
+    requires, formats = getattr(engine, "requires", None), getattr(engine, "formats", None)
+    if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
+        return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
+    if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
+        return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
+    return "" if callable(getattr(engine, "load", None)) else "ENGINE has no method load"
+
+
+def installed_version(engine: Engine) -> str | None:
+    """Version of the program behind an engine, without importing it; None where it is not installed."""
+    module, distribution = engine.requires
+    try:
+        # A module within a package is found by importing the package.
+        return version_of(distribution) if importlib.util.find_spec(module) is not None else None
+    except ModuleNotFoundError:
+        return None
