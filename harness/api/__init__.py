@@ -1,173 +1,32 @@
-"""The functions that ``import harness`` offers to scripts and notebooks; see the docstring of the package."""
+"""The functions that ``import harness`` offers to scripts and notebooks; see the docstring of the package.
+
+May use ``commands`` and what is below it, each imported where it is called.
+
+Start with ``check``; ``loaded_system`` is what ``load`` returns.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-import numpy as np
-
-from harness.arrays import Array
-from harness.errors import InvalidRequest
+from harness.api.loaded_system import Accelerations as Accelerations
+from harness.api.loaded_system import LoadedSystem as LoadedSystem
 from harness.library import Library
 from harness.results.records import Records
 
 if TYPE_CHECKING:
-    import sympy as sp
-
     from harness.certify.compare import Comparison
-    from harness.certify.reference import Reference, ReferenceKernel
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
-    from harness.equations.lagrange import EquationsOfMotion
-    from harness.equations.mechanism import Mechanism
-    from harness.equations.states import States
     from harness.results.comparison import Comparison as RobotsCompared
     from harness.results.cross_check import Cause
     from harness.workers import Workers
 
 Names = str | Path | Sequence[str | Path]
 Subjects = str | Sequence[str]
-
-
-@dataclass(frozen=True)
-class Accelerations:
-    """Certified accelerations of n states.
-
-    Attributes:
-        value: (n, nv) the float64 nearest to the truth [SI per s^2].
-        error_bound: (n, nv) the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
-        data_roundoff: (n,) how far the truth moves, in the energy norm, when every input moves by half an ulp [sqrt(J)/s].
-        certified: (n,) whether the truth is known far below its data roundoff.
-    """
-
-    value: Array
-    error_bound: Array
-    data_roundoff: Array
-    certified: np.ndarray[Any, np.dtype[np.bool_]]
-
-
-class LoadedSystem:
-    """A textbook mechanism or a robot, ready to be read and evaluated; ``harness.load`` makes it.
-
-    Attributes:
-        mechanism: its plain data: coordinates, joints, parameters, ranges. library: where it is from.
-    """
-
-    def __init__(self, library: Library, mechanism: Mechanism) -> None:
-        self.library, self.mechanism = library, mechanism
-
-    @property
-    def name(self) -> str:
-        return self.mechanism.name
-
-    def __repr__(self) -> str:
-        coordinates = ", ".join(f"{name} ({joint})" for name, joint in zip(self.mechanism.coordinates, self.mechanism.joints, strict=True))
-        return f"<{self.name}: {coordinates}>"
-
-    @cached_property
-    def equations(self) -> EquationsOfMotion:
-        """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``.
-
-        Under constraints ``constraint_rows`` stay zero, and -J' lambda with J the ``constraint_jacobian`` is added on the right.
-
-        Raises:
-            harness.errors.InvalidRequest: a robot has none.
-        """
-        if not self.mechanism.energy_programs:
-            program = f"a program of {self.mechanism.operations:,} operations, by recursion over its bodies"
-            raise InvalidRequest(f"{self.name} is a robot, whose equations are {program}; its accelerations can be had")
-        from harness.equations.derivation import load_system
-        from harness.equations.lagrange import derive
-
-        system, _ = load_system(self.library.system_path(self.name))
-        return derive(system)
-
-    @property
-    def M(self) -> sp.Matrix:  # noqa: N802
-        """The mass matrix, (nv, nv)."""
-        return self.equations.mass_matrix
-
-    @cached_property
-    def C(self) -> sp.Matrix:  # noqa: N802
-        """The Coriolis matrix of Christoffel symbols, (nv, nv); C v are the velocity terms of a T quadratic in the rates."""
-        return self.equations.christoffel_matrix()
-
-    @property
-    def g(self) -> sp.Matrix:
-        """The gravity terms, (nv, 1)."""
-        return self.equations.gravity_terms
-
-    @cached_property
-    def latex(self) -> str:
-        """The equations of motion, one per coordinate, as LaTeX."""
-        import sympy as sp
-
-        from harness.equations.notation import rows
-
-        lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
-        return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
-
-    def _repr_latex_(self) -> str | None:
-        if not self.mechanism.energy_programs:
-            return None
-        return f"$${self.latex}$$"
-
-    def accelerations(self, q: Any, v: Any, tau: Any = None) -> Accelerations:
-        """Certified accelerations at one state, or at n states as rows.
-
-        Args:
-            q: (nq,) or (n, nq) [m, rad; a rotation as (w, x, y, z)]. v: (nv,) or (n, nv). tau: applied forces like v; none for None.
-
-        Raises:
-            ValueError: the sizes are not those of the mechanism.
-        """
-        reference = self._kernel.evaluate(self._states(q, v, tau))
-        return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
-
-    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
-        """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
-
-        ``factorises`` says that they were solved for by a factorisation of M, which loses digits as M's condition grows.
-
-        Raises:
-            ValueError: the sizes are not those of the mechanism.
-        """
-        from harness.certify.compare import compare
-
-        answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(self._kernel.evaluate(self._states(q, v, tau)), answers, factorises)
-
-    @cached_property
-    def _kernel(self) -> ReferenceKernel:
-        from harness.certify.reference import ReferenceKernel
-
-        return ReferenceKernel(self.mechanism)
-
-    def _states(self, q: Any, v: Any, tau: Any) -> States:
-        from harness.equations.states import States
-
-        states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
-        found, expected = (states.q.shape, states.v.shape, states.tau.shape), (self.mechanism.nq, self.mechanism.nv, self.mechanism.nv)
-        if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
-            raise ValueError(f"q, v and tau have shapes {found}; {self.name} has {expected} numbers of each, as many rows of each")
-        return states
-
-
-def _error_bound(reference: Reference) -> Array:
-    """Per coordinate: the part of the midpoint that float64 does not hold, and the radius.
-
-    |x_i| <= |x|_M |row i of R^-1|, with R the factor of M (Cauchy and Schwarz). The radius carries all digits that matter, so
-    the last factor covers the roundings of this bound.
-    """
-    inverse = np.linalg.inv(np.where(np.isfinite(reference.norm_factor), reference.norm_factor, np.eye(reference.high.shape[1])))
-    reach = np.sqrt((inverse**2).sum(axis=2)) * reference.radius[:, None]
-    bound = (np.abs(reference.low) + reach) * (1 + 1e-6)
-    return np.where(reference.certified[:, None], bound, np.inf)
 
 
 def load(name: str | Path, library: str | Path | None = None, *, floating_base: bool = False) -> LoadedSystem:

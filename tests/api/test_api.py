@@ -121,7 +121,7 @@ def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
 
 
 def test_robots_files_are_compared() -> None:
-    folder = Path(__file__).parent / "comparison" / "files"
+    folder = Path(__file__).parents[1] / "comparison" / "files"
     found = harness.compare(folder / "arm.urdf", str(folder / "arm.xml"), states=8, workers=1)
     assert [pair.same for pair in found.pairs] == [True] and found.as_expected
     assert {reading.name for subject in found.subjects for reading in subject.readings} >= {"joint damping"}
