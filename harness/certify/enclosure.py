@@ -33,7 +33,7 @@ class Enclosure:
     rates: Sequence[Any]
 
 
-def nearest(ball: Any) -> float:
+def nearest_float64(ball: Any) -> float:
     """The float64 number nearest to what a ball holds; 0 where that may be zero."""
     return 0.0 if ball.contains(0) else float(ball)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.branch import Branch
-from harness.certify.enclosure import Encloser, Enclosure, nearest
+from harness.certify.enclosure import Encloser, Enclosure, nearest_float64
 from harness.certify.forward_mode import values_and_spread
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.constraints import RATE, RESIDUAL
@@ -49,8 +49,8 @@ def closed(mechanism: Mechanism, states: States) -> States:
         if found is None:
             q[index, positions] = np.array(constraints.assembly)[positions]
             continue
-        q[index, positions] = [nearest(ball) for ball in found.positions]
-        v[index, rates] = [nearest(ball) for ball in found.rates]
+        q[index, positions] = [nearest_float64(ball) for ball in found.positions]
+        v[index, rates] = [nearest_float64(ball) for ball in found.rates]
     return States(q, v, states.tau, states.time)
 
 

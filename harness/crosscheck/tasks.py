@@ -137,12 +137,18 @@ def truth_of(assignment: Assignment) -> Truth:
     rigid, mechanism, model = rigid_truth_of(assignment), assignment.mechanism, assignment.model
     if mechanism.constraints is None or model is None:
         return rigid
-    require_constraints(model, mechanism)
-    laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), model)
-    if not laws:
-        return rigid
-    rows = softness_of(mechanism.constraints, laws, model)
-    return Truth(softened(mechanism, rows), rigid.linear_velocity_in_body, is_declared=True)
+
+    def find() -> Truth:
+        assert mechanism.constraints is not None and model is not None
+        require_constraints(model, mechanism)
+        laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), model)
+        if not laws:
+            return rigid
+        rows = softness_of(mechanism.constraints, laws, model)
+        return Truth(softened(mechanism, rows), rigid.linear_velocity_in_body, is_declared=True)
+
+    # The weights of rows are evaluated in balls, and every batch of states asks for them.
+    return _TRUTHS.get((assignment.library, assignment.subject, mechanism.key, model.text), find)
 
 
 def rigid_truth_of(assignment: Assignment) -> Truth:
@@ -184,3 +190,4 @@ def load_audited(assignment: Assignment) -> Model:
 
 
 _MODELS: Kept[Model] = Kept(64)
+_TRUTHS: Kept[Truth] = Kept(64)
