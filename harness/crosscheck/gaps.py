@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.compare import Comparison, compare
 from harness.certify.manifold import rows_left
 from harness.certify.reference import Reference
 from harness.engines import Model, accelerations
@@ -58,6 +59,13 @@ def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps
     none = np.zeros_like(weights)
     high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
     return replace(reference, high=high, low=low, norm_factor=factor)
+
+
+def compare_with_gaps(
+    reference: Reference, mechanism: Mechanism, states: States, answers: Array, gaps: Gaps, factorises: bool
+) -> Comparison:
+    """``harness.certify.compare.compare`` of accelerations, (n, nv), and of what the model's constraints leave open beside them."""
+    return compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers, gaps), factorises)
 
 
 def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:

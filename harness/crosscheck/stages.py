@@ -18,7 +18,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
 from harness.certify.reference import Reference
-from harness.crosscheck.gaps import beside_gaps, gaps_of, remark_on, with_gaps
+from harness.crosscheck.gaps import compare_with_gaps, gaps_of, remark_on
 from harness.crosscheck.repeatability import precision_of, require_repeatable
 from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of
 from harness.crosscheck.truth import Truth
@@ -109,7 +109,7 @@ def ask(assignment: Assignment, states: States, references: Mapping[Truth, Refer
         answers, seconds = timed_accelerations(model, states)
         require_repeatable(model, states, answers, reference, factorises)
         gaps, mechanism = gaps_of(model, states), assignment.mechanism
-        comparison = compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers[0], gaps), factorises)
+        comparison = compare_with_gaps(reference, mechanism, states, answers[0], gaps, factorises)
         disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
         remark = (remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else ""
         if not truth.is_declared:

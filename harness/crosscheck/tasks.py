@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.certify.compare import Comparison, compare
+from harness.certify.compare import Comparison
 from harness.certify.componentwise import componentwise_error
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import keep_points, random_sample
-from harness.crosscheck.gaps import beside_gaps, gaps_of, with_gaps
+from harness.crosscheck.gaps import compare_with_gaps, gaps_of
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
 from harness.crosscheck.truth import Truth, softened, softness_of
 from harness.engines import (
@@ -108,9 +108,8 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:
     """The judgement of the subject's answers at ``states`` by the reference there; raises as ``load_audited``."""
     model = load_audited(assignment)
-    gaps = gaps_of(model, states)
-    answers = with_gaps(accelerations(model, states), gaps)
-    return compare(beside_gaps(reference, assignment.mechanism, states, gaps), answers, may_lose_digits(assignment, model))
+    answers, gaps = accelerations(model, states), gaps_of(model, states)
+    return compare_with_gaps(reference, assignment.mechanism, states, answers, gaps, may_lose_digits(assignment, model))
 
 
 def factorises(assignment: Assignment) -> bool:
