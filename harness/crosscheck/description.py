@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from statistics import median
 
 from harness.engines import engine_files
+from harness.environments.folders import split_name
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
 from harness.results.records import Run, SystemCard
@@ -21,7 +22,8 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = version_of(distribution)
-    versions |= {file.requires[1]: file.version for file in engine_files(library).values() if file.version is not None}
+    engines = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
+    versions |= {file.requires[1]: file.version for file in engines.values() if file.version is not None}
     machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
     # Of other programs: at the start none of the run's own is at work.
     machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}

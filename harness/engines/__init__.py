@@ -33,6 +33,7 @@ from harness.engines._held import HeldModel as HeldModel
 from harness.engines._held import HeldSpring as HeldSpring
 from harness.engines._held import LoadedModel as LoadedModel
 from harness.engines._held import Terms as Terms
+from harness.environments.folders import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library, nearest
 from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
@@ -194,7 +195,11 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
 
 
 def subjects(library: Library) -> list[Subject]:
-    """Every subject of every engine, sorted by name."""
+    """Every subject of every engine, sorted by name; not those of versions, which are asked for by name."""
+    return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
+
+
+def _all_subjects(library: Library) -> list[Subject]:
     return sorted(Subject(name, model_format) for name, file in engine_files(library).items() for model_format in file.formats)
 
 
@@ -213,14 +218,17 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
     """The subjects called ``names``; for none all of them, or those that are native.
 
     Raises:
-        InvalidRequest: a name no subject has; the message gives the nearest one.
+        InvalidRequest: a name no subject has; the message gives the nearest one, or how to make its environment.
     """
-    known = {str(subject): subject for subject in subjects(library)}
+    known = {str(subject): subject for subject in _all_subjects(library)}
     for name in names:
         if name not in known:
+            engine, version = split_name(name.partition("/")[0])
+            if version and engine in engine_files(library):
+                environment_of(engine, version)
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
     chosen = [known[name] for name in dict.fromkeys(names)]
-    return chosen or [subject for subject in known.values() if not native_only or is_native(library, subject)]
+    return chosen or [subject for subject in subjects(library) if not native_only or is_native(library, subject)]
 
 
 def require_model(source: Any, engine: str) -> ModelFile:

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.engines._elsewhere import EngineElsewhere
+from harness.environments.folders import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.version import version_of
@@ -32,7 +34,7 @@ class EngineFile:
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
-        version: of the program behind it; None where it is not installed.
+        version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
         outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
     """
 
@@ -49,7 +51,7 @@ def engine_paths(library: Library) -> dict[str, Path]:
 
 
 def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mapping[str, EngineFile]:
-    """Every engine file by name, sorted; ``engine_files`` returns the same from then on.
+    """Every engine by name, sorted, those of other versions as ``engine@version``; ``engine_files`` returns the same from then on.
 
     A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
     The harness's own are loaded here.
@@ -65,15 +67,21 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     for name, path in paths.items():
         requires, formats, version = outcomes[name].value or (("", ""), _spelt_formats(path), None)
         files[name] = EngineFile(requires, formats, version, outcomes[name])
-    _DESCRIBED[library.engines] = files
-    return files
+    for environment in find_environments():
+        # The newest comes last.
+        if (file := files.get(environment.engine)) is not None and file.outcome.value is not None:
+            files[environment.name] = replace(file, version=environment.version)
+            if file.outcome.value[2] is None:
+                files[environment.engine] = files[environment.name]
+    _DESCRIBED[library.engines] = dict(sorted(files.items()))
+    return _DESCRIBED[library.engines]
 
 
 _DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
 
 
 def engine_files(library: Library) -> Mapping[str, EngineFile]:
-    """Every engine file of a library by name, as ``describe_engines`` found it in this process."""
+    """Every engine of a library by name, as ``describe_engines`` found it in this process."""
     if library.engines not in _DESCRIBED:
         describe_engines(library, Workers)
     return _DESCRIBED[library.engines]
@@ -89,7 +97,7 @@ def _module_name(path: Path) -> str:
 
 def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
     """The first three attributes of an ``EngineFile``, as a task for ``harness.workers``; raises as ``load_engine``."""
-    engine = load_engine(library, name)
+    engine = _load_file(library, name)
     return (engine.requires[0], engine.requires[1]), tuple(dict.fromkeys(engine.formats)), installed_version(engine)
 
 
@@ -105,10 +113,22 @@ def _spelt_formats(path: Path) -> tuple[str, ...]:
 def load_engine(library: Library, name: str) -> Engine:
     """The engine called ``name``; a library's own engine wins over the harness's. Only worker processes load one of a library.
 
+    ``engine@version`` is run by the environment of that version, and so is an engine that is not installed beside the harness, by that
+    of the newest.
+
     Raises:
         InvalidInput: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
-        InvalidRequest: there is no such engine.
+        InvalidRequest: there is no such engine, or no environment of that version.
     """
+    name, version = split_name(name)
+    engine = _load_file(library, name)
+    if version or (installed_version(engine) is None and find_environments(name)):
+        path = engine_paths(library)[name]
+        return EngineElsewhere(engine, path, _module_name(path) if _is_own(path) else "", environment_of(name, version))
+    return engine
+
+
+def _load_file(library: Library, name: str) -> Engine:
     paths = engine_paths(library)
     if name not in paths:
         raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
@@ -137,6 +157,8 @@ def _problem_of(engine: Any) -> str:
 
 def installed_version(engine: Engine) -> str | None:
     """Version of the program behind an engine, without importing it; None where it is not installed."""
+    if isinstance(engine, EngineElsewhere):
+        return engine.environment.version
     module, distribution = engine.requires
     try:
         # A module within a package is found by importing the package.

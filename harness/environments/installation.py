@@ -1,0 +1,117 @@
+"""Making environments: by uv where it is installed, else by venv and pip, from the package indexes that the user has configured."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from harness.environments.folders import Environment, environments_directory, interpreter_in, this_python
+from harness.errors import InvalidRequest
+
+# What engine files are read with, beside the engine.
+REQUIREMENTS = ("numpy", "lxml", "msgspec")
+# Settings of pip that say where packages come from. uv has the same options and does not read pip's files.
+_SOURCES = ("index-url", "extra-index-url", "find-links", "no-index")
+_INSTALLED = "import importlib.metadata, json; print(json.dumps({d.name: d.version for d in importlib.metadata.distributions()}))"
+
+
+def install(engine: str, distribution: str, version: str = "", companions: Sequence[str] = ()) -> Environment:
+    """Make the environment of an engine, of its newest version where none is given; one of that version is replaced.
+
+    Args:
+        engine: name of its engine file. companions: further requirements that this version needs.
+
+    Raises:
+        InvalidRequest: it cannot be installed; the message is that of the installer.
+    """
+    root = environments_directory()
+    root.mkdir(parents=True, exist_ok=True)
+    scratch = Path(tempfile.mkdtemp(dir=root, prefix=".new-"))
+    try:
+        wanted = f"{distribution}=={version}" if version else distribution
+        _fill(scratch, [wanted, *companions, *REQUIREMENTS])
+        installed: dict[str, str] = json.loads(_output([str(interpreter_in(scratch)), "-I", "-c", _INSTALLED]))
+        by_name = {_canonical(name): found for name, found in installed.items()}
+        found = by_name[_canonical(distribution)]
+        environment = Environment(engine, distribution, found, this_python(), dict(sorted(installed.items())))
+        environment.describe(scratch)
+        if environment.folder.exists():
+            environment.remove()
+        # An environment is run by its interpreter alone, which finds its packages wherever the folder is.
+        scratch.rename(environment.folder)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return environment
+
+
+def available_versions(distribution: str) -> list[str]:
+    """The versions that the user's package indexes offer, from the oldest to the newest.
+
+    Raises:
+        InvalidRequest: pip does not find the distribution, or is not installed beside the harness.
+    """
+    from packaging.version import Version
+
+    listing = _output([sys.executable, "-m", "pip", "index", "versions", distribution])
+    found = re.search(r"^Available versions: (.+)$", listing, re.MULTILINE)
+    if found is None:
+        raise InvalidRequest(f"pip lists no version of {distribution}: {listing.strip()}")
+    return sorted(found[1].split(", "), key=Version)
+
+
+def _fill(folder: Path, requirements: Sequence[str]) -> None:
+    """Make a virtual environment in ``folder`` and install ``requirements`` in it."""
+    if (uv := shutil.which("uv")) is not None:
+        _output([uv, "venv", "--quiet", "--allow-existing", "--python", sys.executable, str(folder)])
+        _output([uv, "pip", "install", "--quiet", "--python", str(interpreter_in(folder)), *_sources(), *requirements])
+    else:
+        _output([sys.executable, "-m", "venv", str(folder)])
+        _output([str(interpreter_in(folder)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *requirements])
+
+
+def _sources() -> list[str]:
+    """The options of uv that say what pip's configuration says of indexes; none where the user has configured uv itself."""
+    if any(name.startswith(("UV_INDEX", "UV_DEFAULT_INDEX", "UV_EXTRA_INDEX", "UV_FIND_LINKS", "UV_NO_INDEX")) for name in os.environ):
+        return []
+    try:
+        listing = _output([sys.executable, "-m", "pip", "config", "list"])
+    except InvalidRequest:
+        return []
+    options = []
+    for name, value in _configured(listing).items():
+        if name == "no-index":
+            options += ["--no-index"] if value.lower() in ("1", "true", "yes", "on") else []
+        else:
+            options += [word for one in value.split() for word in (f"--{name}", one)]
+    return options
+
+
+def _configured(listing: str) -> Mapping[str, str]:
+    """The settings of ``pip config list`` that say where packages come from: of the environment before those of files."""
+    found: dict[str, str] = {}
+    for line in listing.splitlines():
+        owner, _, value = line.partition("=")
+        section, _, name = owner.rpartition(".")
+        if name in _SOURCES and (section == ":env:" or name not in found):
+            found[name] = str(ast.literal_eval(value))
+    return found
+
+
+def _output(command: Sequence[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    if done.returncode:
+        said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith(("WARNING", "DEPRECATION"))).strip()
+        raise InvalidRequest(f"{Path(command[0]).name} cannot do it: {said or done.stdout.strip() or f'exit status {done.returncode}'}")
+    return done.stdout
+
+
+def _canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()

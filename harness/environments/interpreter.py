@@ -1,0 +1,124 @@
+"""The interpreter of an environment, one for each process that asks it, and the models it holds.
+
+No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import subprocess
+import weakref
+from collections.abc import Mapping, Sequence
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any
+
+from harness.arrays import Array
+from harness.environments import server
+from harness.environments.folders import Environment
+from harness.environments.transport import dumps, loads
+from harness.workers.program import is_worker
+
+# They would put packages before those of the environment.
+_LEFT_OUT = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV")
+
+
+class EngineDied(Exception):
+    """The interpreter of an environment ended; the message says how."""
+
+
+class Interpreter:
+    """A process of an environment's own Python. What it writes to standard output and error goes to this process's standard error."""
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        self._forgotten: list[int] = []
+        self._connection, theirs = Pipe()
+        variables = {name: value for name, value in os.environ.items() if name not in _LEFT_OUT}
+        with theirs:
+            self._process = subprocess.Popen(
+                [environment.interpreter, "-P", "-s", server.__file__, str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=[theirs.fileno()],
+                env=variables,
+            )
+
+    def load(self, path: Path, module: str, name: str, arguments: Sequence[Any]) -> DistantModel:
+        """See ``server.Server.load``; raises what the engine file's ``load`` raises."""
+        number, attributes, methods = self._ask("load", str(path), module, name, arguments)
+        return DistantModel(self, number, attributes, methods)
+
+    def call(self, number: int, method: str, *arguments: Any) -> Any:
+        """What a method of a model returns, or raises.
+
+        Raises:
+            EngineDied: in a process that is no worker. A worker dies as the interpreter did, and the harness names its death.
+        """
+        if self._forgotten:
+            forgotten, self._forgotten = self._forgotten, []
+            self._ask("forget", forgotten)
+        return self._ask("call", number, method, arguments)
+
+    def forget(self, number: int) -> None:
+        """Have the model dropped before the next call; this may run while another call is under way."""
+        self._forgotten.append(number)
+
+    def _ask(self, *request: Any) -> Any:
+        try:
+            self._connection.send_bytes(dumps(request))
+            is_value, answer = loads(self._connection.recv_bytes())
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            self._die()
+        if is_value:
+            return answer
+        raise answer
+
+    def _die(self) -> None:
+        status = self._process.wait()
+        interpreter_of.cache_clear()
+        if is_worker() and status < 0:
+            # As the default would have it: a handler in this process would survive it.
+            signal.signal(-status, signal.SIG_DFL) if -status not in (signal.SIGKILL, signal.SIGSTOP) else None
+            os.kill(os.getpid(), -status)
+        if is_worker():
+            os._exit(status)
+        raise EngineDied(f"{self._environment.name} ended its process with status {status}")
+
+
+@functools.cache
+def interpreter_of(environment_name: str) -> Interpreter:
+    """The interpreter of an environment, ``engine@version``, in this process.
+
+    Raises:
+        InvalidRequest: there is no such environment.
+    """
+    from harness.environments.folders import environment_of, split_name
+
+    return Interpreter(environment_of(*split_name(environment_name)))
+
+
+class DistantModel:
+    """A model in an environment's interpreter: a ``harness.engines.Model`` that offers what its engine file offers."""
+
+    def __init__(self, interpreter: Interpreter, number: int, attributes: Mapping[str, Any], methods: Sequence[str]) -> None:
+        self._interpreter, self._number = interpreter, number
+        self._attributes, self._methods = attributes, methods
+        weakref.finalize(self, interpreter.forget, number)
+
+    def loaded(self) -> Any:
+        return self._interpreter.call(self._number, "loaded")
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Any:
+        return self._interpreter.call(self._number, "forward_dynamics", q, v, tau)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name in self._attributes:
+            return self._attributes[name]
+        if name in self._methods:
+            return functools.partial(self._interpreter.call, self._number, name)
+        raise AttributeError(f"the model of {self._interpreter} offers no {name}")

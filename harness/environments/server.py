@@ -1,0 +1,83 @@
+"""The program of an environment's interpreter: loads models into its engine and answers calls of their methods.
+
+The harness runs this file by its path. The environment has no harness installed; the folder that this file is in stands for the package.
+
+Arguments: a file descriptor, on which requests come and answers go.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Collection, Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+class Server:
+    """The models that are loaded, by number."""
+
+    def __init__(self) -> None:
+        self._models: dict[int, Any] = {}
+        self._loaded = 0
+
+    def load(self, path: str, module: str, name: str, arguments: Sequence[Any]) -> tuple[int, dict[str, Any], list[str]]:
+        """Number, plain attributes and methods of the model that ``ENGINE.load`` of an engine file returns.
+
+        Args:
+            path: of the engine file. module: its name among the harness's own modules, "" for a file of a library.
+            name: of the engine.
+        """
+        from harness.library import run_file
+
+        source = importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")
+        model = source.ENGINE.load(*arguments)
+        self._loaded += 1
+        self._models[self._loaded] = model
+        public = [name for name in dir(type(model)) if not name.startswith("_")]
+        plain = {name: value for name, value in vars(model).items() if isinstance(value, bool | int | float | str)}
+        plain |= {name: value for name in public if isinstance(value := getattr(type(model), name), bool | int | float | str)}
+        return self._loaded, plain, [name for name in public if callable(getattr(type(model), name))]
+
+    def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
+        return getattr(self._models[number], method)(*arguments)
+
+    def forget(self, numbers: Collection[int]) -> None:
+        for number in numbers:
+            self._models.pop(number, None)
+
+
+def main(descriptor: int) -> None:
+    """Answer requests, each (method of ``Server``, arguments) by (True, value) or (False, exception), until the other side is gone."""
+    _import_harness()
+    from harness.environments.transport import dumps, loads, portable
+
+    server, connection = Server(), Connection(descriptor)
+    while True:
+        try:
+            request = connection.recv_bytes()
+        except EOFError:
+            return
+        try:
+            method, *arguments = loads(request)
+            answer = dumps((True, getattr(server, method)(*arguments)))
+        except Exception as error:
+            answer = dumps((False, portable(error)))
+        connection.send_bytes(answer)
+
+
+def _import_harness() -> None:
+    """Import the package by its folder: what is installed beside it must not be found, as that is another version's."""
+    spec = importlib.util.spec_from_file_location(_PACKAGE.name, _PACKAGE / "__init__.py", submodule_search_locations=[str(_PACKAGE)])
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[_PACKAGE.name] = module
+    spec.loader.exec_module(module)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

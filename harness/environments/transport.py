@@ -1,0 +1,52 @@
+"""What passes between the harness and the interpreter of an environment, as bytes that both can read.
+
+Both have this package's sources, and may have different versions of NumPy, which do not read each other's pickles.
+"""
+
+from __future__ import annotations
+
+import builtins
+import io
+import pickle
+from typing import Any
+
+import numpy as np
+
+
+def dumps(value: Any) -> bytes:
+    """``value`` pickled, its arrays as plain bytes."""
+    stream = io.BytesIO()
+    _Pickler(stream, protocol=5).dump(value)
+    return stream.getvalue()
+
+
+def loads(content: bytes) -> Any:
+    """The value that ``dumps`` made ``content`` of."""
+    return pickle.loads(content)
+
+
+def portable(error: Exception) -> Exception:
+    """An exception that the other side can read: classes of an engine become the class of Python's own that they derive from."""
+    kind = type(error)
+    if kind.__module__.partition(".")[0] == __name__.partition(".")[0] or kind.__module__ == builtins.__name__:
+        try:
+            loads(dumps(error))
+        except Exception:
+            return RuntimeError(f"{kind.__name__}: {error}")
+        return error
+    known = next(base for base in kind.__mro__ if base.__module__ == builtins.__name__)
+    # The constructors of some take several arguments, as that of UnicodeDecodeError.
+    made = known if known in (ValueError, TypeError, RuntimeError, MemoryError, ImportError, NotImplementedError) else RuntimeError
+    return made(f"{kind.__name__}: {error}")
+
+
+class _Pickler(pickle.Pickler):
+    def reducer_override(self, value: Any) -> Any:
+        if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+            return _array, (value.tobytes(), value.dtype.str, value.shape, isinstance(value, np.generic))
+        return NotImplemented
+
+
+def _array(content: bytes, kind: str, shape: tuple[int, ...], is_scalar: bool) -> Any:
+    array = np.frombuffer(content, dtype=kind).reshape(shape).copy()
+    return array[()] if is_scalar else array
