@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Terms, _mujoco_held, _mujoco_law, _mujoco_urdf, require_model
+from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Terms, require_model
+from harness.engines import _mujoco_held, _mujoco_law, _mujoco_urdf, _mujoco_versions
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -62,10 +63,8 @@ class MujocoModel:
         return positions, velocities
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        import mujoco.batch
-
         if self._batch is None or self._batch.nsim != len(q):
-            self._batch = mujoco.batch.Batch(self.model, nsim=len(q), nthread=1)
+            self._batch = _mujoco_versions.batch(self.model, len(q))
         positions, velocities = self.addresses
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
@@ -135,7 +134,7 @@ class MujocoModel:
             for each in (data, without_gravity):
                 each.qpos[positions], each.qvel[velocities], each.qfrc_applied[velocities] = q[state], v[state], tau[state]
                 mujoco.mj_forward(each.model, each)
-            mujoco.mj_fullM(model, data, mass[state])
+            _mujoco_versions.fill_mass_matrix(model, data, mass[state])
             applied[state], velocity[state] = data.qfrc_applied, without_gravity.qfrc_bias
             passive[state] = data.qfrc_passive + data.qfrc_constraint
             data.qvel[:] = 0.0
@@ -165,6 +164,7 @@ class MujocoModel:
 class MujocoEngine:
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
+    oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")
     factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> MujocoModel:

@@ -22,6 +22,7 @@ from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
+from harness.engines._mujoco_versions import fill_mass_matrix
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
 
@@ -291,7 +292,7 @@ def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array)
     import mujoco
 
     mass = np.empty((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    fill_mass_matrix(model, data, mass)
     force = data.qfrc_passive + data.qfrc_applied - data.qfrc_bias
     return projected(mass[np.ix_(velocities, velocities)], force[velocities], couplings)
 
