@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Asking, Pair, Pairs, System, answering
 from harness.crosscheck.settings import Settings, stored_states
 from harness.crosscheck.static_audit import load_expected_differences
@@ -65,8 +65,7 @@ class Loading(Asking):
         for system in self._systems.values():
             self._load(system)
 
-    def _expectations(self) -> Mapping[tuple[str, str], Expectation]:
-        """What is expected by (label of a system, subject)."""
+    def _expectations(self) -> Expectations:
         return load_expectations(self.settings.library)
 
     def subjects_of(self, name: str) -> list[Subject]:
@@ -164,6 +163,8 @@ class Loading(Asking):
             pair.fail(model, refused=True)
         elif file.version is None:
             pair.fail(f"{file.requires[1]} is not installed", unsupported=True)
+        elif file.elsewhere and (reason := file.too_old(file.version, pair.subject.format)):
+            pair.fail(reason, unsupported=True)
         else:
             pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
 
@@ -171,7 +172,7 @@ class Loading(Asking):
         """The reason of the entry that excuses a missing model; a stand-in is a model."""
         if subject.format in self.settings.stand_ins:
             return ""
-        return why_no_model(self.settings.library, name, subject, self.expectations)
+        return self.expectations.why_no_model(self.settings.library, name, subject)
 
     @abstractmethod
     def _compare(self, system: System, states: States, pairs: Pairs) -> None:

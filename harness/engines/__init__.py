@@ -27,6 +27,7 @@ from harness.engines._files import engine_files as engine_files
 from harness.engines._files import engine_paths as engine_paths
 from harness.engines._files import installed_version as installed_version
 from harness.engines._files import load_engine as load_engine
+from harness.engines._files import runs_elsewhere as runs_elsewhere
 from harness.engines._held import HeldBody as HeldBody
 from harness.engines._held import HeldJoint as HeldJoint
 from harness.engines._held import HeldModel as HeldModel
@@ -91,6 +92,8 @@ class Engine(Protocol):
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
+    One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
+    beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
     names of the constraints.
     """
