@@ -13,6 +13,7 @@ import sys
 from collections.abc import Collection, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -66,8 +67,18 @@ def main(descriptor: int) -> None:
             method, *arguments = loads(request)
             answer = dumps((True, getattr(server, method)(*arguments)))
         except Exception as error:
-            answer = dumps((False, portable(error)))
+            answer = dumps((False, portable(_missing_interface(error) or error)))
         connection.send_bytes(answer)
+
+
+def _missing_interface(error: Exception) -> Exception | None:
+    """``Unsupported`` where this version has no such function or class, which is no fault of the engine; None for other errors."""
+    from harness.engines import Unsupported
+
+    if not (isinstance(error, AttributeError) and isinstance(error.obj, ModuleType)) or error.obj.__name__.startswith(_PACKAGE.name):
+        return None
+    version = getattr(sys.modules[error.obj.__name__.partition(".")[0]], "__version__", "")
+    return Unsupported(" ".join(filter(None, [error.obj.__name__, version, "has no", error.name])))
 
 
 def _import_harness() -> None:
