@@ -58,13 +58,19 @@ class Bracket:
         Raises:
             InvalidInput: there is no such library.
         """
-        from harness.engines import LOADING_SECONDS, describe_engines
         from harness.library import Library
-        from harness.workers import Workers
 
         library = Library.at(self.library_path)
-        describe_engines(library, lambda: Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS))
+        self.describe_engines(library)
         return library
+
+    def describe_engines(self, library: Library | None = None) -> None:
+        """Find the engines of a library, by default of this one, and their environments, as they are now."""
+        from harness.engines import LOADING_SECONDS, describe_engines
+        from harness.workers import Workers
+
+        workers = Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS)
+        describe_engines(library or self.library, lambda: workers)
 
     @property
     def replay_options(self) -> list[str]:

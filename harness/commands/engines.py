@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -41,14 +41,18 @@ def command(bracket: Bracket, action: str, names: tuple[str, ...]) -> None:
         raise click.UsageError(f"list takes no names; to make an environment: harness engines add {' '.join(names)}")
     if action != "list" and not names:
         raise click.UsageError(f"{action} takes names of engines, as mujoco==3.13.0")
-    for engine, version in _requested(bracket, names):
-        (_add if action == "add" else _remove)(bracket, engine, version)
+    for engine, version in requested(bracket, names):
+        (add if action == "add" else _remove)(bracket, engine, version)
     if action == "list":
         _list(bracket)
 
 
-def _requested(bracket: Bracket, names: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Engine and version, "" for the newest, of each name, which may be that of the engine's file or of its distribution."""
+def requested(bracket: Bracket, names: Sequence[str]) -> list[tuple[str, str]]:
+    """Engine and version, "" for the newest, of each name, which may be that of the engine's file or of its distribution.
+
+    Raises:
+        InvalidRequest: there is no such engine.
+    """
     from harness.engines import EQUATIONS, engine_files
     from harness.library import nearest
 
@@ -66,7 +70,12 @@ def _requested(bracket: Bracket, names: tuple[str, ...]) -> list[tuple[str, str]
     return requested
 
 
-def _add(bracket: Bracket, engine: str, version: str) -> None:
+def add(bracket: Bracket, engine: str, version: str) -> str:
+    """Make the environment of a version, "" for the newest, where there is none; the name that subjects have for it.
+
+    Raises:
+        InvalidRequest: it cannot be installed.
+    """
     from harness.engines import engine_files
     from harness.environments.folders import find_environments
     from harness.environments.installation import install
@@ -76,7 +85,10 @@ def _add(bracket: Bracket, engine: str, version: str) -> None:
         raise InvalidRequest(why)
     known = [one for one in find_environments(engine) if one.version == version]
     made = known[0] if known else install(engine, file.requires[1], version, file.requirements(version))
+    if not known:
+        bracket.describe_engines()
     say(f"{made.name}: {'is there' if known else 'made'}, {_megabytes(made.size())} in {made.folder}")
+    return made.name
 
 
 def _remove(bracket: Bracket, engine: str, version: str) -> None:

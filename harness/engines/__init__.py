@@ -62,6 +62,8 @@ class InvalidAnswer(Exception):
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
+    One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
+
     An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
     arguments and columns as in ``forward_dynamics``; and
@@ -200,6 +202,11 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
 def subjects(library: Library) -> list[Subject]:
     """Every subject of every engine, sorted by name; not those of versions, which are asked for by name."""
     return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
+
+
+def subjects_of(library: Library, engine: str) -> list[Subject]:
+    """The subjects of one engine, or of one version of it."""
+    return [subject for subject in _all_subjects(library) if subject.engine == engine]
 
 
 def _all_subjects(library: Library) -> list[Subject]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+import time
 from collections.abc import Collection, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -53,9 +54,12 @@ class Server:
 
 
 def main(descriptor: int) -> None:
-    """Answer requests, each (method of ``Server``, arguments) by (True, value) or (False, exception), until the other side is gone."""
+    """Answer requests until the other side is gone.
+
+    Each is a method of ``Server`` and its arguments; the answer is (True, value, seconds that it took) or (False, exception, 0).
+    """
     _import_harness()
-    from harness.environments.transport import dumps, loads, portable
+    from harness.engines._transport import dumps, loads, portable
 
     server, connection = Server(), Connection(descriptor)
     while True:
@@ -65,9 +69,11 @@ def main(descriptor: int) -> None:
             return
         try:
             method, *arguments = loads(request)
-            answer = dumps((True, getattr(server, method)(*arguments)))
+            started = time.perf_counter()
+            value = getattr(server, method)(*arguments)
+            answer = dumps((True, value, time.perf_counter() - started))
         except Exception as error:
-            answer = dumps((False, portable(_missing_interface(error) or error)))
+            answer = dumps((False, portable(_missing_interface(error) or error), 0.0))
         connection.send_bytes(answer)
 
 
