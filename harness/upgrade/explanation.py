@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.held import differences, held_by
+from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.tasks import Assignment, load_audited, may_lose_digits, reference_kernel_of
 from harness.diagnosis.terms import TITLES, TermTruth, compare_terms
 from harness.results.changes import Change, error_changes
@@ -31,11 +31,11 @@ def _readings(before: Assignment, after: Assignment) -> Iterator[Change]:
     if len(held) < 2:
         return
     for difference in differences(after.mechanism.name, held, models):
-        values = {name: value for names, value in zip(difference.subjects, difference.values, strict=True) for name in names}
+        values = {name: written(value) for names, value in zip(difference.subjects, difference.values, strict=True) for name in names}
         owner = f" of {difference.joint}" if difference.joint else ""
         where = f" ({'; '.join(difference.places)})" if difference.places else ""
-        old, new = values.get(str(before.subject)), values.get(str(after.subject))
-        yield Change(what="reading", before=f"{difference.quantity}{owner}{where} {old}", after=f"{new}")
+        old, new = (values.get(str(one.subject), "nothing") for one in (before, after))
+        yield Change(what="reading", before=f"{difference.quantity}{owner}{where}: {old}", after=new)
 
 
 def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> Iterator[Change]:
