@@ -16,12 +16,13 @@ from harness.bench.motion_cost import motion_costs
 from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
+from harness.bench.yardstick import yardstick
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, member_of, nearest
 from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
-from harness.results.benchmark import Benchmark
+from harness.results.benchmark import Benchmark, Yardstick
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
@@ -138,9 +139,15 @@ def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
+    time_yardstick = yardstick()
+    before = time_yardstick()
     costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
+    beside = Yardstick(system=scene.mechanism.name, seconds=min(before, time_yardstick()))
     return Benchmark(
-        accelerations=costs, findings=found, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed]
+        accelerations=costs,
+        findings=found,
+        yardsticks=[beside],
+        problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed],
     )
 
 
