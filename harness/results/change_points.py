@@ -10,7 +10,11 @@ happens. Of smaller ones the sums max(0, S + u - 1/2) and max(0, S - u - 1/2) ar
 
 Where the noise of a value is known beforehand, as that of a median over so many states, s is that noise and n = 1 night is enough. s is
 the scatter of the nights themselves where that is larger, and where it is much larger, or where no noise is known, u comes from Student's
-distribution with n - 1 degrees of freedom. Largest values and costs have a long upper tail: that of their u is Gumbel's.
+distribution with n - 1 degrees of freedom. Largest values and costs have a long upper tail: that of their u is Gumbel's, widened as
+Student's distribution is.
+
+A machine's noise comes and goes: a cost is judged by runs of nights, each of which is as unlikely as the root of what is allowed, and the
+nights of a run that ends too soon are noise. Costs have no drifts.
 
 Limit and interval follow from the false alarms that are allowed in one night over all cells: the limit by Bonferroni's inequality,
 the interval by Siegmund's approximation of the average run length.
@@ -21,6 +25,7 @@ CUSUM charts for location and scale, The Statistician 36 (1987); D. Siegmund, Se
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -33,6 +38,8 @@ FALSE_ALARMS = 1e-3
 ALLOWANCE = 0.5
 # Nights whose scatter tells the noise where nothing else does.
 FEWEST_UNKNOWN = 8
+# Probability at which Student's distribution says by how much an estimated noise widens a tail that is not normal.
+WIDENED_AT = 1e-4
 # Beyond this multiple of the known noise the scatter of the nights is another noise.
 MUCH_LARGER, FEWEST_SCATTERED = 2.0, 3
 JUMP, DRIFT = "jump", "drift"
@@ -53,12 +60,14 @@ class Reading:
         value: a logarithm. noise: its standard deviation, as far as it is known beforehand, which is the least that is assumed.
         is_known: whether that is all of the noise.
         is_skewed: whether noise has a long upper tail.
+        run: how many nights in a row must show a change.
     """
 
     value: float
     noise: float
     is_known: bool = True
     is_skewed: bool = False
+    run: int = 1
 
 
 @dataclass(frozen=True)
@@ -79,10 +88,14 @@ class Chart:
     cells: int
     false_alarms: float = FALSE_ALARMS
 
-    @cached_property
+    @property
     def limit(self) -> float:
         """A score beyond it is a jump."""
-        return -_NORMAL.inv_cdf(self.false_alarms / (4 * max(1, self.cells)))
+        return self.limit_of(1)
+
+    def limit_of(self, run: int) -> float:
+        """So many scores in a row beyond it on one side are a jump."""
+        return -_NORMAL.inv_cdf((self.false_alarms / (4 * max(1, self.cells))) ** (1 / run))
 
     @cached_property
     def interval(self) -> float:
@@ -96,13 +109,20 @@ class Chart:
 
     def changes(self, readings: Sequence[Reading]) -> Iterator[ChangePoint]:
         """The changes in a series of nights, oldest first; after each the series begins anew."""
-        segment = _Segment()
+        segment, pending = _Segment(), list[tuple[int, Reading]]()
         for place, reading in enumerate(readings):
             found_by = segment.judge(reading, self)
-            if found_by:
-                yield ChangePoint(place, segment.mean, reading.value, segment.count, found_by)
-                segment = _Segment()
-            segment.add(reading)
+            if found_by and pending and (pending[-1][1].value > segment.mean) != (reading.value > segment.mean):
+                segment, pending = segment.with_all(pending), []
+            if not found_by:
+                segment, pending = segment.with_all([*pending, (place, reading)]), []
+                continue
+            pending.append((place, reading))
+            if len(pending) >= reading.run:
+                # The mildest of the run says what is there to stay.
+                now = min((one.value for _, one in pending), key=lambda value: abs(value - segment.mean))
+                yield ChangePoint(place, segment.mean, now, segment.count, found_by)
+                segment, pending = _Segment().with_all(pending), []
 
 
 def _run_length(interval: float) -> float:
@@ -122,7 +142,13 @@ class _Segment:
     up: float = 0.0
     down: float = 0.0
 
-    def add(self, reading: Reading) -> None:
+    def with_all(self, readings: Sequence[tuple[int, Reading]]) -> _Segment:
+        """This segment after more nights."""
+        for _, reading in readings:
+            self._add(reading)
+        return self
+
+    def _add(self, reading: Reading) -> None:
         """Welford's update."""
         self.count += 1
         step = reading.value - self.mean
@@ -135,8 +161,10 @@ class _Segment:
         if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
             return ""
         score = self._score(reading)
-        if abs(score) > chart.limit:
+        if abs(score) > chart.limit_of(reading.run):
             return JUMP
+        if reading.run > 1:
+            return ""
         self.up, self.down = max(0.0, self.up + score - ALLOWANCE), max(0.0, self.down - score - ALLOWANCE)
         return DRIFT if max(self.up, self.down) > chart.interval else ""
 
@@ -145,11 +173,21 @@ class _Segment:
         by_noise = math.sqrt(reading.noise**2 + self.known / self.count)
         of_scatter = scatter * math.sqrt(1 + 1 / self.count)
         ratio = (reading.value - self.mean) / max(by_noise, of_scatter)
+        if reading.is_skewed:
+            ratio = max(-_FURTHEST, min(_FURTHEST, ratio / _widening(self.count - 1)))
+            return _normal_of_gumbel(ratio) if ratio > 0 else ratio
         is_scattered = self.count >= FEWEST_SCATTERED and of_scatter > MUCH_LARGER * by_noise
         if is_scattered or not reading.is_known:
             ratio = _normal_of_student(ratio, self.count - 1)
-        ratio = max(-_FURTHEST, min(_FURTHEST, ratio))
-        return _normal_of_gumbel(ratio) if reading.is_skewed and ratio > 0 else ratio
+        return max(-_FURTHEST, min(_FURTHEST, ratio))
+
+
+@functools.cache
+def _widening(degrees: int) -> float:
+    """By how much a limit at ``WIDENED_AT`` grows where the noise is estimated with so many degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 1 - WIDENED_AT)) / _NORMAL.inv_cdf(1 - WIDENED_AT)
 
 
 def _normal_of_student(ratio: float, degrees: int) -> float:

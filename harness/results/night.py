@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
 from harness.results.records import Record
@@ -154,8 +154,16 @@ class Case:
         """A case that is good unless there is anything ``wrong``, lines of text; ``outcome`` and ``replay`` are of one that is not."""
         if not wrong:
             return cls(stage=stage, group=group, name=name, seconds=seconds)
-        said = {"message": wrong[0], "details": "\n".join(wrong), "replay": replay, "outcome": outcome}
-        return replace(cls(stage=stage, group=group, name=name, seconds=seconds), **said)
+        return cls(
+            stage=stage,
+            group=group,
+            name=name,
+            outcome=outcome,
+            message=wrong[0],
+            details="\n".join(wrong),
+            replay=replay,
+            seconds=seconds,
+        )
 
     @property
     def key(self) -> tuple[str, str, str]:

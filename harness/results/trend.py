@@ -19,6 +19,8 @@ from harness.results.records import BOUNDS_AT, Record
 LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16
 # Least noise of the logarithm that is assumed of a number: of quantiles, of largest values, and of costs.
 QUANTILE_NOISE, WORST_NOISE, COST_NOISE = 0.05, 0.25, 0.1
+# Nights in a row that show another cost.
+COST_RUN = 5
 # Nights that a trend looks back.
 MOST_NIGHTS = 60
 MEDIAN, PERCENTILE_99, WORST, COST = "median backward error", "99 % backward error", "worst backward error", "cost"
@@ -68,7 +70,7 @@ def readings_of_costs(benchmark: Benchmark) -> dict[Cell, Reading]:
     """What one benchmark says of each cell: the fastest call over the fastest of the reference computation beside it."""
     yardsticks = {one.system: one.seconds for one in benchmark.yardsticks}
     return {
-        (cost.system, cost.method, COST): Reading(math.log(cost.fastest / yardsticks[cost.system]), COST_NOISE, False, True)
+        (cost.system, cost.method, COST): Reading(math.log(cost.fastest / yardsticks[cost.system]), COST_NOISE, False, True, COST_RUN)
         for cost in benchmark.accelerations
         if cost.fastest and yardsticks.get(cost.system)
     }

@@ -77,7 +77,9 @@ def stored(folder: Path) -> dict[str, Counter[str]]:
         found = {}
         for begun in night.begun:
             parts = connection.execute("SELECT part, content FROM parts WHERE study_id = ?", (begun.study,)).fetchall()
-            found[begun.stage] = Counter(f"{part} {json.dumps(without_times(json.loads(text)), sort_keys=True)}" for part, text in parts)
+            found[begun.stage] = Counter(
+                f"{part} {json.dumps(without_times(json.loads(text.replace(str(folder), ''))), sort_keys=True)}" for part, text in parts
+            )
         done = Counter((one.stage, one.unit) for one in night.done)
     assert set(done.values()) == {1}
     return found
