@@ -136,7 +136,8 @@ def _add_case(suite: etree._Element, case: Case) -> None:
     if case.outcome == LEFT_OUT:
         etree.SubElement(element, "skipped").text = printable(case.message)
     elif not case.is_good:
-        lines = [*(case.details or case.message).split("\n"), *([f"replay: {case.replay}"] if case.replay else [])]
+        details = case.details or case.message
+        lines = [*details.split("\n"), *([f"replay: {case.replay}"] if case.replay and case.replay not in details else [])]
         tag = "failure" if case.outcome == FAILED else "error"
         wrong = etree.SubElement(element, tag, type=case.outcome, message=printable(case.message))
-        wrong.text = "\n".join(map(printable, dict.fromkeys(lines)))
+        wrong.text = "\n".join(map(printable, lines))
