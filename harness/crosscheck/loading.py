@@ -18,7 +18,14 @@ from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
+from harness.library import Library
 from harness.workers import Outcome
+
+
+def orphans(library: Library) -> Iterator[InvalidModel]:
+    """A problem for each model file that no system stands behind."""
+    for path in library.orphaned_models():
+        yield InvalidModel(path, None, f"has no system; expected systems/{library.system_of(path.stem)}.py beside it")
 
 
 class Loading(Asking):
@@ -45,10 +52,8 @@ class Loading(Asking):
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")
         if not settings.names:
-            for path in settings.library.orphaned_models():
-                self.report(
-                    InvalidModel(path, None, f"has no system; expected systems/{settings.library.system_of(path.stem)}.py beside it")
-                )
+            for orphan in orphans(settings.library):
+                self.report(orphan)
         self._systems = {name: System(name, {str(one): Pair(subject=one) for one in self.subjects_of(name)}) for name in self.names}
         self.steps = sum(len(system.pairs) for system in self._systems.values())
         if not self.steps:

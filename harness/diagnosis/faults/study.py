@@ -56,13 +56,14 @@ class FaultStudy(Rounds):
 
 
 class CampaignStudy(FaultStudy):
-    """Every kind of fault in the models of ``names``: what is caught, what is named."""
+    """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named."""
 
     order = ("system", "format", "kind")
 
-    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings) -> None:
+    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings, formats: Sequence[str] = ()) -> None:
         models, left_out = select_models(library, names)
-        super().__init__(models, left_out, run_campaign, library, settings)
+        chosen = [model for model in models if model[1] in formats or not formats]
+        super().__init__(chosen, left_out, run_campaign, library, settings)
 
     def broken(self) -> list[str]:
         """A sentence for each bar that does not hold."""
