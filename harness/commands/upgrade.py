@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
@@ -12,7 +11,7 @@ from harness.commands._bracket import Bracket, computing
 from harness.commands._options import states_option
 from harness.commands._terminal import print_titled, say
 from harness.errors import InvalidRequest
-from harness.results.changes import COST, Changes
+from harness.results.run_changes import TIME, RunChange
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -67,7 +66,7 @@ def _upgrade(bracket: Bracket, settings: Settings, engine: str, versions: Sequen
     study = _ask(bracket, settings, before, after)
     changes = _explained(bracket, settings, study.result().records, before, after)
     _write(bracket, study.result().records, changes)
-    _print(changes, versions)
+    _print(changes, study.result().records, versions)
     crashed = any(subject is not None and subject.startswith(f"{after}/") for _, subject in study.crashes)
     bracket.finish(study.problems, crashed, not any(one.is_worse for one in changes), study.faults)
 
@@ -92,14 +91,14 @@ def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[st
 
     def changed(one: tuple[str, list[Record]], other: tuple[str, list[Record]]) -> bool:
         found = changes_between([*one[1], *other[1]], one[0], other[0])
-        return any(change.what != COST for pair in found for change in pair.changes)
+        return any(change.what != TIME for change in found)
 
     found = first_changed(versions, ask, changed)
-    records, changes = [record for _, those in asked.values() for record in those], list[Changes]()
+    records, changes = [record for _, those in asked.values() for record in those], list[RunChange]()
     if found is not None:
         before, after = (asked[version][0] for version in found)
         changes = _explained(bracket, settings, records, before, after)
-        _print(changes, found)
+        _print(changes, records, found)
     _write(bracket, records, changes)
     first = f"first changed by {engine} {found[1]}; {found[0]} is as {ends[0]}" if found else f"nothing changed from {ends[0]} to {ends[1]}"
     say("", f"{first}; asked: {', '.join(asked)} of {len(versions)} versions")
@@ -115,27 +114,23 @@ def _ask(bracket: Bracket, settings: Settings, *versions: str) -> CrossCheck:
     return study
 
 
-def _explained(bracket: Bracket, settings: Settings, records: Sequence[Record], before: str, after: str) -> list[Changes]:
+def _explained(bracket: Bracket, settings: Settings, records: Sequence[Record], before: str, after: str) -> list[RunChange]:
     from harness.upgrade.study import Explanations, changes_between
 
-    study = Explanations(settings, records, changes_between(records, before, after), before, after)
-    found: list[Changes] = bracket.complete(study, kept=False)
-    return found
+    study = Explanations(settings, records, before, after)
+    found = [*changes_between(records, before, after), *bracket.complete(study, kept=False)]
+    return sorted(found, key=lambda change: (change.system, change.subject))
 
 
-def _write(bracket: Bracket, records: Sequence[Record], changes: Sequence[Changes]) -> None:
-    ordered = sorted(records, key=lambda one: (one.system, one.subject))
-    bracket.write_json(ordered, changes=[asdict(one) for one in changes if one.changes])
+def _write(bracket: Bracket, records: Sequence[Record], changes: Sequence[RunChange]) -> None:
+    bracket.write_json(sorted(records, key=lambda one: (one.system, one.subject)), changes=changes)
 
 
-def _print(changes: Sequence[Changes], versions: Sequence[str]) -> None:
-    from harness.results.table import Cell, Table
+def _print(changes: Sequence[RunChange], records: Sequence[Record], versions: Sequence[str]) -> None:
+    from harness.results.run_changes import changes_between
 
-    rows = [
-        [one.system, one.subject, change.what, change.before, Cell(change.after, tone="surprise" if change.is_worse else "")]
-        for one in changes
-        for change in one.changes
-    ]
-    print_titled(f"what changed from {versions[0]} to {versions[1]}", Table(["system", "subject", "what", *versions], rows))
-    same, worse = sum(not one.changes for one in changes), sum(one.is_worse for one in changes)
-    say("", f"{same} of {len(changes)} unchanged, {worse} worse; errors count data roundoffs")
+    print_titled(f"what changed from {versions[0]} to {versions[1]}", changes_between(changes))
+    pairs = {(one.system, one.subject.partition("/")[2]) for one in records}
+    changed = {(one.system, one.subject) for one in changes}
+    worse = {(one.system, one.subject) for one in changes if one.is_worse}
+    say("", f"{len(pairs) - len(changed)} of {len(pairs)} unchanged, {len(worse)} worse; errors count data roundoffs")

@@ -122,6 +122,11 @@ class Subject:
     def __str__(self) -> str:
         return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
 
+    @property
+    def without_version(self) -> Subject:
+        """The same of an engine whatever its version."""
+        return Subject(split_name(self.engine)[0], self.format)
+
 
 def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: ModelFile | None) -> Model:
     """The mechanism as the subject's engine loads it, from ``model`` or, for equations, as it is.

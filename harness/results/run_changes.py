@@ -1,8 +1,9 @@
-"""Two runs of the history held against each other: what changed of each subject on each system, and whether it became worse.
+"""Two runs held against each other, or two versions of an engine in one: what changed of each subject on each system, and whether it
+became worse.
 
 Verdicts and messages are compared as they are, messages without their numbers. A median or a 99 % quantile changed where the two differ
 by more than their samples can, as ``harness.results.change_points`` has it for all cells together. Times of two runs do not compare: a
-cost is told where it moved against the costs of all others.
+cost is told where it moved against the costs of all others. Times of one run do.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from harness.results.trend import WORST, readings_of_records
 from harness.verdict import SEVERITY
 
 VERDICT, MESSAGE, TIME, CAME, WENT = "verdict", "message", "time per state", "came", "went"
+READING, TERMS = "reading", "terms"
 # A cost against those of all others, as a factor: less is the noise of a machine.
 LEAST_COST_RATIO = 2.0
 _NUMBER = re.compile(r"[-+]?\d[\d,.]*(?:e[-+]?\d+)?%?")
@@ -33,7 +35,8 @@ class RunChange:
 
     Attributes:
         system, subject: of the record, the subject with the quantity where it is not the usual one.
-        what: "verdict", "message", "came", "went", "time per state" or the name of a backward error. before, now: as text.
+        what: "verdict", "message", "came", "went", "time per state" or the name of a backward error; of two versions of an engine also
+            "reading", of a file, and "terms" of the equations. before, now: as text.
         is_worse: whether it counts against the second run. A cost and a worst error alone do not, nor does what was not asked.
     """
 
@@ -54,8 +57,8 @@ class ComparedRun:
     records: Sequence[Record]
 
 
-def run_changes(before: Iterable[Record], now: Iterable[Record]) -> list[RunChange]:
-    """What is otherwise in the second run, by system and subject, the verdict first."""
+def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: bool = False) -> list[RunChange]:
+    """What is otherwise in the second run, by system and subject, the verdict first; ``in_one_run`` where both were timed in one."""
     old, new = ({_key(record): record for record in records} for records in (before, now))
     found: list[RunChange] = []
     for key in sorted(old.keys() | new.keys()):
@@ -65,7 +68,7 @@ def run_changes(before: Iterable[Record], now: Iterable[Record]) -> list[RunChan
             found.append(_change(key, WENT, old[key].verdict, ""))
         else:
             found += _of_record(key, old[key], new[key])
-    numbers = [*_errors(old, new), *_costs(old, new)]
+    numbers = [*_errors(old, new), *_costs(old, new, in_one_run)]
     return sorted([*found, *numbers], key=lambda one: (one.system, one.subject))
 
 
@@ -122,13 +125,13 @@ def _error(record: Record, number: str) -> str:
     return "-" if value is None else f"{value:.3g}"
 
 
-def _costs(before: Mapping[Key, Record], now: Mapping[Key, Record]) -> Iterator[RunChange]:
+def _costs(before: Mapping[Key, Record], now: Mapping[Key, Record], in_one_run: bool) -> Iterator[RunChange]:
     times = {}
     for key in before.keys() & now.keys():
         old, new = before[key].fastest_seconds_per_state, now[key].fastest_seconds_per_state
         if old and new:
             times[key] = math.log(new / old)
-    machine = statistics.median(times.values()) if times else 0.0
+    machine = 0.0 if in_one_run or not times else statistics.median(times.values())
     for key, by in times.items():
         if abs(by - machine) > math.log(LEAST_COST_RATIO):
-            yield _change(key, TIME, "1", f"{math.exp(by - machine):.2g} times, against all others")
+            yield _change(key, TIME, "1", f"{math.exp(by - machine):.2g} times{'' if in_one_run else ', against all others'}")

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.tasks import Assignment, load_audited, may_lose_digits, reference_kernel_of
-from harness.diagnosis.terms import TITLES, TermTruth, compare_terms
-from harness.results.changes import Change, error_changes
+from harness.diagnosis.terms import TermTruth, compare_terms
+from harness.results.run_changes import READING, TERMS, RunChange
 from harness.verdict import SEVERITY
 
 # States at which terms are compared.
 STATES = 16
 
 
-def explain_changes(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> list[Change]:
+def explain_changes(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> list[RunChange]:
     """What two versions read and compute otherwise, of one system from one file; nothing where one of them cannot say.
 
     Raises:
@@ -25,7 +25,7 @@ def explain_changes(before: Assignment, after: Assignment, seed: int, note: Call
     return [*_readings(before, after), *_terms(before, after, seed, note)]
 
 
-def _readings(before: Assignment, after: Assignment) -> Iterator[Change]:
+def _readings(before: Assignment, after: Assignment) -> Iterator[RunChange]:
     held = {str(one.subject): holding for one in (before, after) if (holding := held_by(load_audited(one))) is not None}
     models = {one.model.format: one.model for one in (after,) if one.model is not None}
     if len(held) < 2:
@@ -35,10 +35,15 @@ def _readings(before: Assignment, after: Assignment) -> Iterator[Change]:
         owner = f" of {difference.joint}" if difference.joint else ""
         where = f" ({'; '.join(difference.places)})" if difference.places else ""
         old, new = (values.get(str(one.subject), "nothing") for one in (before, after))
-        yield Change(what="reading", before=f"{difference.quantity}{owner}{where}: {old}", after=new)
+        yield _change(after, READING, f"{difference.quantity}{owner}{where}: {old}", new)
 
 
-def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> Iterator[Change]:
+def _change(of: Assignment, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:
+    name, subject = of.mechanism.name, str(of.subject.without_version)
+    return RunChange(system=name, subject=subject, what=what, before=before, now=now, is_worse=is_worse)
+
+
+def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> Iterator[RunChange]:
     states = generic_sample(after.mechanism, STATES, seed)
     found = []
     for one in (before, after):
@@ -50,6 +55,4 @@ def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str
     for term in [term for term in found[0] if term in found[1]]:
         old, new = found[0][term], found[1][term]
         if old.verdict != new.verdict:
-            yield Change(what="terms", before=old.sentence, after=new.sentence, is_worse=SEVERITY[new.verdict] > SEVERITY[old.verdict])
-        else:
-            yield from error_changes(TITLES[term], old.backward_error, new.backward_error, "terms")
+            yield _change(after, TERMS, old.sentence, new.sentence, SEVERITY[new.verdict] > SEVERITY[old.verdict])

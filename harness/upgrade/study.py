@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from harness.crosscheck.settings import Settings
@@ -12,8 +12,8 @@ from harness.engines import Subject, engine_files, subjects_of
 from harness.environments.folders import AT, split_name
 from harness.errors import InvalidRequest
 from harness.library import Library
-from harness.results.changes import Change, Changes, record_changes
 from harness.results.records import Record
+from harness.results.run_changes import TERMS, RunChange, run_changes
 from harness.study import Part, Rounds
 from harness.upgrade.explanation import explain_changes
 from harness.verdict import Verdict
@@ -48,75 +48,57 @@ def settings_of(settings: Settings, versions: Iterable[str]) -> Settings:
     return replace(settings, subjects=chosen)
 
 
-def changes_between(records: Sequence[Record], before: str, after: str) -> list[Changes]:
-    """What changed from one version to another, by the names they are asked under; a system and format without change is among them."""
+def changes_between(records: Sequence[Record], before: str, after: str) -> list[RunChange]:
+    """What changed from one version to another in the records of one run; ``before`` and ``after`` as of ``version_name``."""
+    return run_changes(of_version(records, before), of_version(records, after), in_one_run=True)
+
+
+def of_version(records: Sequence[Record], version: str) -> list[Record]:
+    """The records of a version, their subjects without it."""
     found = []
-    old, new = (_of_version(records, version) for version in (before, after))
-    for key in sorted(old.keys() & new.keys()):
-        system, model_format = key
-        subject = _without_version(Subject(after, model_format))
-        found.append(Changes(system=system, subject=subject, changes=list(record_changes(old[key], new[key]))))
-    return found
-
-
-def _without_version(subject: Subject) -> str:
-    return str(replace(subject, engine=split_name(subject.engine)[0]))
-
-
-def _of_version(records: Sequence[Record], version: str) -> Mapping[tuple[str, str], Record]:
-    found = {}
     for record in records:
         engine, _, model_format = record.subject.partition("/")
         if engine == version:
-            found[record.system, model_format] = record
+            found.append(replace(record, subject=str(Subject(engine, model_format).without_version)))
     return found
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """What two versions answered about a system in a format."""
-
-    library: Library
-    system: str
-    before: Subject
-    after: Subject
-
-
 class Explanations(Rounds):
-    """The terms and readings that changed, of every system and format that both versions answered; a ``harness.study.Study``.
-
-    ``changes`` are those of ``changes_between``; what is found is added to them.
-    """
+    """The terms and readings that changed, of every system and format that both versions answered; a ``harness.study.Study``."""
 
     title = "explanations"
 
-    def __init__(self, settings: Settings, records: Sequence[Record], changes: Sequence[Changes], before: str, after: str) -> None:
+    def __init__(self, settings: Settings, records: Sequence[Record], before: str, after: str) -> None:
         super().__init__()
-        self._by_key = {(one.system, one.subject): one for one in changes}
-        self._seed = settings.seed
-        old, new = (_of_version(records, version) for version in (before, after))
-        answered = [key for key in old.keys() & new.keys() if {old[key].verdict, new[key].verdict} <= set(_ANSWERED)]
-        self._pairs = [_Pair(settings.library, system, Subject(before, form), Subject(after, form)) for system, form in sorted(answered)]
-        self._changes = list(changes)
+        self._library, self._seed, self._versions = settings.library, settings.seed, (before, after)
+        old, new = ({(one.system, one.subject) for one in _answered(of_version(records, version))} for version in (before, after))
+        self._keys = sorted(old & new)
+        self._found: list[RunChange] = []
 
     @property
     def steps(self) -> int:
-        return len(self._pairs)
+        return len(self._keys)
 
     def rounds(self) -> Iterator[Sequence[Task]]:
-        yield [Task((self._explained, pair), _explain, (pair, self._seed), pair.system) for pair in self._pairs]
+        for_each = (self._library, *self._versions, self._seed)
+        yield [Task((self._explained, *key), _explain, (*key, *for_each), affinity=key[0]) for key in self._keys]
 
-    def _explained(self, outcome: Outcome, pair: _Pair) -> Iterator[Part]:
-        system, subject, found = pair.system, _without_version(pair.after), outcome.value
+    def _explained(self, outcome: Outcome, system: str, subject: str) -> Iterator[Part]:
+        found = outcome.value
         if failure := self.failure(outcome):
-            found = [Change(what="terms", before="not compared", after=failure)]
-        self._by_key[system, subject].changes.extend(found)
+            found = [RunChange(system=system, subject=subject, what=TERMS, before="not compared", now=failure)]
+        self._found += found
         yield Part(f"{system} {subject}", found)
 
-    def result(self) -> list[Changes]:
-        return self._changes
+    def result(self) -> list[RunChange]:
+        return self._found
 
 
-def _explain(pair: _Pair, seed: int, note: Any) -> list[Change]:
-    before, after = (Assignment.of(pair.library, pair.system, subject) for subject in (pair.before, pair.after))
-    return explain_changes(before, after, seed, note)
+def _answered(records: Iterable[Record]) -> Iterator[Record]:
+    return (record for record in records if record.verdict in _ANSWERED)
+
+
+def _explain(system: str, subject: str, library: Library, before: str, after: str, seed: int, note: Any) -> list[RunChange]:
+    model_format = subject.partition("/")[2]
+    old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in (before, after))
+    return [replace(change, system=system) for change in explain_changes(old, new, seed, note)]
