@@ -35,7 +35,7 @@ def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | N
     \b
     Examples:
       harness upgrade mujoco 3.13.0 4.0.0
-      harness upgrade mujoco 3.13.0 4.0.0 four_bar robot.urdf
+      harness upgrade mujoco 3.13.0 4.0.0 robot.urdf
       harness upgrade mujoco --bisect 3.3.0..4.0.0 four_bar
 
     \b

@@ -97,8 +97,10 @@ class CrossCheck(Loading):
             self._search(system, pairs)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
+            # Other versions of it may feel less, and tell nothing of the file.
             is_sought = not self.settings.library.is_of_robots and self.settings.state is None and pair.subject.format != EQUATIONS
-            if is_sought and is_native(self.settings.library, pair.subject):
+            is_elsewhere = engine_files(self.settings.library)[pair.subject.engine].elsewhere
+            if is_sought and is_native(self.settings.library, pair.subject) and not is_elsewhere:
                 self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
 
     # Holding: what engines hold after loading, which their accelerations need not feel.

@@ -5,6 +5,7 @@ Source: Pinocchio's changelog, and the versions themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,16 @@ def armature(model: Any) -> Array:
     return np.asarray(getattr(model, "armature", np.zeros(model.nv)))
 
 
-def set_armature(model: Any, joint: str, reflected_inertia: float) -> None:
-    """Have ``aba`` add a reflected inertia [kg m^2 or kg] to that of a joint.
+def set_armature(model: Any, velocities: Sequence[int], reflected_inertias: Sequence[float] | Array) -> None:
+    """Have ``aba`` add reflected inertias [kg m^2 or kg] to the diagonal of M at the given velocities.
 
     Raises:
-        Unsupported: this version adds none.
+        Unsupported: this version adds none, and one of them is not zero.
     """
-    if not hasattr(model, "armature"):
-        raise Unsupported(f"{_this_version()} adds no reflected inertia, which joint {joint!r} has")
-    model.armature[model.joints[model.getJointId(joint)].idx_v] = reflected_inertia
+    if hasattr(model, "armature"):
+        model.armature[velocities] = reflected_inertias
+    elif np.any(reflected_inertias):
+        raise Unsupported(f"{_this_version()} adds no reflected inertias to M, and the file has some")
 
 
 def read_urdf(text: str, *root: Any) -> Any:

@@ -234,8 +234,8 @@ class PinocchioEngine:
             except Exception as error:
                 raise ValueError(captured() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
-        for one in file.armatures:
-            set_armature(model, one.joint, one.reflected_inertia)
+        velocities = [model.joints[model.getJointId(one.joint)].idx_v for one in file.armatures]
+        set_armature(model, velocities, [one.reflected_inertia for one in file.armatures])
         return PinocchioModel(model, joints, file, mimics=MimicJoints(model, file, root) if file.mimics else None)
 
 

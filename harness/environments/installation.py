@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import json
 import os
 import re
@@ -89,9 +90,14 @@ def _fill(folder: Path, requirements: Sequence[str]) -> None:
     if (uv := shutil.which("uv")) is not None:
         _output([uv, "venv", "--quiet", "--allow-existing", "--python", sys.executable, str(folder)])
         _output([uv, "pip", "install", "--quiet", "--python", str(interpreter_in(folder)), *_sources(), *requirements])
+        return
+    pip = ["install", "--quiet", "--disable-pip-version-check", *requirements]
+    if importlib.util.find_spec("pip") is not None:
+        _output([sys.executable, "-m", "venv", "--without-pip", str(folder)])
+        _output([sys.executable, "-m", "pip", "--python", str(interpreter_in(folder)), *pip])
     else:
         _output([sys.executable, "-m", "venv", str(folder)])
-        _output([str(interpreter_in(folder)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *requirements])
+        _output([str(interpreter_in(folder)), "-m", "pip", *pip])
 
 
 def _sources() -> list[str]:
