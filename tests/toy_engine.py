@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import importlib.util
+import os
 import subprocess
 import sys
 import zipfile
@@ -109,3 +110,9 @@ def write_wheel(folder: Path, version: str, source: str = RIGHT) -> Path:
         for name, text in {**files, f"{information}/RECORD": f"{record}{information}/RECORD,,\n"}.items():
             wheel.writestr(name, text)
     return path
+
+
+def links() -> str:
+    """Where pip looks for wheels here beside its indexes."""
+    command = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
+    return os.environ.get("PIP_FIND_LINKS") or subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
