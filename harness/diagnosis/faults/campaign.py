@@ -130,7 +130,8 @@ class Campaign:
         answers = {size: self.bench.ask_sized(planted, size)[0] for size in self.settings.sizes}
         # Of two changes that cancel, and of one that is felt by its square, theory promises less.
         least = MUST_BE_CAUGHT if order == 1 and about["known"] else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
-        must = [size for size in self.settings.sizes if size >= least]
+        # What moves no answer by a bit is none in this size, as where a reader takes a centre of mass for the origin nearby.
+        must = [size for size in self.settings.sizes if size >= least and (answers[size].refused_by or answers[size].movement > 0)]
         blamed_at = [size for size in must if self.bench.blamed(answers[size])]
         return Fault(
             **about,
