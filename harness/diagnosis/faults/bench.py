@@ -19,7 +19,7 @@ from harness.crosscheck.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import Assignment, reference_kernel_of
-from harness.diagnosis.faults.baseline import RED, Baseline, least_that, require_sound, smallest_caught
+from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.engines import (
@@ -213,9 +213,9 @@ class FaultBench:
         return caught, theory, order
 
     def _is_felt(self, planted: Planted, size: float) -> bool:
-        """Whether the answer of some reader is another by a bit at least."""
+        """Whether the answers of some reader move by a tenth of what is caught at least, or there are none."""
         answers = ((one, one.answer(planted.text, size)) for one in self.readers)
-        return any(answer is None or one.movement(answer) > 0 for one, answer in answers)
+        return any(answer is None or one.theory(answer - one.watch.healthy) <= MOST_ABOVE_THEORY for one, answer in answers)
 
     def blamed(self, answer: Answer) -> str:
         """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""
