@@ -182,6 +182,21 @@ def test_a_state_is_the_same_alone_and_among_others() -> None:
         np.testing.assert_array_equal(alone.v[0], together.v[index])
 
 
+def test_a_step_that_is_corrected_by_much_loses_the_branch() -> None:
+    mechanism = mechanism_of(four_bar())
+    loops = loops_of(mechanism)
+    assert mechanism.constraints is not None
+    begun = sample(mechanism, 1, seed=2).q[0]
+    target = begun[0] + np.array([[0.0], [0.01], [0.5], [1.5], [3.0]])
+    far, near = (loops.follow(begun, target, 1, 6, much, 1e-3)[0] for much in (1e9, 0.5))
+    assert np.isfinite(far).all()
+    assert np.isfinite(near).all(axis=1).tolist() == [True, True, True, False, False]
+    np.testing.assert_array_equal(near[:3], far[:3])
+    # As numpy follows it.
+    plain, _ = Branch(mechanism, None)._followed(begun, target, 1, 6, 0.5, 1e-3)
+    np.testing.assert_allclose(near, plain, rtol=1e-13)
+
+
 @pytest.mark.parametrize(
     ("high", "low", "bound", "is_rounded"),
     [
