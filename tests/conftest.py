@@ -55,8 +55,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
-    # Before there are processes that would all compile it.
-    loop("evaluate")
+    # Before there are processes that would all compile them.
+    loop("evaluate"), loop("follow", "closing")
 
 
 @pytest.fixture

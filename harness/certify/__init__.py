@@ -7,7 +7,7 @@ Start with ``reference`` and ``compare``; ``sampling`` makes the states.
 ``double_double`` are compiled, in the words of ``language`` and ``values``, and ``machine_code`` keeps the result. ``in_balls``
 and ``reverse_mode`` give accelerations and derivatives in balls. ``componentwise`` says what error the norm hides, ``one_number``
 whether one number explains the errors of all states; ``terms`` certifies each term by itself. ``robot_reference`` is the reference of
-a robot's file. ``manifold`` closes the states of a mechanism with constraints, by ``branch`` and ``enclosure``; ``rank`` says what
-solving for their forces may lose.
+a robot's file. ``manifold`` closes the states of a mechanism with constraints, by ``branch``, ``configurations``, whose loops
+are in ``closing``, and ``enclosure`` in balls; ``rank`` says what solving for their forces may lose.
 ``quantity`` certifies and judges other outputs than accelerations, in blocks, of which ``quantities`` holds one a module.
 """

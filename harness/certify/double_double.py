@@ -44,6 +44,8 @@ _REACH = math.pi / (2 * _PARTS) * 1.001
 _LARGEST_ARGUMENT = 2.0**20
 # Of each series, and how many of them, the first, need more digits than a float64 has.
 _TERMS, _LONG_TERMS = 6, 4
+# Of each series, for float64.
+_SHORT = 4
 # The first terms that are left out, over the argument and over 1.
 _REST_OF_SINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS + 1) * 1.001
 _REST_OF_COSINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS) * 1.001
@@ -164,10 +166,29 @@ def _series(square: Known, coefficients: Place) -> Known:
     return total
 
 
+def sine_and_cosine_in_float64(code: Writer, a: Value) -> tuple[Value, Value]:
+    """Both to some units in the last place, as ``sine_and_cosine``; nothing is proved of them."""
+    step, sines, of_sine, of_cosine = _series_tables(code)
+    multiple = select(abs(a) < _LARGEST_ARGUMENT, floor(a / step[0] + 0.5), 0.0)
+    left = fma(-multiple, step[1], fma(-multiple, step[0], a))
+    square = left * left
+    sine, cosine = of_sine[_SHORT - 1, 0], of_cosine[_SHORT - 1, 0]
+    for k in reversed(range(_SHORT - 1)):
+        sine, cosine = sine * square + of_sine[k, 0], cosine * square + of_cosine[k, 0]
+    place = multiple.integer() % (2 * _PARTS)
+    sine_there, cosine_there = sines[place, 0], sines[place + _PARTS // 2, 0]
+    sine *= left
+    return sine_there * cosine + cosine_there * sine, cosine_there * cosine - sine_there * sine
+
+
+def _series_tables(code: Writer) -> list[Place]:
+    names = ("step", "sines", "series_of_sine", "series_of_cosine")
+    return [code.table(name, table) for name, table in zip(names, _tables(), strict=True)]
+
+
 def sine_and_cosine(code: Writer, a: Known) -> tuple[Known, Known]:
     """The sine and the cosine of a, by the nearest multiple of pi / 64 and the series of both at what is left."""
-    names = ("step", "sines", "series_of_sine", "series_of_cosine")
-    step, sines, of_sine, of_cosine = (code.table(name, table) for name, table in zip(names, _tables(), strict=True))
+    step, sines, of_sine, of_cosine = _series_tables(code)
     is_proven = (abs(a[0]) < _LARGEST_ARGUMENT) & (a[2] < 1e-9)
     multiple = select(is_proven, floor(a[0] / step[0] + 0.5), 0.0)
     left = a

@@ -29,32 +29,41 @@ _ZERO, _ONE = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Encoded:
-    """A program as the compiled loops read it. Places count the inputs, then the constants, then the instructions' results.
+class Steps:
+    """A program as the compiled loops run it. Places count the inputs, then the constants, then the instructions' results.
 
     Attributes:
         inputs: how many there are.
         constants: (k, 3) of ``harness.certify.numbers``.
         instructions: (m, 6) each operation, the places of its operands, and the rows of the adjoints of its result and operands, in 32
-            bits; behind a sine, the row of the cosine's stands in place of the second operand's.
+            bits; behind a sine, the row of the cosine's stands in place of the second operand's. Only a sweep reads the rows.
+    """
+
+    inputs: int
+    constants: Array
+    instructions: np.ndarray[Any, np.dtype[np.int32]]
+
+    @property
+    def places(self) -> int:
+        return self.inputs + len(self.constants) + len(self.instructions)
+
+
+@dataclass(frozen=True)
+class Encoded(Steps):
+    """The equations of a mechanism, whose adjoints are swept too.
+
+    Attributes:
         mass, terms, force: places of M's entries, (nv, nv); of velocity, gravity and passive forces, (3, nv); and of what M qdd
             equals, (nv,).
         rows: (places,) where the adjoint of each result stands, from its last use back to where it is computed; some share one.
         roundings: the most that lie on any way from an output back to an input, for a sweep of adjoints.
     """
 
-    inputs: int
-    constants: Array
-    instructions: np.ndarray[Any, np.dtype[np.int32]]
     mass: Indices
     terms: Indices
     force: Indices
     rows: Indices
     roundings: int
-
-    @property
-    def places(self) -> int:
-        return self.inputs + len(self.constants) + len(self.instructions)
 
     @property
     def gamma(self) -> float:
@@ -65,13 +74,9 @@ class Encoded:
 def encode(program: StraightLineProgram) -> Encoded | None:
     """The program for the loops of ``harness.certify.interpreter``; None where it holds a function that they have no code for."""
     encoder = _Encoder(len(program.inputs))
-    found: list[int] = []
-    for instruction in program.instructions:
-        result = encoder.result_of(instruction, found)
-        if result is None:
-            return None
-        found.append(result)
-    outputs = {name: [found[index] for index in program.outputs[name]] for name in OUTPUTS}
+    outputs = encoder.outputs_of(program)
+    if outputs is None:
+        return None
     nv, applied = len(outputs["velocity"]), position_count(program) + len(outputs["velocity"])
     forces = [encoder.add(SUM, *pair) for pair in zip(range(applied, applied + nv), outputs["passive"], strict=True)]
     others = [encoder.add(SUM, *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
@@ -79,8 +84,7 @@ def encode(program: StraightLineProgram) -> Encoded | None:
     mass = np.empty((nv, nv), dtype=np.int64)
     for (i, j), result in zip(upper_triangle(nv), outputs["mass"], strict=True):
         mass[i, j] = mass[j, i] = result
-    instructions = np.array(encoder.instructions, dtype=np.int64)
-    instructions[:, 1:] = encoder.places(instructions[:, 1:])
+    instructions = encoder.placed()
     mass, force_places = encoder.places(mass), encoder.places(np.array(force))
     start = encoder.inputs + len(encoder.constants)
     rows = _rows(instructions, start, {*mass.flat, *force_places})
@@ -89,7 +93,7 @@ def encode(program: StraightLineProgram) -> Encoded | None:
     operands[sines, 1] = start + sines + 1
     return Encoded(
         inputs=encoder.inputs,
-        constants=np.array(list(encoder.constants), dtype=np.float64).reshape(-1, 3),
+        constants=encoder.numbers(),
         instructions=np.column_stack([instructions, rows[start:], rows[operands]]).astype(np.int32),
         mass=mass,
         terms=encoder.places(np.array([outputs[name] for name in OUTPUTS[1:]])),
@@ -97,6 +101,17 @@ def encode(program: StraightLineProgram) -> Encoded | None:
         rows=rows,
         roundings=_most_roundings(encoder),
     )
+
+
+def encode_steps(program: StraightLineProgram) -> tuple[Steps, dict[str, Indices]] | None:
+    """The program without a sweep, and the places of its outputs by their names; None as of ``encode``."""
+    encoder = _Encoder(len(program.inputs))
+    outputs = encoder.outputs_of(program)
+    if outputs is None:
+        return None
+    instructions = np.pad(encoder.placed(), ((0, 0), (0, 3))).astype(np.int32)
+    places = {name: encoder.places(np.array(results, dtype=np.int64)) for name, results in outputs.items()}
+    return Steps(encoder.inputs, encoder.numbers(), instructions), places
 
 
 class _Encoder:
@@ -126,6 +141,26 @@ class _Encoder:
         """Where results stand, when all constants are known."""
         behind = np.where(results < self.inputs, results, results + len(self.constants))
         return np.asarray(np.where(results < 0, self.inputs - 1 - results, behind))
+
+    def placed(self) -> Indices:
+        """The instructions, (m, 3), with the places of their operands."""
+        instructions = np.array(self.instructions, dtype=np.int64).reshape(-1, 3)
+        instructions[:, 1:] = self.places(instructions[:, 1:])
+        return instructions
+
+    def numbers(self) -> Array:
+        """The constants, (k, 3)."""
+        return np.array(list(self.constants), dtype=np.float64).reshape(-1, 3)
+
+    def outputs_of(self, program: StraightLineProgram) -> dict[str, list[int]] | None:
+        """The results of a program's outputs, after its instructions; None where one of these is a function without code."""
+        found: list[int] = []
+        for instruction in program.instructions:
+            result = self.result_of(instruction, found)
+            if result is None:
+                return None
+            found.append(result)
+        return {name: [found[index] for index in indices] for name, indices in program.outputs.items()}
 
     def result_of(self, instruction: tuple[object, ...], found: Sequence[int]) -> int | None:
         """The result of a program's instruction, given those of the earlier ones; None for a function without code."""

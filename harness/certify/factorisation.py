@@ -78,13 +78,6 @@ def condition_number(factors: Array) -> Array:
     return np.where(usable & (smallest > 0), (largest / np.where(smallest > 0, smallest, 1.0)) ** 2, np.inf)
 
 
-def scaled_condition_number(norm_factor: Array) -> Array:
-    """kappa_s, (n,), of M = R'R for R (n, nv, nv): the condition number of M scaled to unit diagonal."""
-    with np.errstate(all="ignore"):
-        scaled = norm_factor / np.linalg.norm(norm_factor, axis=1, keepdims=True)
-    return condition_number(scaled.transpose(2, 1, 0))
-
-
 def norm_over_first_axis(vectors: Array) -> Array:
     """Euclidean norms along axis 0, without overflow or underflow in the squares."""
     largest = np.abs(vectors).max(axis=0)

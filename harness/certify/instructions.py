@@ -8,10 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from harness.certify import encoding as operations
-from harness.certify.double_double import Known, add, divide, multiply, number_at, root, sine_and_cosine, store
+from harness.certify.double_double import (
+    Known,
+    add,
+    divide,
+    multiply,
+    number_at,
+    root,
+    sine_and_cosine,
+    sine_and_cosine_in_float64,
+    store,
+)
 from harness.certify.language import Writer
 from harness.certify.numbers import LANES, UNIT_ROUNDOFF
-from harness.certify.values import Array, Value, select
+from harness.certify.values import Array, Value, root_of, select
 
 RUN = {"m": "integer", "start": "integer", "instructions": "halves", "values": "vectors"}
 SWEEP = {**RUN, "blocks": "integer", "lane": "integer", "adjoints": "vectors", "sizes": "numbers"}
@@ -43,6 +53,32 @@ def _write_instruction(code: Writer, operation: Value, values: Array, place: Val
         operations.COSINE: lambda: None,
     }
     code.choose(operation, cases, sum_or_difference)
+
+
+def write_approximate_run(code: Writer) -> None:
+    """Every instruction's result at four states in float64, into ``values``, (places,)."""
+    instructions, values = code.array("instructions", 6), code.array("values")
+    for index in code.range(code.argument("m")):
+        operation, place = instructions[index, 0], code.argument("start") + index
+        a, b = values[instructions[index, 1]], values[instructions[index, 2]]
+        _write_approximately(code, operation, values, place, a, b)
+
+
+def _write_approximately(code: Writer, operation: Value, values: Array, place: Value, a: Value, b: Value) -> None:
+    def store_at(result: Value) -> None:
+        values[place] = result
+
+    def sine_with_cosine() -> None:
+        values[place], values[place + 1] = sine_and_cosine_in_float64(code, a)
+
+    cases: dict[int, Callable[[], None]] = {
+        operations.PRODUCT: lambda: store_at(a * b),
+        operations.QUOTIENT: lambda: store_at(a / b),
+        operations.ROOT: lambda: store_at(root_of(a)),
+        operations.SINE_AND_COSINE: sine_with_cosine,
+        operations.COSINE: lambda: None,
+    }
+    code.choose(operation, cases, lambda: store_at(a + (1.0 - 2.0 * operation.number()) * b))
 
 
 class _Sweep:

@@ -81,11 +81,11 @@ def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     )
     weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((7, nv + 3, nv + 3, LANES))
     loop("evaluate")(
-        *_program(n, program), program.terms, program.gamma, _in_lanes(inputs), solution, radius, scale, factor, terms, work,
-        _in_lanes(scales), sensitivity, doubt, weights,
+        *_program(n, program), program.terms, program.gamma, in_lanes(inputs), solution, radius, scale, factor, terms, work,
+        in_lanes(scales), sensitivity, doubt, weights,
     )  # fmt: skip
-    accelerations = _by_state(solution, n)
-    rest = (_by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
+    accelerations = by_state(solution, n)
+    rest = (by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
     return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
 
 
@@ -97,7 +97,7 @@ def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Ar
     """
     n, nv = len(inputs), program.force.size
     found, scale = np.zeros((n, program.inputs, nv + 1)), np.ones((n, nv)) if scale is None else scale
-    loop("derive")(*_program(n, program), _in_lanes(inputs), _in_lanes(accelerations), _in_lanes(scale), found)
+    loop("derive")(*_program(n, program), in_lanes(inputs), in_lanes(accelerations), in_lanes(scale), found)
     return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
 
 
@@ -127,14 +127,14 @@ def _program(n: int, program: Encoded) -> tuple[object, ...]:
     return *sizes, program.instructions, program.constants, program.mass, program.force, program.rows, *room
 
 
-def _in_lanes(rows: Array) -> Array:
+def in_lanes(rows: Array) -> Array:
     """Rows of states, (n, k), as four states side by side, (blocks, k, lanes); the last state fills up the last block."""
     if len(rows) % LANES:
         rows = np.concatenate([rows, np.repeat(rows[-1:], LANES - len(rows) % LANES, axis=0)])
     return np.ascontiguousarray(rows.reshape(-1, LANES, rows.shape[1]).transpose(0, 2, 1))
 
 
-def _by_state(found: Array, n: int) -> Array:
+def by_state(found: Array, n: int) -> Array:
     """What the loop gives with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
     return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
 

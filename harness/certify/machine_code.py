@@ -1,7 +1,7 @@
-"""The machine code of ``harness.certify.loops``: compiled once for all mechanisms, kept beside heyoka's, and loaded in milliseconds.
+"""The machine code of ``harness.certify.loops`` and ``harness.certify.closing``, compiled once for all mechanisms.
 
-Compiling takes a third of a second; the object file that is kept belongs to one processor and one version of LLVM. An entry that is
-damaged is made anew.
+It is kept beside heyoka's, and loaded in milliseconds. Compiling takes a third of a second for each of the two, of which trees need the
+first alone; the object file that is kept belongs to one processor and one version of LLVM. An entry that is damaged is made anew.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import base64
 import ctypes
 import functools
 import hashlib
+import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,9 +32,9 @@ _LEVEL = 2
 
 
 @functools.cache
-def loop(name: str) -> Callable[..., None]:
-    """A loop of ``harness.certify.loops.LOOPS``, for numbers and contiguous arrays in the order of its signature, whose types it trusts."""
-    return _callable(_loops(), name)
+def loop(name: str, module: str = "loops") -> Callable[..., None]:
+    """One of ``LOOPS`` of a module, for numbers and contiguous arrays in the order of its signature, whose types it trusts."""
+    return _callable(_loops(module), name)
 
 
 def compiled(write: Callable[[Writer], None], signature: Mapping[str, str]) -> Callable[..., None]:
@@ -60,16 +61,16 @@ def _argument(value: Any) -> Any:
     return ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)
 
 
-def _entry() -> Path:
+def _entry(module: str) -> Path:
     binding = _binding()
     machine = f"{binding.get_default_triple()} {binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
     digest = hashlib.sha256(sources_digest("certify") + f"{machine} {version_of('llvmlite')}".encode())
-    return machine_code_directory() / f"certify-{digest.hexdigest()[:32]}.txt"
+    return machine_code_directory() / f"certify-{module}-{digest.hexdigest()[:32]}.txt"
 
 
-def kept() -> str | None:
-    """The loops' object file in base 64, as the cache has it; None where it does not."""
-    return read_entry(_entry())
+def kept(module: str = "loops") -> str | None:
+    """The object file of a module's loops in base 64, as the cache has it; None where it does not."""
+    return read_entry(_entry(module))
 
 
 def _object_file(text: str) -> bytes:
@@ -112,13 +113,13 @@ def _engine(machine_code: bytes) -> Any:
 
 
 @functools.cache
-def _loops() -> Any:
-    """The engine of the loops, as they are kept or made anew."""
-    text = kept()
+def _loops(module: str) -> Any:
+    """The engine of a module's loops, as they are kept or made anew."""
+    text = kept(module)
     if text is None:
         from harness.certify.language import module_of
-        from harness.certify.loops import LOOPS, PARTS
 
-        text = base64.b64encode(_object_file(module_of(LOOPS, PARTS))).decode()
-        write_entry(_entry(), text)
+        written = importlib.import_module(f"harness.certify.{module}")
+        text = base64.b64encode(_object_file(module_of(written.LOOPS, written.PARTS))).decode()
+        write_entry(_entry(module), text)
     return _engine(base64.b64decode(text))

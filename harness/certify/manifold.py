@@ -1,7 +1,8 @@
 """States of a mechanism with constraints: the coordinates that constraints determine, found on the branch of its assembly.
 
 The other coordinates are given float64 numbers. ``harness.certify.branch`` finds the configuration in float64, and
-``harness.certify.enclosure`` proves that it is one. A state holds the float64 numbers nearest to what was enclosed.
+``harness.certify.configurations`` proves in double-double that it is one; what that leaves open ``harness.certify.enclosure`` decides in
+balls. A state holds the float64 numbers nearest to what was enclosed.
 
 Where that fails the state keeps the determined coordinates of the assembly. It does not close the constraints there, so that its truth
 is undecided (``harness.certify.reference``), and nobody is judged by a state that was made up.
@@ -17,6 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.branch import Branch
+from harness.certify.configurations import Configurations
 from harness.certify.enclosure import Encloser, Enclosure, nearest_float64
 from harness.certify.forward_mode import values_and_spread
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
@@ -42,9 +44,16 @@ def closed(mechanism: Mechanism, states: States) -> States:
         return states
     constraints = mechanism.constraints
     positions, rates = list(constraints.positions), list(constraints.rates)
-    branch, encloser = _closures(mechanism)
+    branch, loops, encloser = _closures(mechanism)
     q, v = branch.at(states.q), states.v.copy()
-    for index in range(len(q)):
+    left = np.arange(len(q))
+    if loops is not None:
+        nearest = loops.enclose(q, v)
+        is_known = nearest.rounded
+        known, left = left[is_known, None], left[~is_known]
+        q[known, positions] = nearest.high[is_known, : len(positions)]
+        v[known, rates] = nearest.high[is_known, len(positions) :]
+    for index in left.tolist():
         found = encloser.enclose(q[index].tolist(), v[index].tolist()) if np.isfinite(q[index]).all() else None
         if found is None:
             q[index, positions] = np.array(constraints.assembly)[positions]
@@ -59,7 +68,7 @@ def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:
 
     None where no ball can be proved to hold one configuration and no other. ``mechanism`` has constraints.
     """
-    return _closures(mechanism)[1].enclose(q.tolist(), v.tolist())
+    return _closures(mechanism)[2].enclose(q.tolist(), v.tolist())
 
 
 def closes(mechanism: Mechanism, states: States, parameters: Array | None = None) -> Flags:
@@ -128,8 +137,12 @@ def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = N
     return opened, UNIT_ROUNDOFF * moved
 
 
-_CLOSURES: Kept[tuple[Branch, Encloser]] = Kept(64)
+_CLOSURES: Kept[tuple[Branch, Configurations | None, Encloser]] = Kept(64)
 
 
-def _closures(mechanism: Mechanism) -> tuple[Branch, Encloser]:
-    return _CLOSURES.get(mechanism.key, lambda: (Branch(mechanism), Encloser(mechanism)))
+def _closures(mechanism: Mechanism) -> tuple[Branch, Configurations | None, Encloser]:
+    def made() -> tuple[Branch, Configurations | None, Encloser]:
+        loops = Configurations.of(mechanism)
+        return Branch(mechanism, loops), loops, Encloser(mechanism)
+
+    return _CLOSURES.get(mechanism.key, made)

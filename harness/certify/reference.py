@@ -32,7 +32,6 @@ from harness.certify.factorisation import (
     condition_number,
     forward_substitute,
     norm_over_first_axis,
-    scaled_condition_number,
 )
 from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
@@ -76,6 +75,7 @@ class Reference(Rows):
         instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
+        condition: (n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor.
         certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
         bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
@@ -87,6 +87,7 @@ class Reference(Rows):
     sensitivity: Array
     motion: Array
     instability: Array
+    condition: Array
     certified: Flags
     bits: Indices
 
@@ -102,11 +103,6 @@ class Reference(Rows):
     def size(self) -> Array:
         """(n,) energy norm of the accelerations [sqrt(J)/s]."""
         return energy_norm(self.norm_factor, self.high)
-
-    @property
-    def condition(self) -> Array:
-        """(n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor."""
-        return scaled_condition_number(self.norm_factor)
 
     @property
     def data_roundoff(self) -> Array:
@@ -229,6 +225,7 @@ class ChartKernel:
             sensitivity=found.sensitivity,
             motion=norms.motion,
             instability=norms.instability,
+            condition=norms.condition,
             certified=bits > 0,
             bits=bits,
         )
@@ -237,7 +234,7 @@ class ChartKernel:
         """The reference by ball arithmetic, at rising precision."""
         n, nv = len(states), self.mechanism.nv
         high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
-        norm_factor, motion, instability = np.empty((n, nv, nv)), np.empty(n), np.empty(n)
+        norm_factor, motion, instability, condition = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
         bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
         sensitivity, in_balls = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
         pending = np.arange(n)
@@ -247,6 +244,7 @@ class ChartKernel:
             bits[pending] = precision
             norms = self._norms(now, high[pending], radii[pending], terms, scale.T, factor.transpose(2, 0, 1))
             norm_factor[pending], motion[pending], instability[pending] = norms.norm_factor, norms.motion, norms.instability
+            condition[pending] = norms.condition
             found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
             sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
             for index in pending[~is_known & ~in_balls[pending] & np.isfinite(inputs[pending]).all(axis=1)].tolist():
@@ -257,7 +255,7 @@ class ChartKernel:
             if not len(pending):
                 break
         certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, certified, bits)
+        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, condition, certified, bits)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
         """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""

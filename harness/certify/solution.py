@@ -100,17 +100,29 @@ def solve(
 ) -> None:  # fmt: skip
     """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``.
 
-    ``work`` is five matrices (nv + 3, nv + 3). The refinement of a state ends when it changes nothing that the digits can hold.
+    ``work`` is five matrices (nv + 3, nv + 3).
+    """
+    approximate = work.part(3)
+    for i in code.range(nv):
+        for j in code.range(i + 1):
+            entry = code.variable(code.lanes(0.0))
+            for k in code.range(i, nv):
+                entry.value += inverse[k, i] * inverse[k, j]
+            approximate[i, j] = approximate[j, i] = entry.value
+    refine(code, nv, values, places, force, scale, work, solution, radius)
+
+
+def refine(
+    code: Writer, nv: Value, values: Array, places: Array, force: Array, scale: Array, work: Array, solution: Array, radius: Array
+) -> None:
+    """As ``solve``, with an approximate inverse of the scaled matrix, which need not be symmetric, in the fourth matrix of ``work``.
+
+    The refinement of a state ends when it changes nothing that the digits can hold.
     """
     approximate, residual, steps = work.part(3), work.part(4), work.part(0, 0)
     zero = code.lanes(0.0)
     for i in code.range(nv):
         solution[i, 0] = solution[i, 1] = 0.0
-        for j in code.range(i + 1):
-            entry = code.variable(zero)
-            for k in code.range(i, nv):
-                entry.value += inverse[k, i] * inverse[k, j]
-            approximate[i, j] = approximate[j, i] = entry.value
     is_moving = code.variable(code.lanes(1.0))
     for refinement in code.range(_REFINEMENTS + 1):
         with code.when((is_moving.value > 0.0).any()):

@@ -25,7 +25,7 @@ from harness.crosscheck.gaps import answers_with_gaps
 from harness.engines import Engine, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.models.formats import ORIENTATIONS, POINT_SPRING
+from harness.models.formats import BALL_CONSTRAINT, ORIENTATIONS, POINT_SPRING
 from harness.models.model_file import ModelFile
 from harness.models.text import Attribute, Candidate, Element, Number, Place, Watch, find_elements, with_values
 from harness.verdict import AGREEMENT
@@ -48,7 +48,7 @@ SECOND_ORDER = 1e-8
 INERTIAS = {("urdf", "inertia"): ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ("mjcf", "inertial"): ("diaginertia", "fullinertia")}
 _LENGTHS = {"pos", "xyz", "springlength"}
 # Elements whose value is a length or a point.
-_POINTS = (f"{POINT_SPRING}_p_", f"{POINT_SPRING}_free_length")
+_POINTS = (f"{POINT_SPRING}_p_", f"{POINT_SPRING}_free_length", f"{BALL_CONSTRAINT}_p_")
 _ANGLES = {"rpy", "axis", *ORIENTATIONS}
 
 
@@ -241,7 +241,7 @@ def _turned(text: str, components: Sequence[Number], number: Number, rest: float
 def _scale(elements: Sequence[Element], element: Element, attribute: Attribute, number: Number, group: Sequence[Number]) -> float:
     """The natural size of a number: its own, its neighbours', or that of its like elsewhere in the file."""
     largest, is_length = max(abs(other.value) for other in group), _is_length(element, attribute)
-    if largest > 0 and not is_length:
+    if largest > 0 and not is_length and len(group) > 1:
         return max(abs(number.value), LEAST_SHARE * largest) if number.value else largest
     if attribute.name in _ANGLES:
         return 1.0
@@ -256,7 +256,7 @@ def _scale(elements: Sequence[Element], element: Element, attribute: Attribute, 
     alike = max(like, default=0.0)
     if alike <= (NEGLIGIBLE_LENGTH if attribute.name in _LENGTHS else 0.0):
         alike = 1.0
-    # A length far below all others may be what is wrong: its step must be felt.
+    # A length or a mass far below all others may be what is wrong: its step must be felt.
     return max(abs(number.value) or largest or alike, LEAST_SHARE * alike)
 
 

@@ -105,7 +105,8 @@ def _lessened(
             smaller = np.inf if there is None else float(np.linalg.norm(there))
         if there is not None and smaller < size:
             return reached, there, smaller
-        step *= SHORTENED
+        # No mass is below zero: a step beyond the end of what is allowed leads to the end.
+        step = -value if there is None and value * reached < 0 else step * SHORTENED
     return None
 
 

@@ -62,6 +62,7 @@ def diagnose(
     if factorises:
         search.try_directions(columns)
     if search.is_needed and not search.explaining:
+        search.try_zeros(numbers)
         search.fit_best(columns)
         if search.is_large or not search.explaining:
             search.try_without_value(candidate for candidate in structural if candidate.start is None)

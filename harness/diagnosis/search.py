@@ -146,6 +146,14 @@ class Search(ABC, Generic[Evaluated]):
                 return
             self._try(candidate, None)
 
+    def try_zeros(self, candidates: Iterable[Candidate]) -> None:
+        """Evaluate zero in the place of numbers that are all but zero: from where a row appears with one, no derivative leads there."""
+        for candidate in candidates:
+            if self.is_spent:
+                return
+            if candidate.start is not None and 0 < abs(candidate.start) <= ALL_BUT_ZERO * candidate.scale:
+                self._try(candidate, 0.0)
+
     def fit_best(self, columns: Sequence[Column]) -> None:
         """Fit the candidates whose columns explain most, until what remains cannot explain anything.
 

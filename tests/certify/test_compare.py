@@ -38,6 +38,7 @@ def made_up(high: Any, sensitivity: float = 1.0, instability: float = 1e6, certi
         sensitivity=np.full(n, sensitivity),
         motion=np.zeros(n),
         instability=np.full(n, instability),
+        condition=np.ones(n),
         certified=np.full(n, certified),
         bits=np.full(n, 128),
     )

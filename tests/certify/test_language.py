@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.certify import loops
+from harness.certify import closing, loops
 from harness.certify.language import Writer, module_of
 from harness.certify.machine_code import compiled
 from harness.certify.numbers import LANES
@@ -74,8 +75,9 @@ def test_a_product_and_a_sum_are_rounded_once_where_that_is_asked_for_and_twice_
     assert found[1] == high * high - 1.0 != found[0]
 
 
-def test_nothing_that_is_written_may_change_a_rounding() -> None:
-    text = module_of(loops.LOOPS, loops.PARTS)
+@pytest.mark.parametrize("module", [loops, closing], ids=["loops", "closing"])
+def test_nothing_that_is_written_may_change_a_rounding(module: Any) -> None:
+    text = module_of(module.LOOPS, module.PARTS)
     assert " fadd " in text
     for flag in (" fast ", " contract ", " reassoc ", " nnan ", " ninf ", " nsz ", " arcp ", " afn "):
         assert flag not in text

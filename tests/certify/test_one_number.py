@@ -30,6 +30,7 @@ def reference_with(instability: Array) -> Reference:
         sensitivity=np.full(N, 1 / UNIT_ROUNDOFF),
         motion=np.zeros(N),
         instability=instability / UNIT_ROUNDOFF,
+        condition=np.ones(N),
         certified=np.ones(N, dtype=bool),
         bits=np.full(N, 128),
     )

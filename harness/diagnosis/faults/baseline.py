@@ -134,7 +134,13 @@ def smallest_caught(theory: float, catches: Callable[[float], bool]) -> float:
         if high <= theory / FURTHEST:
             return high
         low /= 2
+    found = least_that(catches, low, high)
+    return found if found < FURTHEST * theory else math.inf
+
+
+def least_that(does: Callable[[float], bool], low: float, high: float) -> float:
+    """The least size between one that does not and one that does, to ``RESOLUTION``."""
     while high / low > RESOLUTION:
         middle = math.sqrt(low * high)
-        low, high = (low, middle) if catches(middle) else (middle, high)
-    return high if high < FURTHEST * theory else math.inf
+        low, high = (low, middle) if does(middle) else (middle, high)
+    return high

@@ -19,7 +19,7 @@ from harness.crosscheck.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.crosscheck.tasks import Assignment, reference_kernel_of
-from harness.diagnosis.faults.baseline import RED, Baseline, require_sound, smallest_caught
+from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.engines import (
@@ -206,8 +206,16 @@ class FaultBench:
             # The difference is rounding alone: the accelerations depend on the square of the size.
             answers, order = widest.answer(planted.text, CHANGE), 2
             theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
+        if theory < CHANGE and not self._is_felt(planted, theory):
+            # A reader rounds it away: theory begins where it does not.
+            theory = least_that(lambda size: self._is_felt(planted, size), theory, CHANGE)
         caught = smallest_caught(theory, lambda size: any(one.catches(planted.text, size) for one in self.readers))
         return caught, theory, order
+
+    def _is_felt(self, planted: Planted, size: float) -> bool:
+        """Whether the answers of some reader move by a tenth of what is caught at least, or there are none."""
+        answers = ((one, one.answer(planted.text, size)) for one in self.readers)
+        return any(answer is None or one.theory(answer - one.watch.healthy) <= MOST_ABOVE_THEORY for one, answer in answers)
 
     def blamed(self, answer: Answer) -> str:
         """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""

@@ -31,7 +31,7 @@ from harness.models.model_file import ModelFile, parse_model
 from harness.models.text import Place
 
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
-# Relative size from which on a fault of a live number must be caught.
+# Relative size from which on a fault of a live number must be caught, where theory allows.
 MUST_BE_CAUGHT = 1e-9
 # A mended number is right up to this relative error, or where it leaves no more than so many data roundoffs.
 RIGHT_VALUE, RIGHT_ROUNDOFFS = 1e-6, 3.0
@@ -128,9 +128,7 @@ class Campaign:
             return Fault(**about)
         smallest, theory, order = self.bench.smallest(planted)
         answers = {size: self.bench.ask_sized(planted, size)[0] for size in self.settings.sizes}
-        # Of two changes that cancel, and of one that is felt by its square, theory promises less.
-        least = MUST_BE_CAUGHT if order == 1 and about["known"] else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
-        must = [size for size in self.settings.sizes if size >= least]
+        must = [size for size in self.settings.sizes if size >= _least(theory)]
         blamed_at = [size for size in must if self.bench.blamed(answers[size])]
         return Fault(
             **about,
@@ -200,10 +198,13 @@ class Campaign:
         """Sizes are dealt out in turn among those that must be caught."""
         if fault.blamed_at is not None:
             return fault.blamed_at
-        promised = fault.order == 1 and fault.known
-        least = MUST_BE_CAUGHT if promised or fault.theory is None else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * fault.theory)
-        sizes = [size for size in fault.sizes if size >= least] or [max(fault.sizes)]
+        sizes = [size for size in fault.sizes if size >= _least(fault.theory)] or [max(fault.sizes)]
         return sizes[place % len(sizes)]
+
+
+def _least(theory: float | None) -> float:
+    """The size from which on a fault must be caught: of a number that is felt little, or by its square, theory promises less."""
+    return MUST_BE_CAUGHT if theory is None else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
 
 
 def _is_valid(model: ModelFile, text: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import operator
 import statistics
 from collections.abc import Iterable, Sequence
@@ -78,8 +79,9 @@ class Fault:
 
     @property
     def caught(self) -> bool:
-        """True where it is caught in every size in which it must be."""
-        return bool(self.caught_by) and not self.missed
+        """True where it is caught in every size in which it must be; theory promises nothing of sizes that are all too small for it."""
+        too_small = bool(self.sizes) and self.theory is not None and max(self.sizes) < MOST_ABOVE_THEORY * self.theory < math.inf
+        return not self.missed and (bool(self.caught_by) or too_small)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
