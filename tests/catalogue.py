@@ -18,9 +18,9 @@ def turns_freely(name: str) -> bool:
     return path.is_file() and "Attitude(" in path.read_text()
 
 
-def is_tied(name: str) -> bool:
-    """Whether a built-in system has constraints beside its joints."""
-    path = BUILT_IN.system_path(name)
+def is_tied(name: str, library: Library = BUILT_IN) -> bool:
+    """Whether a system has constraints beside its joints; without deriving it, since every process asks while it collects the tests."""
+    path = library.system_path(name)
     member = member_of(path)
     return "constraints=" in (path if member is None else member[0]).read_text(encoding="utf-8")
 

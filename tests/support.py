@@ -9,6 +9,7 @@ import io
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections import deque
@@ -178,6 +179,11 @@ def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess
     """A ``harness`` command as users run it."""
     command = [sys.executable, "-m", "harness", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+
+
+def heed_interrupts() -> None:
+    """For a process about to start: what a shell without job control starts in the background ignores interrupts, as its children do."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def pytest_in_this_process(*arguments: str, cwd: Path) -> Done:

@@ -17,6 +17,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.forward_mode import PARTIAL_DERIVATIVES
 from harness.equations.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
+from harness.storage import Kept
 
 # Radius of a sensitivity relative to itself that is good enough: it is read to three digits.
 SOUGHT_ACCURACY = 2.0**-20
@@ -123,9 +124,7 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
 
 def _swept(program: StraightLineProgram, values: Sequence[Any], adjoints: list[list[Any] | None]) -> list[tuple[int, list[Any]]]:
     """Inputs with their adjoints, those of the results given in ``adjoints``, which are used up."""
-    varies: list[bool] = []
-    for instruction in program.instructions:
-        varies.append(instruction[0] == "input" or any(varies[place] for place in earlier_results(instruction)))
+    operands, varies = _STRUCTURES.get(program.key, lambda: _structure(program))
     found = []
     for place in reversed(range(len(values))):
         adjoint, instruction = adjoints[place], program.instructions[place]
@@ -135,15 +134,33 @@ def _swept(program: StraightLineProgram, values: Sequence[Any], adjoints: list[l
         if instruction[0] == "input":
             found.append((instruction[1], adjoint))
             continue
-        earlier = earlier_results(instruction)
+        earlier = operands[place]
         arguments = [*(values[operand] for operand in earlier), *instruction[1 + len(earlier) :]]
         partials = PARTIAL_DERIVATIVES[instruction[0]](_Functions(), *arguments, values[place])
         for operand, partial in zip(earlier, partials, strict=True):
             # The logarithm of a negative base is no number, and nobody asks for it where the exponent is a constant.
             if varies[operand]:
-                parts = [None if entry is None else entry * partial for entry in adjoint]
+                parts = _times(adjoint, partial)
                 adjoints[operand] = parts if (known := adjoints[operand]) is None else list(map(_sum, known, parts))
     return found
+
+
+def _structure(program: StraightLineProgram) -> tuple[list[tuple[int, ...]], list[bool]]:
+    """For each instruction its operands that are earlier results, and whether it varies with any input."""
+    operands, varies = [earlier_results(instruction) for instruction in program.instructions], list[bool]()
+    for instruction, earlier in zip(program.instructions, operands, strict=True):
+        varies.append(instruction[0] == "input" or any(varies[place] for place in earlier))
+    return operands, varies
+
+
+_STRUCTURES: Kept[tuple[list[tuple[int, ...]], list[bool]]] = Kept(16)
+
+
+def _times(adjoint: list[Any], partial: Any) -> list[Any]:
+    # Sums and differences, a third of all instructions, multiply nothing.
+    if isinstance(partial, float) and abs(partial) == 1.0:
+        return adjoint if partial > 0 else [None if entry is None else -entry for entry in adjoint]
+    return [None if entry is None else entry * partial for entry in adjoint]
 
 
 def _sum(a: Any, b: Any) -> Any:

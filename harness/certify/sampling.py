@@ -89,9 +89,10 @@ def sample_in_blocks(mechanism: Mechanism, count: int, seed: int) -> Iterator[St
     streams = {kind: _points(mechanism, most[kind], BLOCK * TURNS.count(kind) // len(TURNS), seed, kind) for kind in Kind}
     for start in range(0, count, BLOCK):
         own = of_kind[: count - start]
-        parts = [_states(mechanism, next(streams[kind])[: (own == kind).sum()], kind) for kind in Kind]
+        parts = [_open_states(mechanism, next(streams[kind])[: (own == kind).sum()], kind) for kind in Kind]
         order = np.argsort(np.argsort(own, kind="stable"), kind="stable")
-        yield States.concatenate(parts)[order]
+        # Closed together, as one way along a branch costs nearly as much as many.
+        yield closed(mechanism, States.concatenate(parts)[order])
 
 
 def keep_points(mechanism: Mechanism, count: int, seed: int) -> None:
@@ -143,6 +144,11 @@ def _dimensions(mechanism: Mechanism) -> int:
 
 def _states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
     """The states of a kind that points of the unit cube, (n, 3 nv) or with time (n, 3 nv + 1), stand for."""
+    return closed(mechanism, _open_states(mechanism, points, kind))
+
+
+def _open_states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
+    """``_states`` before constraints determine any of their coordinates."""
     bounds = [bounds or ANGLES for bounds in mechanism.position_ranges]
     bounds += [*_rate_ranges(mechanism, kind), *_force_ranges(mechanism, kind), *([TIMES] if mechanism.feels_time else [])]
     low, high = np.array(bounds).T
@@ -151,7 +157,7 @@ def _states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
         rotations = _uniform_rotations(points[:, place : place + 3])
         q = np.hstack([q[:, :place], rotations, q[:, place + 3 :]])
     times = time[:, 0] if mechanism.feels_time else np.zeros(len(points))
-    return closed(mechanism, States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), times))
+    return States(np.ascontiguousarray(q), np.ascontiguousarray(v), np.ascontiguousarray(tau), times)
 
 
 def _rate_ranges(mechanism: Mechanism, kind: Kind) -> Sequence[tuple[float, float]]:

@@ -8,6 +8,7 @@ and review, Proc. R. Soc. A 463 (2007), section 5 and table 2.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,22 +35,17 @@ def kernel(bicycle: Mechanism) -> ReferenceKernel:
     return ReferenceKernel(bicycle)
 
 
-def state(mechanism: Mechanism, **given: float) -> States:
-    """The state without applied forces that has the positions and rates given; what no constraint determines is 0 else."""
-    q, v = ([given.get(name + ending, 0.0) for name in NAMES] for ending in ("", "_rate"))
-    return closed(mechanism, States.at(q, v, [0.0] * len(NAMES)))
+def states_of(mechanism: Mechanism, *several: Mapping[str, float]) -> States:
+    """States without applied forces that have the positions and rates given, closed together; what no constraint determines is 0 else."""
+    q, v = ([[given.get(name + ending, 0.0) for name in NAMES] for given in several] for ending in ("", "_rate"))
+    return closed(mechanism, States.at(q, v, np.zeros((len(several), len(NAMES)))))
 
 
 def test_accelerations_are_those_of_the_table(bicycle: Mechanism, kernel: ReferenceKernel) -> None:
     """Their x and y point backward and to the right; lean is pi/2 - psi and pitch phi - pi, and the other angles are as here."""
-    states = state(
-        bicycle,
-        lean=math.pi / 2 - 0.9501292851472,
-        steer=0.2311385135743,
-        lean_rate=-0.6068425835418,
-        steer_rate=0.4859824687093,
-        rear_rate=8.9129896614890,
-    )
+    given = {"lean": math.pi / 2 - 0.9501292851472, "steer": 0.2311385135743}
+    given |= {"lean_rate": -0.6068425835418, "steer_rate": 0.4859824687093, "rear_rate": 8.9129896614890}
+    states = states_of(bicycle, given)
     assert closes(bicycle, states).all()
     determined = {"x": 2.8069345714545, "y": 0.1480982396001, "yaw": 0.7830033527065, "pitch": -0.0119185528069, "front": 8.0133620584155}
     np.testing.assert_allclose(states.q[0, NAMES.index("pitch")], 3.1257073014894 - math.pi, rtol=0, atol=1e-13)
@@ -65,12 +61,11 @@ def test_accelerations_are_those_of_the_table(bicycle: Mechanism, kernel: Refere
 def linearised(mechanism: Mechanism, kernel: ReferenceKernel, speed: float) -> Any:
     """The 2 x 2 derivatives of (lean'', steer'') by positions and rates of lean and steer, and by their applied moments."""
     small, places = 2.0**-40, [NAMES.index("lean"), NAMES.index("steer")]
-    moved = [
-        state(mechanism, rear_rate=speed / REAR_RADIUS, **{name + ending: small}) for ending in ("", "_rate") for name in ("lean", "steer")
-    ]
-    upright = state(mechanism, rear_rate=speed / REAR_RADIUS)
-    pushed = [States(upright.q, upright.v, small * (np.arange(len(NAMES)) == place)[None], upright.time) for place in places]
-    slopes = kernel.evaluate(States.concatenate([*moved, *pushed])).high[:, places].T / small
+    straight = {"rear_rate": speed / REAR_RADIUS}
+    moved = [straight | {name + ending: small} for ending in ("", "_rate") for name in ("lean", "steer")]
+    states = states_of(mechanism, *moved, straight, straight)
+    states.tau[[-2, -1], places] = small
+    slopes = kernel.evaluate(states).high[:, places].T / small
     return slopes[:, 0:2], slopes[:, 2:4], slopes[:, 4:6]
 
 
