@@ -36,7 +36,7 @@ settings.load_profile("ci" if IN_CI else "local")
 # of tests marked ``costly`` and of tests over the catalogue; in CI of those that are both, whose cases repeat each other on other
 # systems. What CI leaves out is marked ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
 AT_THE_DESK_ONE_IN = 6, 4
-IN_CI_ONE_IN = 4, 1
+IN_CI_ONE_IN = 3, 1
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no

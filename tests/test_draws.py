@@ -61,10 +61,10 @@ def test_of_several_cases_the_desk_runs_one_in_six_and_at_least_one(left_out: Ca
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 36])
-def test_ci_runs_a_quarter_of_several_cases_with_all_that_the_desk_runs(conftest: Any, count: int) -> None:
+def test_ci_runs_a_third_of_several_cases_with_all_that_the_desk_runs(conftest: Any, count: int) -> None:
     several = cases("test_costly", count)
     desk, ci = (set(several) - conftest._left_out(several, *one_in) for one_in in ((6, 1), conftest.IN_CI_ONE_IN))
-    assert desk <= ci and len(ci) == -(-count // 4)
+    assert desk <= ci and len(ci) == -(-count // 3)
 
 
 def test_tests_of_a_file_are_drawn_on_the_same_systems(left_out: Callable[[Iterable[Item]], set[Item]]) -> None:
@@ -149,7 +149,7 @@ def test_ci_and_the_night_are_every_case_together(collected: Callable[..., set[s
     by_day, at_night, desk = collected(ci=True), collected("-m", "nightly", ci=True), collected(ci=False)
     assert by_day | at_night == every and by_day & at_night == set()
     # Of no test but a costly one over the catalogue.
-    assert {name.partition("[")[0] for name in at_night} == {"test_costly"} and len(at_night) == len(names) - -(-len(names) // 4)
+    assert {name.partition("[")[0] for name in at_night} == {"test_costly"} and len(at_night) == len(names) - -(-len(names) // 3)
     count = {
         test: len([name for name in desk if name.startswith(test)]) for test in ("test_costly", "test_over", "test_several", "test_cheap")
     }
