@@ -91,6 +91,8 @@ class Engine(Protocol):
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
+    One that computes in float32 says so by ``unit_roundoff = 2.0**-24``: it is asked at states rounded to float32, and judged in data
+    roundoffs of float32.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
     names of the constraints.
     """
@@ -186,6 +188,11 @@ def linear_velocity_in_body(engine: Engine) -> bool:
 def factorises_mass_matrix(engine: Engine | Model) -> bool:
     """True where an engine or a model declares that accelerations are solved for by a factorisation of M, which may lose digits."""
     return bool(getattr(engine, "factorises_mass_matrix", False))
+
+
+def unit_roundoff(engine: Engine) -> float:
+    """Of the numbers that an engine computes with: that of float64, or what it declares."""
+    return float(getattr(engine, "unit_roundoff", 2.0**-53))
 
 
 def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintLaw]:

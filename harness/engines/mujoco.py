@@ -20,8 +20,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Terms, require_model
-from harness.engines import _mujoco_held, _mujoco_law, _mujoco_urdf, _mujoco_versions
+from harness.engines import (
+    ConstraintLaw,
+    HeldModel,
+    LoadedModel,
+    Terms,
+    _mujoco_held,
+    _mujoco_law,
+    _mujoco_urdf,
+    _mujoco_versions,
+    require_model,
+)
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:

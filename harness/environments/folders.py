@@ -113,4 +113,3 @@ def environment_of(engine: str, version: str = "") -> Environment:
         known = f"; there are environments of {others}" if others else ""
         raise InvalidRequest(f"no environment holds {engine} {version}".rstrip() + f"{known}; make one: harness engines add {wanted}")
     return found[-1]
-

@@ -289,7 +289,6 @@ def _from_the_world(joint: Asked, accelerations: Array) -> Array:
 
 def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array) -> Array:
     """Accelerations of the joints that move by themselves, from MuJoCo's own M and forces."""
-    import mujoco
 
     mass = np.empty((model.nv, model.nv))
     fill_mass_matrix(model, data, mass)
