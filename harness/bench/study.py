@@ -16,12 +16,13 @@ from harness.bench.motion_cost import motion_costs
 from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
+from harness.bench.yardstick import Stopwatch
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, member_of, nearest
 from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
-from harness.results.benchmark import Benchmark
+from harness.results.benchmark import Benchmark, Yardstick
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
@@ -138,9 +139,19 @@ def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
-    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, note)
+    stopwatch = Stopwatch()
+
+    def noted(text: str) -> None:
+        # Before each method, so that what else the machine does by then slows both.
+        stopwatch.time()
+        note(text)
+
+    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, noted)
     return Benchmark(
-        accelerations=costs, findings=found, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed]
+        accelerations=costs,
+        findings=found,
+        yardsticks=[Yardstick(system=scene.mechanism.name, seconds=stopwatch.fastest)] if costs else [],
+        problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed],
     )
 
 

@@ -58,13 +58,19 @@ class Bracket:
         Raises:
             InvalidInput: there is no such library.
         """
-        from harness.engines import LOADING_SECONDS, describe_engines
         from harness.library import Library
-        from harness.workers import Workers
 
         library = Library.at(self.library_path)
-        describe_engines(library, lambda: Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS))
+        self.describe_engines(library)
         return library
+
+    def describe_engines(self, library: Library | None = None) -> None:
+        """Find the engines of a library, by default of this one, and their environments, as they are now."""
+        from harness.engines import LOADING_SECONDS, describe_engines
+        from harness.workers import Workers
+
+        workers = Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS)
+        describe_engines(library or self.library, lambda: workers)
 
     @property
     def replay_options(self) -> list[str]:
@@ -102,15 +108,19 @@ class Bracket:
         Raises:
             InvalidRequest: the cluster cannot be reached.
         """
+        assert self.time_limit is not None, "a command with workers has a time limit"
+        return self._exit.enter_context(self.pool_for(self.time_limit))
+
+    def pool_for(self, time_limit: float, on_this_machine: bool = False) -> Workers:
+        """Worker processes whose context the caller enters, which raises as ``pool``; a task may take ``time_limit`` [s]."""
         from harness.equations.machine_code import replace_damaged
         from harness.workers import Workers
 
-        assert self.time_limit is not None, "a command with workers has a time limit"
+        scheduler = None if on_this_machine else self.scheduler
         # Where heyoka is loaded, it has the cache open.
-        if self.scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
+        if scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
             say(f"harness: {damaged}", err=True)
-
-        return self._exit.enter_context(Workers(self.workers, self.scheduler, self.time_limit))
+        return Workers(self.workers, scheduler, time_limit)
 
     @cached_property
     def history(self) -> History:

@@ -68,13 +68,11 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
 
 def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
     """Why those records of accelerations are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
-    records = [record for record in study.result().records if record.quantity == ACCELERATIONS]
-    if all(record.as_expected for record in records):
-        return []
-    # Imported late: a run in which all is well needs nothing of it.
-    from harness.diagnosis.causes import diagnoses_of
+    from harness.diagnosis.wanted import wanted_diagnosis
 
-    diagnoses = diagnoses_of(study.settings.library, study.settings, records, crashes=study.crashes, **limits)
+    diagnoses = wanted_diagnosis(study, **limits)
+    if diagnoses is None:
+        return []
     bracket.complete(diagnoses, kept=False)
     causes: list[Cause] = diagnoses.result()
     return causes

@@ -31,18 +31,15 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     from harness.comparison.collection import find_files
     from harness.comparison.study import RobotComparison, Settings
     from harness.report import write
-    from harness.report.comparison import MOST_SURVEYS, render, survey_overview, survey_sections
-    from harness.results.comparison import Comparison
+    from harness.report.comparison import MOST_SURVEYS, survey_overview, survey_page
+    from harness.results.comparison import Comparison, survey_profile
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
-    profile = " ".join(["survey", *places, *(["with floating bases"] if bracket.floating_base else [])])
-    of_kind = Comparison, bracket.library.name, profile
-    before = bracket.history.latest(*of_kind)
-    earlier = [found for _, found in itertools.islice(bracket.history.recent(*of_kind, "subjects"), MOST_SURVEYS - 1)][::-1]
+    profile = survey_profile(places, bracket.floating_base)
+    earlier = list(itertools.islice(bracket.history.recent(Comparison, bracket.library.name, profile), MOST_SURVEYS - 1))
+    before = next(iter(earlier), None)
     bracket.begin(states, profile, Comparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
-    write(
-        bracket.directory, {"robots.html": render(bracket.run, f"Robots of {', '.join(places)}", survey_sections(found, before, earlier))}
-    )
+    write(bracket.directory, survey_page(bracket.run, places, found, earlier))
     say("", f"page: {bracket.directory / 'robots.html'}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

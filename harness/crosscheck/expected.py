@@ -13,13 +13,15 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 
 from harness.certify.quantities import find_quantities
-from harness.engines import Subject, subjects
+from harness.engines import Subject, engine_files, subjects
+from harness.environments.folders import split_name
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.results.records import ACCELERATIONS
@@ -130,14 +132,41 @@ def read_entries(
     return entries
 
 
-def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Mapping[tuple[str, str], Expectation]:
-    """Expectations of a quantity by (label of a system, subject); a pair without an entry is expected to agree.
+@dataclass(frozen=True)
+class Expectations:
+    """The expectations of one quantity, by (label of a system, subject)."""
+
+    entries: Mapping[tuple[str, str], Expectation] = field(default_factory=dict)
+
+    def of(self, system: str, subject: Subject | str) -> Expectation:
+        """That of a subject on a system, by its label; a version without an entry has that of its engine, what has none ``AGREES``."""
+        engine, slash, model_format = str(subject).partition("/")
+        without_version = split_name(engine)[0] + slash + model_format
+        return self.entries.get((system, str(subject))) or self.entries.get((system, without_version), AGREES)
+
+    def why_no_model(self, library: Library, system: str, subject: Subject) -> str:
+        """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
+
+        "" where the model exists, where the subject needs none, and where no entry excuses that it is missing. For an engine of an
+        environment, an entry of any reader of the format does: there are no entries for every engine that somebody adds.
+        """
+        if subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
+            return ""
+        label = library.label(system)
+        entries = [self.of(label, subject)]
+        if engine_files(library)[subject.engine].elsewhere:
+            entries += [one for (of, name), one in self.entries.items() if of == label and name.endswith(f"/{subject.format}")]
+        return next((one.reason for one in entries if one.verdict == Verdict.UNSUPPORTED), "")
+
+
+def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expectations:
+    """Expectations of a quantity; none where the library has no such file.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
     """
     if not library.expected_verdicts.is_file():
-        return {}
+        return Expectations()
     known = {
         "system": library.expectable_names(),
         "subject": list(map(str, subjects(library))),
@@ -148,15 +177,4 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Mappin
     entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject", "quantity"), compared, TABLES)
     everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
     own = [entry for entry in entries.values() if entry.quantity == quantity]
-    return {(entry.system, entry.subject): entry for entry in (*everywhere, *own)}
-
-
-def why_no_model(library: Library, system: str, subject: Subject, expectations: Mapping[tuple[str, str], Expectation]) -> str:
-    """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
-
-    "" where the model exists, where the subject needs none, and where no entry excuses that it is missing.
-    """
-    expectation = expectations.get((library.label(system), str(subject)), AGREES)
-    if expectation.verdict != Verdict.UNSUPPORTED or subject.format not in MODEL_SUFFIXES or library.has_model(system, subject.format):
-        return ""
-    return expectation.reason
+    return Expectations({(entry.system, entry.subject): entry for entry in (*everywhere, *own)})

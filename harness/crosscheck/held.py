@@ -64,13 +64,14 @@ class Difference:
     def statement(self) -> str:
         """What each group holds, and how far apart that is."""
         owner = f"of {'number ' if self.quantity in OF_SPRINGS else ''}{self.joint} " if self.joint else ""
-        groups = [f"{_written(value)} ({', '.join(names)})" for value, names in zip(self.values, self.subjects, strict=True)]
+        groups = [f"{written(value)} ({', '.join(names)})" for value, names in zip(self.values, self.subjects, strict=True)]
         size = f"{self.ulps:.3g} ulps" if math.isfinite(self.ulps) else "no common measure"
         after = f"; may follow from joint {self.follows}" if self.follows else ""
         return f"{self.quantity} {owner}is {', but '.join(groups)}: {size}{after}"
 
 
-def _written(value: Value) -> str:
+def written(value: Value) -> str:
+    """A quantity as text, with all its digits."""
     numbers = value if isinstance(value, list) else [value]
     return " ".join(number if isinstance(number, str) else repr(float(number)).removesuffix(".0") for number in numbers)
 

@@ -13,7 +13,7 @@ from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
 from harness.equations.states import States
-from harness.results.records import Record, Representative, half_decade
+from harness.results.records import Record, Representative, half_decade, quantile_ranks
 from harness.verdict import Verdict, gravest
 
 # A smaller sample says nothing of a median or a share.
@@ -116,6 +116,8 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         failed=bool(evidence.failure) and not (evidence.unsupported or evidence.refused),
         median_backward_error=float(np.median(sample)) if len(sample) else None,
         percentile_99_backward_error=float(np.percentile(sample, 99)) if len(sample) else None,
+        median_bounds=_bounds(sample, 0.5),
+        percentile_99_bounds=_bounds(sample, 0.99),
         unstable_share=verdicts[Verdict.UNSTABLE.value] / max(1, verdicts.total()),
         distribution=dict(evidence.distribution),
         verdict_counts=dict(counts),
@@ -129,6 +131,12 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         representative=None if shown is None else _representative(*shown, evidence, verdict),
         origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
     )
+
+
+def _bounds(sample: Array, share: float) -> list[float]:
+    """The bounds of a quantile of a sample, none where it is too small."""
+    ranks = quantile_ranks(len(sample), share)
+    return [] if ranks is None else [float(error) for error in np.partition(sample, ranks)[list(ranks)]]
 
 
 def _distance(evidence: Evidence) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import Expectation, load_expectations, why_no_model
+from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Asking, Pair, Pairs, System, answering
 from harness.crosscheck.settings import Settings, stored_states
 from harness.crosscheck.static_audit import load_expected_differences
@@ -18,7 +18,14 @@ from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
+from harness.library import Library
 from harness.workers import Outcome
+
+
+def orphans(library: Library) -> Iterator[InvalidModel]:
+    """A problem for each model file that no system stands behind."""
+    for path in library.orphaned_models():
+        yield InvalidModel(path, None, f"has no system; expected systems/{library.system_of(path.stem)}.py beside it")
 
 
 class Loading(Asking):
@@ -45,10 +52,8 @@ class Loading(Asking):
         if settings.state is not None and len(self.names) != 1:
             raise InvalidRequest("--state belongs to one system; name exactly one system")
         if not settings.names:
-            for path in settings.library.orphaned_models():
-                self.report(
-                    InvalidModel(path, None, f"has no system; expected systems/{settings.library.system_of(path.stem)}.py beside it")
-                )
+            for orphan in orphans(settings.library):
+                self.report(orphan)
         self._systems = {name: System(name, {str(one): Pair(subject=one) for one in self.subjects_of(name)}) for name in self.names}
         self.steps = sum(len(system.pairs) for system in self._systems.values())
         if not self.steps:
@@ -65,8 +70,7 @@ class Loading(Asking):
         for system in self._systems.values():
             self._load(system)
 
-    def _expectations(self) -> Mapping[tuple[str, str], Expectation]:
-        """What is expected by (label of a system, subject)."""
+    def _expectations(self) -> Expectations:
         return load_expectations(self.settings.library)
 
     def subjects_of(self, name: str) -> list[Subject]:
@@ -164,6 +168,8 @@ class Loading(Asking):
             pair.fail(model, refused=True)
         elif file.version is None:
             pair.fail(f"{file.requires[1]} is not installed", unsupported=True)
+        elif file.elsewhere and (reason := file.too_old(file.version, pair.subject.format)):
+            pair.fail(reason, unsupported=True)
         else:
             pair.assignment = Assignment(self.settings.library, pair.subject, mechanism, model)
 
@@ -171,7 +177,7 @@ class Loading(Asking):
         """The reason of the entry that excuses a missing model; a stand-in is a model."""
         if subject.format in self.settings.stand_ins:
             return ""
-        return why_no_model(self.settings.library, name, subject, self.expectations)
+        return self.expectations.why_no_model(self.settings.library, name, subject)
 
     @abstractmethod
     def _compare(self, system: System, states: States, pairs: Pairs) -> None:

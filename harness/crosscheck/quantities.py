@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 
 from harness.certify.quantities import Quantity, find_quantities
 from harness.certify.quantity import Certified, farthest_block, judge_answers
-from harness.crosscheck.expected import Expectation, load_expectations
+from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
 from harness.crosscheck.quantity_truth import truth_of
@@ -43,7 +43,7 @@ class QuantityCheck(CrossCheck):
         self.title, self._quantity = quantity.name, quantity
         super().__init__(replace(settings, replay_options=[*settings.replay_options, "--quantity", quantity.name]))
 
-    def _expectations(self) -> Mapping[tuple[str, str], Expectation]:
+    def _expectations(self) -> Expectations:
         return load_expectations(self.settings.library, self._quantity.name)
 
     def _searched_of(self, system: System) -> int:

@@ -14,6 +14,8 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 
+from msgspec import structs
+
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import describe_system
 from harness.crosscheck.expected import AGREES
@@ -24,7 +26,7 @@ from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.static_audit import find_differences, judge_differences
-from harness.engines import EQUATIONS, is_native
+from harness.engines import EQUATIONS, engine_files, is_native
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
@@ -95,8 +97,10 @@ class CrossCheck(Loading):
             self._search(system, pairs)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
+            # Other versions of it may feel less, and tell nothing of the file.
             is_sought = not self.settings.library.is_of_robots and self.settings.state is None and pair.subject.format != EQUATIONS
-            if is_sought and is_native(self.settings.library, pair.subject):
+            is_elsewhere = engine_files(self.settings.library)[pair.subject.engine].elsewhere
+            if is_sought and is_native(self.settings.library, pair.subject) and not is_elsewhere:
                 self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
 
     # Holding: what engines hold after loading, which their accelerations need not feel.
@@ -223,7 +227,10 @@ class CrossCheck(Loading):
 
     def _record(self, name: str, pair: Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.get((self.settings.library.label(name), str(pair.subject)), AGREES)
+        expectation = self.expectations.of(self.settings.library.label(name), pair.subject)
+        if expectation is AGREES and pair.unsupported and engine_files(self.settings.library)[pair.subject.engine].elsewhere:
+            # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
+            expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
         record = judge(name, str(pair.subject), pair, expectation)
         few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
         if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:

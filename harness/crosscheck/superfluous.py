@@ -22,7 +22,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.sampling import random_sample
 from harness.crosscheck.gaps import gaps_of
-from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine
+from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
 from harness.engines._audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -98,10 +98,10 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
 
 
 def _other_readers(library: Library, subject: Subject) -> list[Engine]:
-    """The other engines that read the subject's format and are installed."""
+    """The other engines that read the subject's format and are installed beside the harness."""
     names = [name for name in engine_paths(library) if name != subject.engine]
     engines = [engine for name in names if subject.format in (engine := load_engine(library, name)).formats]
-    return [engine for engine in engines if installed_version(engine) is not None]
+    return [engine for engine in engines if not runs_elsewhere(engine) and installed_version(engine) is not None]
 
 
 def _felt(loaded: Model, states: States) -> Array:

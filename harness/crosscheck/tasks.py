@@ -29,12 +29,14 @@ from harness.engines import (
     linear_velocity_in_body,
     load_engine,
     load_model,
+    runs_elsewhere,
     unit_roundoff,
 )
 from harness.engines._audit import audit, require_constraints
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.cross_check import SuperfluousPart
@@ -178,13 +180,20 @@ def load_audited(assignment: Assignment) -> Model:
 
     Raises:
         InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
+        ValueError: so does an engine of an environment.
         harness.engines.Unsupported: the engine cannot express it.
     """
     library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
 
     def load() -> Model:
-        loaded = load_model(library, subject, mechanism, model)
-        audit(loaded.loaded(), model, mechanism)
+        try:
+            loaded = load_model(library, subject, mechanism, model)
+            audit(loaded.loaded(), model, mechanism)
+        except InvalidModel as error:
+            if not runs_elsewhere(load_engine(library, subject.engine)):
+                raise
+            # What an engine of an environment makes of a file is no fault of the file, which those beside the harness read.
+            raise ValueError(str(error)) from error
         return loaded
 
     return _MODELS.get((library, subject, mechanism.key, model and model.text), load)

@@ -27,6 +27,7 @@ from harness.engines._files import engine_files as engine_files
 from harness.engines._files import engine_paths as engine_paths
 from harness.engines._files import installed_version as installed_version
 from harness.engines._files import load_engine as load_engine
+from harness.engines._files import runs_elsewhere as runs_elsewhere
 from harness.engines._held import HeldBody as HeldBody
 from harness.engines._held import HeldJoint as HeldJoint
 from harness.engines._held import HeldModel as HeldModel
@@ -61,6 +62,8 @@ class InvalidAnswer(Exception):
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
+    One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
+
     An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
     arguments and columns as in ``forward_dynamics``; and
@@ -93,6 +96,8 @@ class Engine(Protocol):
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
     One that computes in float32 says so by ``unit_roundoff = 2.0**-24``: it is asked at states rounded to float32, and judged in data
     roundoffs of float32.
+    One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
+    beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
     names of the constraints.
     """
@@ -118,6 +123,11 @@ class Subject:
 
     def __str__(self) -> str:
         return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
+
+    @property
+    def without_version(self) -> Subject:
+        """The same of an engine whatever its version."""
+        return Subject(split_name(self.engine)[0], self.format)
 
 
 def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: ModelFile | None) -> Model:
@@ -204,6 +214,11 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
 def subjects(library: Library) -> list[Subject]:
     """Every subject of every engine, sorted by name; not those of versions, which are asked for by name."""
     return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
+
+
+def subjects_of(library: Library, engine: str) -> list[Subject]:
+    """The subjects of one engine, or of one version of it."""
+    return [subject for subject in _all_subjects(library) if subject.engine == engine]
 
 
 def _all_subjects(library: Library) -> list[Subject]:

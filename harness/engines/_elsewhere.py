@@ -23,19 +23,12 @@ class EngineElsewhere:
         self._engine, self._path, self._module = engine, path, module
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
-        """See ``harness.engines.Engine``.
-
-        Raises:
-            Exception: what the engine file raises.
-            TypeError: ``source`` is no model file; only model files are sent to other interpreters.
-        """
+        """See ``harness.engines.Engine``; raises what the engine file raises."""
         # Imported late: the interpreter imports this module, and asks no other.
-        from harness.engines import require_model
-        from harness.environments.interpreter import interpreter_of
+        from harness.engines._interpreter import interpreter_of
 
-        file = require_model(source, self.environment.name)
         interpreter = interpreter_of(self.environment.name)
-        return interpreter.load(self._path, self._module, self.environment.engine, (file, joints, gravity))
+        return interpreter.load(self._path, self._module, self.environment.engine, (source, joints, gravity))
 
     def __getattr__(self, name: str) -> Any:
         # Copies and pickles ask before ``__init__`` has run.

@@ -6,8 +6,8 @@ import ast
 import contextlib
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,20 +28,41 @@ LOADING_SECONDS = 600.0
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EngineFile:
-    """An engine file as plain data.
+    """An engine as plain data: what its file says, and where its program is.
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
+        oldest, companions: as of ``Engine``.
+        elsewhere: whether it is run in an environment of its own.
         outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
     """
 
     requires: tuple[str, str]
     formats: tuple[str, ...]
-    version: str | None
+    version: str | None = None
+    oldest: Mapping[str, str] = field(default_factory=dict)
+    companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    elsewhere: bool = False
     outcome: Outcome
+
+    def too_old(self, version: str, model_format: str = "") -> str:
+        """Why a version of the program cannot be asked about a format, or about any; "" where it can, as the newest, "", can."""
+        from packaging.version import Version
+
+        known = [Version(oldest) for name, oldest in self.oldest.items() if model_format in ("", name)]
+        if not version or not known or Version(version) >= min(known):
+            return ""
+        return f"{self.requires[1]} {version} is older than {min(known)}, the oldest whose {model_format or 'readers'} the harness knows"
+
+    def requirements(self, version: str) -> list[str]:
+        """What a version of the program needs beside what it requires itself; "" is the newest, which needs nothing."""
+        # Imported late: an environment's interpreter imports this module and has no such package.
+        from packaging.specifiers import SpecifierSet
+
+        return [one for versions, those in self.companions.items() if version and version in SpecifierSet(versions) for one in those]
 
 
 def engine_paths(library: Library) -> dict[str, Path]:
@@ -65,13 +86,13 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
             outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
     files = {}
     for name, path in paths.items():
-        requires, formats, version = outcomes[name].value or (("", ""), _spelt_formats(path), None)
-        files[name] = EngineFile(requires, formats, version, outcomes[name])
+        described = outcomes[name].value or {"requires": ("", ""), "formats": _spelt_formats(path)}
+        files[name] = EngineFile(**described, outcome=outcomes[name])
     for environment in find_environments():
         # The newest comes last.
-        if (file := files.get(environment.engine)) is not None and file.outcome.value is not None:
-            files[environment.name] = replace(file, version=environment.version)
-            if file.outcome.value[2] is None:
+        if (file := files.get(environment.engine)) is not None and file.requires[1] == environment.distribution:
+            files[environment.name] = replace(file, version=environment.version, elsewhere=True)
+            if file.version is None or file.elsewhere:
                 files[environment.engine] = files[environment.name]
     _DESCRIBED[library.engines] = dict(sorted(files.items()))
     return _DESCRIBED[library.engines]
@@ -95,10 +116,16 @@ def _module_name(path: Path) -> str:
     return ".".join([_PACKAGE.name, *path.relative_to(_PACKAGE).with_suffix("").parts])
 
 
-def _describe(library: Library, name: str, note: object = None) -> tuple[tuple[str, str], tuple[str, ...], str | None]:
-    """The first three attributes of an ``EngineFile``, as a task for ``harness.workers``; raises as ``load_engine``."""
+def _describe(library: Library, name: str, note: object = None) -> dict[str, Any]:
+    """What an ``EngineFile`` says of a file itself, as a task for ``harness.workers``; raises as ``load_engine``."""
     engine = _load_file(library, name)
-    return (engine.requires[0], engine.requires[1]), tuple(dict.fromkeys(engine.formats)), installed_version(engine)
+    return {
+        "requires": (engine.requires[0], engine.requires[1]),
+        "formats": tuple(dict.fromkeys(engine.formats)),
+        "version": installed_version(engine),
+        "oldest": dict(getattr(engine, "oldest", {})),
+        "companions": {versions: tuple(those) for versions, those in getattr(engine, "companions", {}).items()},
+    }
 
 
 def _spelt_formats(path: Path) -> tuple[str, ...]:
@@ -153,6 +180,11 @@ def _problem_of(engine: Any) -> str:
     if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
         return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
     return "" if callable(getattr(engine, "load", None)) else "ENGINE has no method load"
+
+
+def runs_elsewhere(engine: Engine) -> bool:
+    """True where the engine's models are loaded by the interpreter of an environment."""
+    return isinstance(engine, EngineElsewhere)
 
 
 def installed_version(engine: Engine) -> str | None:

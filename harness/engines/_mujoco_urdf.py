@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from harness.arrays import Array
 from harness.engines import Unsupported
+from harness.engines._mujoco_versions import coefficients
 from harness.models.constraints import PointConstraint
 from harness.models.formats import LEAST
 from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
@@ -115,7 +117,8 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     written_back: dict[str, list[str]] = {}
     for body in spec.bodies:
         if body.explicitinertial and body.name != "world":
-            compiled, own = _accepted_inertia(body, moves=bool(body.joints) or body.name == root_of_ball)
+            orientation = _orientation(document, body.name)
+            compiled, own = _accepted_inertia(body, orientation, moves=bool(body.joints) or body.name == root_of_ball)
             edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
             written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
     fixed_to = {joint.find("parent").get("link") for joint in document.root.iterfind("joint[@type='fixed']")}
@@ -126,7 +129,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
         edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))
     for number, element in enumerate(file.force_elements):
         if isinstance(element, JointSpring):
-            spring = {"stiffness": [element.stiffness, 0.0, 0.0], "springref": element.reference}
+            spring = {"stiffness": coefficients(element.stiffness), "springref": element.reference}
             edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
             edits += _tendon(element, f"spring {number}")
@@ -144,8 +147,8 @@ def _tendon(spring: PointSpring, name: str) -> Iterator[str]:
         yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point)})
     values = {
         "name": name,
-        "stiffness": [spring.stiffness, 0.0, 0.0],
-        "damping": [spring.damping, 0.0, 0.0],
+        "stiffness": coefficients(spring.stiffness),
+        "damping": coefficients(spring.damping),
         "springlength": [spring.free_length] * 2,
     }
     yield f"t = {_add('s', 'tendon', values)}"
@@ -168,7 +171,18 @@ def _connect(constraint: PointConstraint) -> Iterator[str]:
     yield _add("s", "equality", values)
 
 
-def _accepted_inertia(body: Any, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:
+def _orientation(document: Document, link: str) -> Array:
+    """Quaternion of a link's inertial frame in the link's, as the file has it; older readers leave that of the principal axes."""
+    import mujoco
+
+    quaternion = np.empty(4)
+    origins = (origin for one in document.root.iterfind("link") if one.get("name") == link for origin in one.iterfind("inertial/origin"))
+    turns = [float(word) for origin in origins for word in origin.get("rpy", "0 0 0").split()] or [0.0] * 3
+    mujoco.mju_euler2Quat(quaternion, np.array(turns), "XYZ")
+    return quaternion
+
+
+def _accepted_inertia(body: Any, file_orientation: Array, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:
     """What a body is compiled with whose matrix MuJoCo refuses, and what the file gives a moving one that has too little.
 
     The former are attributes in the spec, with principal inertias; the latter, numbers of the compiled body to be written back.
@@ -188,9 +202,9 @@ def _accepted_inertia(body: Any, moves: bool) -> tuple[dict[str, Any], dict[str,
     compiled = [max(moment, LEAST, rounding) if moves else moment for moment in own]
     turn, quaternion = np.empty(4), np.empty(4)
     mujoco.mju_mat2Quat(turn, (axes * np.sign(np.linalg.det(axes))).ravel())
-    mujoco.mju_mulQuat(quaternion, body.iquat, turn)
-    orientation = {"iquat": quaternion.tolist()} if rounding else {}
+    mujoco.mju_mulQuat(quaternion, file_orientation, turn)
+    written = {"iquat": quaternion.tolist()} if (quaternion != body.iquat).any() else {}
     least_mass = {"mass": LEAST} if moves and mass < LEAST else {}
     written_back = {"mass[0]": mass} if least_mass else {}
     written_back |= {f"inertia[{axis}]": moment for axis, moment in enumerate(own) if moment != compiled[axis]}
-    return {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **orientation}, written_back
+    return {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **written}, written_back

@@ -8,8 +8,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
+from harness.engines import Unsupported
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.xml import parse_document
+
+# The first version, as ``mj_version`` counts, that knows all that the harness lets stand in a model.
+_KNOWS_ALL = 400
+# Stages that were switched off together, as "passive", before each had a flag, and the attribute of what they compute.
+_FLAGS = {"spring": "stiffness", "damper": "damping"}
 
 
 def batch(model: Any, count: int) -> Any:
@@ -21,6 +30,45 @@ def batch(model: Any, count: int) -> Any:
     except ModuleNotFoundError:
         return _Loop(model, count)
     return mujoco.batch.Batch(model, nsim=count, nthread=1)
+
+
+def coefficients(linear: float) -> Any:
+    """A stiffness or damping as ``MjSpec`` takes it: the coefficients of a polynomial, and a number before it had these."""
+    import mujoco
+
+    takes_number = isinstance(mujoco.MjSpec().worldbody.add_body().add_joint().stiffness, float)
+    return linear if takes_number else [linear, 0.0, 0.0]
+
+
+def read_mjcf(file: ModelFile) -> Any:
+    """The ``MjModel`` of an MJCF. Versions that have no flags for springs and dampers read it without, where it has none to switch off.
+
+    Raises:
+        Unsupported: the file has an element or attribute that this version does not know, and newer ones do.
+        ValueError: MuJoCo refuses it.
+    """
+    import mujoco
+
+    try:
+        return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
+    except ValueError as error:
+        if mujoco.mj_version() < _KNOWS_ALL and "unrecognized" in str(error):
+            raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} reads no such file: {' '.join(str(error).split())}") from error
+        raise
+
+
+def _without_unknown_flags(file: ModelFile) -> str:
+    import mujoco
+
+    unknown = {flag: what for flag, what in _FLAGS.items() if not hasattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}")}
+    if not unknown:
+        return file.text
+    root = parse_document(file.path, file.text, ROOT_TAGS["mjcf"]).root
+    for flag, what in unknown.items():
+        if not any(what in element.attrib for element in root.iter("*")):
+            for element in root.iterfind("option/flag"):
+                element.attrib.pop(flag, None)
+    return str(etree.tostring(root, encoding="unicode"))
 
 
 def fill_mass_matrix(model: Any, data: Any, mass: Array) -> None:

@@ -27,6 +27,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Unsupported
+from harness.engines._pinocchio_versions import parent_joint, ready_for_constraints, require
 from harness.models.constraints import End, FrameConstraint, ModelConstraint, PointConstraint
 from harness.models.mjcf_forces import WORLD
 
@@ -78,6 +79,7 @@ class LoopConstraints:
     def __init__(self, model: Any, constraints: Sequence[ModelConstraint]) -> None:
         import pinocchio
 
+        require("constraints", "StdVec_RigidConstraintModel")
         self._model, self._names = model, [constraint.name for constraint in constraints]
         self.models, self.data = pinocchio.StdVec_RigidConstraintModel(), pinocchio.StdVec_RigidConstraintData()
         kinds = {"point": pinocchio.ContactType.CONTACT_3D, "frame": pinocchio.ContactType.CONTACT_6D}
@@ -104,7 +106,7 @@ class LoopConstraints:
         import pinocchio
 
         memory = self._model.createData()
-        pinocchio.initConstraintDynamics(self._model, memory, self.models, self.data)
+        ready_for_constraints(self._model, memory, self.models, self.data)
         if self.solver.algorithm == "lcaba":
             pinocchio.computeJointMinimalOrdering(self._model, memory, self.models)
         return memory
@@ -214,4 +216,4 @@ class LoopConstraints:
         if end.body == WORLD and not self._model.existFrame(WORLD, pinocchio.FrameType.BODY):
             return _UNIVERSE, local
         frame = self._model.frames[self._model.getFrameId(end.body, pinocchio.FrameType.BODY)]
-        return int(frame.parentJoint), frame.placement * local
+        return parent_joint(frame), frame.placement * local

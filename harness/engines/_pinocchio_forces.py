@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines._pinocchio_versions import parent_joint
 from harness.models.mjcf_forces import WORLD
 from harness.models.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 
@@ -147,7 +148,7 @@ class ForceElements:
 
         if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
             return 0
-        return int(self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)].parentJoint)
+        return parent_joint(self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)])
 
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) and translational Jacobian (3, nv) of a point fixed in ``body``."""
@@ -156,11 +157,12 @@ class ForceElements:
         if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
             return local, np.zeros((3, self._model.nv))
         frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
-        placement = self._data.oMi[frame.parentJoint] * frame.placement
+        joint = parent_joint(frame)
+        placement = self._data.oMi[joint] * frame.placement
         position = placement.act(local)
-        if frame.parentJoint == 0:
+        if joint == 0:
             return position, np.zeros((3, self._model.nv))
         # A single column comes back with one axis.
-        jacobian = pinocchio.getJointJacobian(self._model, self._data, frame.parentJoint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
-        arm = position - self._data.oMi[frame.parentJoint].translation
+        jacobian = pinocchio.getJointJacobian(self._model, self._data, joint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
+        arm = position - self._data.oMi[joint].translation
         return position, jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:]

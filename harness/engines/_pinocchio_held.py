@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
 from harness.engines._pinocchio_forces import ForceElements
+from harness.engines._pinocchio_versions import armature, parent_joint
 from harness.models.model_file import JointDamper, JointSpring
 
 _KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
@@ -33,7 +34,7 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
     if steps:
         configuration = pinocchio.integrate(model, configuration, velocity)
     pinocchio.forwardKinematics(model, data, configuration)
-    body_names = {frame.parentJoint: frame.name for frame in reversed(model.frames) if frame.type == pinocchio.FrameType.BODY}
+    body_names = {parent_joint(frame): frame.name for frame in reversed(model.frames) if frame.type == pinocchio.FrameType.BODY}
     names = {place.idx_v: name for name, place in places.items()}
     joints: dict[str, HeldJoint] = {}
     bodies: dict[str, HeldBody] = {}
@@ -59,7 +60,7 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
                 anchor=frame.translation.copy(),
                 moved=after.translation.copy(),
                 axis=np.zeros(3) if turning else angular if kind == "hinge" else linear,
-                armature=float(model.armature[part.idx_v]),
+                armature=float(armature(model)[part.idx_v]),
                 damping=sum(element.damping for element in elements if isinstance(element, JointDamper) and element.joint == name),
                 stiffness=sum(element.stiffness for element in springs),
                 spring_reference=springs[-1].reference if springs else 0.0,

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Unsupported
+from harness.engines._pinocchio_versions import read_mimics
 from harness.engines._standard_error import captured_standard_error
 from harness.models.model_file import ModelFile
 
@@ -29,12 +30,13 @@ class MimicJoints:
     """
 
     def __init__(self, tree: Any, file: ModelFile, root: Sequence[Any]) -> None:
-        import pinocchio
 
         self._tree, self._tree_data = tree, tree.createData()
         with captured_standard_error() as captured:
             try:
-                self.model = model = pinocchio.buildModelFromXML(file.text, *root, mimic=True)
+                self.model = model = read_mimics(file.text, *root)
+            except Unsupported:
+                raise
             except Exception as error:
                 # It takes joints by name, children and all, and wants a leader to come first.
                 raise Unsupported(f"Pinocchio's reader of joints that mimic: {' '.join((captured() or str(error)).split())}") from error

@@ -185,7 +185,7 @@ class MujocoEngine:
         if file.format == "urdf":
             compiled, building = _mujoco_urdf.read(file, gravity, joints)
             return MujocoModel(compiled, joints, building)
-        model = mujoco.MjModel.from_xml_string(file.text)
+        model = _mujoco_versions.read_mjcf(file)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         return MujocoModel(model, joints)
 

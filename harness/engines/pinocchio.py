@@ -29,6 +29,7 @@ from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocch
 from harness.engines._pinocchio_constraints import LoopConstraints, Solver
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_mimics import MimicJoints
+from harness.engines._pinocchio_versions import armature, read_urdf, set_armature
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
@@ -196,11 +197,12 @@ class PinocchioModel:
         expected = np.zeros(self.model.nv)
         expected[self.addresses[1]] = certified
         inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
-        armature = f"; m.armature[:] = {self.model.armature.tolist()}" if self.model.armature.any() else ""
+        inertias = armature(self.model)
+        added_inertia = f"; m.armature[:] = {inertias.tolist()}" if inertias.any() else ""
         made, call = ("", "pin.aba(m, m.createData(), q, v, tau)") if self.constraints is None else self.constraints.reproducer(source)
         remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
         return (
-            f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){armature}\n"
+            f"{self.reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){added_inertia}\n"
             f"q, v, tau = map(np.array, ({inputs})){remark}\n"
             f"{made}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
@@ -209,6 +211,9 @@ class PinocchioModel:
 class PinocchioEngine:
     requires = ("pinocchio", "pin")
     formats = ("urdf", "mjcf")
+    oldest: Mapping[str, str] = {"urdf": "2.7.0", "mjcf": "3.3.1"}
+    # Wheels of that time take whatever versions of these there are.
+    companions: Mapping[str, Sequence[str]] = {">=3,<3.5": ("cmeel-urdfdom<5", "cmeel-tinyxml2<11", "numpy<2.4")}
     linear_velocity_in_body = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PinocchioModel:
@@ -225,12 +230,12 @@ class PinocchioEngine:
             try:
                 # Pinocchio passes over Drake's ball joint, and hangs the root link by whatever joint it is given.
                 root = () if file.ball_joint is None else (pinocchio.JointModelSpherical(), file.ball_joint)
-                model = pinocchio.buildModelFromXML(file.text, *root)
+                model = read_urdf(file.text, *root)
             except Exception as error:
                 raise ValueError(captured() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
-        for armature in file.armatures:
-            model.armature[model.joints[model.getJointId(armature.joint)].idx_v] = armature.reflected_inertia
+        velocities = [model.joints[model.getJointId(one.joint)].idx_v for one in file.armatures]
+        set_armature(model, velocities, [one.reflected_inertia for one in file.armatures])
         return PinocchioModel(model, joints, file, mimics=MimicJoints(model, file, root) if file.mimics else None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import json
 import os
 import re
@@ -67,14 +68,36 @@ def available_versions(distribution: str) -> list[str]:
     return sorted(found[1].split(", "), key=Version)
 
 
+def versions_between(distribution: str, first: str, last: str) -> list[str]:
+    """The released versions from ``first`` to ``last``, from the oldest to the newest.
+
+    Raises:
+        InvalidRequest: the indexes offer one of the two not, or they are the wrong way round.
+    """
+    from packaging.version import Version
+
+    offered = [one for one in available_versions(distribution) if not Version(one).is_prerelease or one in (first, last)]
+    if missing := [end for end in (first, last) if end not in offered]:
+        raise InvalidRequest(f"no package index offers {distribution} {missing[0]}; they offer {', '.join(offered)}")
+    between = offered[offered.index(first) : offered.index(last) + 1]
+    if len(between) < 2:
+        raise InvalidRequest(f"{distribution} {first} is not older than {last}; expected the older version first")
+    return between
+
+
 def _fill(folder: Path, requirements: Sequence[str]) -> None:
     """Make a virtual environment in ``folder`` and install ``requirements`` in it."""
     if (uv := shutil.which("uv")) is not None:
         _output([uv, "venv", "--quiet", "--allow-existing", "--python", sys.executable, str(folder)])
         _output([uv, "pip", "install", "--quiet", "--python", str(interpreter_in(folder)), *_sources(), *requirements])
+        return
+    pip = ["install", "--quiet", "--disable-pip-version-check", *requirements]
+    if importlib.util.find_spec("pip") is not None:
+        _output([sys.executable, "-m", "venv", "--without-pip", str(folder)])
+        _output([sys.executable, "-m", "pip", "--python", str(interpreter_in(folder)), *pip])
     else:
         _output([sys.executable, "-m", "venv", str(folder)])
-        _output([str(interpreter_in(folder)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *requirements])
+        _output([str(interpreter_in(folder)), "-m", "pip", *pip])
 
 
 def _sources() -> list[str]:

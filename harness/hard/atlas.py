@@ -29,7 +29,7 @@ class AtlasStudy(Rounds):
 
     ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
     native one is asked whose engine is installed, as the cases try engines, not readers. ``motion`` measures partings and stable
-    steps too.
+    steps too; without ``families`` nothing else.
 
     Raises:
         InvalidInput: an engine or the file of expected verdicts cannot be used.
@@ -38,14 +38,17 @@ class AtlasStudy(Rounds):
 
     title = "atlas"
 
-    def __init__(self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False) -> None:
+    def __init__(
+        self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False, families: bool = True
+    ) -> None:
         super().__init__()
         self._measured = Atlas()
         self._expected = load_hard_expectations(PATH, list(hard_cases()), [str(one) for one in select_subjects(library, ())])
         for name in cases:
             if name not in hard_cases():
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
-        asked, names = _installed(library, subjects), list(dict.fromkeys(cases)) or list(hard_cases())
+        asked = _installed(library, subjects) if families else []
+        names = list(dict.fromkeys(cases)) or list(hard_cases())
         for subject in [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]:
             asked.remove(subject)
             self._next.append(Task((self._refused, subject), _say, (self.failure(engine_files(library)[subject.engine].outcome),)))

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck import tasks
-from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
@@ -148,7 +148,7 @@ class Search(Rounds):
                 formats = " and ".join(library.formats_of(self.name))
                 raise InvalidRequest(f"{subject} cannot be searched on {self.name}: it has a model in {formats} alone")
         for subject in asked:
-            reason = why_no_model(library, self.name, subject, self._expectations)
+            reason = self._expectations.why_no_model(library, self.name, subject)
             file = engine_files(library)[subject.engine]
             if failure := self.failure(file.outcome):
                 self._result.failures[str(subject)] = failure
@@ -224,7 +224,7 @@ class Search(Rounds):
         settings, result = self.settings, self._result
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
-            expectation = self._expectations.get((settings.library.label(self.name), one.subject), AGREES)
+            expectation = self._expectations.of(settings.library.label(self.name), one.subject)
             replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit

@@ -34,7 +34,12 @@ class BenchmarkSummary:
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
         self.integrators = sorted({one.integrator for part in (benchmark.motion, benchmark.orders, benchmark.drifts) for one in part})
         self.problems = benchmark.problems
-        self.unexpected = list(_unexpected(benchmark))
+        self.unexpected = self.unexpected_of(benchmark)
+
+    @staticmethod
+    def unexpected_of(benchmark: Benchmark) -> list[str]:
+        """The attribute ``unexpected`` of a benchmark."""
+        return list(_unexpected(benchmark))
 
     def accelerations(self, system: str) -> list[AccelerationCost]:
         """The methods on ``system``, cheapest first, those without a time last."""

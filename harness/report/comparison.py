@@ -115,6 +115,13 @@ def survey_sections(
         yield Section(names[file.path], parts, anchors[file.path])
 
 
+def survey_page(run: Run, places: Sequence[str], found: Comparison, earlier: Sequence[tuple[Run, Comparison]]) -> dict[str, str]:
+    """File name to text of the page of a survey; ``earlier`` are those of the same places, newest first."""
+    trend = [one for _, one in earlier[: MOST_SURVEYS - 1]][::-1]
+    sections = survey_sections(found, next(iter(earlier), None), trend)
+    return {"robots.html": render(run, f"Robots of {', '.join(places)}", sections)}
+
+
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:
     """One offline page."""
     from harness.report.html import environment

@@ -94,7 +94,8 @@ class HardSummary:
         self.subjects = sorted({row.subject for row in atlas.rows})
         rows = sorted(atlas.rows, key=attrgetter("case", "subject"))
         self.families = [Family(name, {row.subject: row for row in own}) for name, own in groupby(rows, key=attrgetter("case"))]
-        self.unexpected, self.problems = atlas.unexpected, atlas.problems
+        # An engine that cannot be loaded is one problem, however many parts of the atlas it was asked for in.
+        self.unexpected, self.problems = atlas.unexpected, list(dict.fromkeys(atlas.problems))
 
     @property
     def is_good(self) -> bool:

@@ -53,6 +53,14 @@ class AccelerationCost:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Yardstick:
+    """The reference computation, timed beside the methods on one system: its fastest call [s], by which costs of two runs compare."""
+
+    system: str
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class EngineFinding:
     """What an engine gets wrong in one way of being asked.
 
@@ -278,3 +286,4 @@ class Benchmark(StudyResult):
     figures: list[Figure] = field(default_factory=list)
     cheapest: list[Cheapest] = field(default_factory=list, metadata={"derived": True})
     problems: list[str] = field(default_factory=list)
+    yardsticks: list[Yardstick] = field(default_factory=list)

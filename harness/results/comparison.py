@@ -287,6 +287,11 @@ class Comparison(StudyResult):
         return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs, "equalities": self.equalities}
 
 
+def survey_profile(places: Sequence[str], floating_base: bool = False) -> str:
+    """The profile of a survey's run, by which the history tells surveys of the same places."""
+    return " ".join(["survey", *places, *(["with floating bases"] if floating_base else [])])
+
+
 def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:
     """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
     found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}

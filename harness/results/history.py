@@ -85,14 +85,19 @@ class History(AbstractContextManager["History"]):
         Raises:
             ValueError: there is no such study.
         """
-        rows = [(study, part, dumps(item)) for part, item in found.stored_parts()]
+        self.append_together((study, found))
+
+    def append_together(self, *found: tuple[int, StudyResult]) -> None:
+        """Store results of several studies, each with the number of its study, in one transaction; raises as ``append``."""
+        rows = [(study, part, dumps(item)) for study, result in found for part, item in result.stored_parts()]
+        numbers = ", ".join(str(study) for study, _ in found)
         with self._explained():
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
                 self._connection.executemany("INSERT INTO parts (study_id, part, content) VALUES (?, ?, ?)", rows)
                 self._connection.execute("COMMIT")
             except sqlite3.IntegrityError as error:
-                raise ValueError(f"there is no study {study} in {self.path.name}") from error
+                raise ValueError(f"there is no study {numbers} in {self.path.name}") from error
             finally:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from harness.crosscheck.expected import load_expectations, why_no_model
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import SOUND, differences, held_by, soundness
 from harness.crosscheck.tasks import Assignment, derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
@@ -111,7 +111,7 @@ class Exhibition(Rounds):
         except InvalidInput as problem:
             self.report(problem)
             return {}
-        reasons = {subject: why_no_model(self._library, self._name, subject, expectations) for subject in subjects(self._library)}
+        reasons = {subject: expectations.why_no_model(self._library, self._name, subject) for subject in subjects(self._library)}
         return {subject: reason for subject, reason in reasons.items() if reason}
 
     def _derived(self, outcome: Outcome) -> None:

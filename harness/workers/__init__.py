@@ -61,6 +61,11 @@ class Workers:
         if self._pool is not None:
             self._pool.close()
 
+    @property
+    def seats(self) -> int:
+        """How many tasks can run at once by now; 1 outside of the context."""
+        return 1 if self._pool is None else self._pool.seats
+
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes in the order in which the tasks end; every task has exactly one.
 

@@ -64,6 +64,11 @@ class Cluster:
         with self._open:
             self._client.run(_end_session, self._session, on_error="ignore")
 
+    @property
+    def seats(self) -> int:
+        """How many tasks can run at once by now."""
+        return len(self._seats())
+
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end; tasks that no worker comes for are reported as crashed."""
         from distributed import wait

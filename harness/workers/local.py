@@ -44,6 +44,11 @@ class LocalPool:
         self._processes: list[_Process] = []
         self._owners: dict[Hashable, _Process] = {}
 
+    @property
+    def seats(self) -> int:
+        """How many tasks can run at once."""
+        return self._count
+
     def close(self) -> None:
         """Kill the processes; nothing runs afterwards."""
         self._count = 0

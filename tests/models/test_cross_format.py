@@ -892,4 +892,4 @@ def test_the_catalogues_two_bodies_in_the_world_are_refused_and_expected_to_be()
     with pytest.raises(Unsupported, match='line 23: <body name="mass_2"> is a further body'):
         load_audited(Assignment(LIBRARY, subject, load_mechanism(LIBRARY, "coupled_oscillators"), model))
     expected = load_expectations(LIBRARY)
-    assert expected["coupled_oscillators", "pinocchio/mjcf"].verdict == "unsupported"
+    assert expected.of("coupled_oscillators", "pinocchio/mjcf").verdict == "unsupported"

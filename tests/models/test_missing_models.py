@@ -18,7 +18,7 @@ from support import cross_checked, harness, pytest_in_this_process
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.expected import AGREES, load_expectations, why_no_model
+from harness.crosscheck.expected import AGREES, Expectations, load_expectations
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject, subjects
 from harness.equations.derivation import load_mechanism
@@ -159,9 +159,9 @@ def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, frag
 def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert BUILT_IN.has_model("chain_3", "mjcf") and not BUILT_IN.model_path("chain_3", "mjcf").exists()
     assert not BUILT_IN.has_model("rolling_disc", "mjcf")
-    unsupported = {("chain_3", "mujoco/mjcf"): replace(AGREES, verdict="unsupported", reason="none", link="none")}
-    assert why_no_model(BUILT_IN, "chain_3", Subject("mujoco", "mjcf"), unsupported) == ""
-    assert why_no_model(BUILT_IN, "rolling_disc", Subject("lagrange", "equations"), {}) == ""
+    unsupported = Expectations({("chain_3", "mujoco/mjcf"): replace(AGREES, verdict="unsupported", reason="none", link="none")})
+    assert unsupported.why_no_model(BUILT_IN, "chain_3", Subject("mujoco", "mjcf")) == ""
+    assert Expectations().why_no_model(BUILT_IN, "rolling_disc", Subject("lagrange", "equations")) == ""
 
 
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
@@ -223,7 +223,7 @@ def test_what_lacks_a_model_here_has_a_reason() -> None:
     for name in BUILT_IN.system_names():
         for subject in subjects(BUILT_IN):
             if subject.format != "equations" and not BUILT_IN.has_model(name, subject.format):
-                assert why_no_model(BUILT_IN, name, subject, expectations)
+                assert expectations.why_no_model(BUILT_IN, name, subject)
 
 
 def test_no_equality_of_mujoco_ties_rates() -> None:

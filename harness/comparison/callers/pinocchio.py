@@ -16,6 +16,7 @@ from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Refused, Request, projected
+from harness.engines._pinocchio_versions import set_armature
 from harness.engines._standard_error import captured_standard_error
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
@@ -82,7 +83,7 @@ class LoadedRobot:
         self.joints = self.found if request.aid is None or self.couplings is None else request.aid.leaders
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
-            model.armature[self.own] = request.aid.armature[self.known]
+            set_armature(model, self.own, request.aid.armature[self.known])
 
     @property
     def is_supplied_with_forces(self) -> bool:

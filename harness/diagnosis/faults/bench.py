@@ -14,7 +14,7 @@ from typing import Any
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
-from harness.crosscheck.expected import AGREES, load_expectations
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
@@ -141,7 +141,7 @@ class FaultBench:
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
         reference = self._reference(subject, source if isinstance(source, ModelFile) else None)
-        expected = self._expected.get((self._name, str(subject)), AGREES)
+        expected = self._expected.of(self._name, subject)
         comparison = compare(reference, answers, factorises_mass_matrix(engine))
         require_sound(path, self._name, subject, comparison, expected)
         if watched:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from harness.crosscheck.expected import AGREES, load_expectations
+from harness.crosscheck.expected import load_expectations
 from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
 from harness.diagnosis.faults.summary import Fault, SmallestChange, broken_bars
 from harness.engines import EQUATIONS, Subject, engine_files, select_subjects
@@ -56,13 +56,14 @@ class FaultStudy(Rounds):
 
 
 class CampaignStudy(FaultStudy):
-    """Every kind of fault in the models of ``names``: what is caught, what is named."""
+    """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named."""
 
     order = ("system", "format", "kind")
 
-    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings) -> None:
+    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings, formats: Sequence[str] = ()) -> None:
         models, left_out = select_models(library, names)
-        super().__init__(models, left_out, run_campaign, library, settings)
+        chosen = [model for model in models if model[1] in formats or not formats]
+        super().__init__(chosen, left_out, run_campaign, library, settings)
 
     def broken(self) -> list[str]:
         """A sentence for each bar that does not hold."""
@@ -99,7 +100,7 @@ def select_pairs(
     smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
     systems = library.select(names) if names else smallest
     pairs = [(name, subject) for name in systems for subject in subjects if subject.format != EQUATIONS]
-    expected = {pair: known.get((pair[0], str(pair[1])), AGREES) for pair in pairs}
+    expected = {pair: known.of(*pair) for pair in pairs}
     reasons = {pair: one.reason for pair, one in expected.items() if one.verdict == Verdict.UNSUPPORTED}
     return [pair for pair in pairs if pair not in reasons], reasons
 

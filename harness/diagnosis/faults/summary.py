@@ -6,11 +6,12 @@ import itertools
 import operator
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Any, ClassVar
 
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
 from harness.models.text import Place
+from harness.results.study_result import StudyResult
 
 # Share of the faults that a diagnosis names first, or in its class.
 MUST_BE_NAMED = 0.95
@@ -83,6 +84,16 @@ class Fault:
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
+
+
+@dataclass(kw_only=True)
+class Campaign(StudyResult):
+    """What a campaign found; ``deaths`` has a sentence for each model whose process died."""
+
+    STUDY: ClassVar[str] = "campaign"
+
+    faults: list[Fault] = field(default_factory=list)
+    deaths: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.arrays import Array
-from harness.environments import server
+from harness.engines import _server
+from harness.engines._transport import dumps, loads
 from harness.environments.folders import Environment
-from harness.environments.transport import dumps, loads
 from harness.workers.program import is_worker
 
 # They would put packages before those of the environment.
@@ -30,16 +30,21 @@ class EngineDied(Exception):
 
 
 class Interpreter:
-    """A process of an environment's own Python. What it writes to standard output and error goes to this process's standard error."""
+    """A process of an environment's own Python. What it writes to standard output and error goes to this process's standard error.
+
+    Attributes:
+        seconds: that it has spent on answers, without the way there and back.
+    """
 
     def __init__(self, environment: Environment) -> None:
+        self.seconds = 0.0
         self._environment = environment
         self._forgotten: list[int] = []
         self._connection, theirs = Pipe()
         variables = {name: value for name, value in os.environ.items() if name not in _LEFT_OUT}
         with theirs:
             self._process = subprocess.Popen(
-                [environment.interpreter, "-P", "-s", server.__file__, str(theirs.fileno())],
+                [environment.interpreter, "-P", "-s", _server.__file__, str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 stdout=2,
                 pass_fds=[theirs.fileno()],
@@ -47,7 +52,7 @@ class Interpreter:
             )
 
     def load(self, path: Path, module: str, name: str, arguments: Sequence[Any]) -> DistantModel:
-        """See ``server.Server.load``; raises what the engine file's ``load`` raises."""
+        """See ``_server.Server.load``; raises what the engine file's ``load`` raises."""
         number, attributes, methods = self._ask("load", str(path), module, name, arguments)
         return DistantModel(self, number, attributes, methods)
 
@@ -69,9 +74,10 @@ class Interpreter:
     def _ask(self, *request: Any) -> Any:
         try:
             self._connection.send_bytes(dumps(request))
-            is_value, answer = loads(self._connection.recv_bytes())
+            is_value, answer, seconds = loads(self._connection.recv_bytes())
         except (EOFError, BrokenPipeError, ConnectionResetError):
             self._die()
+        self.seconds += seconds
         if is_value:
             return answer
         raise answer
@@ -113,6 +119,10 @@ class DistantModel:
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Any:
         return self._interpreter.call(self._number, "forward_dynamics", q, v, tau)
+
+    def clock(self) -> float:
+        """See ``harness.engines.Model``."""
+        return self._interpreter.seconds
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):

@@ -10,9 +10,11 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+import time
 from collections.abc import Collection, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -52,9 +54,12 @@ class Server:
 
 
 def main(descriptor: int) -> None:
-    """Answer requests, each (method of ``Server``, arguments) by (True, value) or (False, exception), until the other side is gone."""
+    """Answer requests until the other side is gone.
+
+    Each is a method of ``Server`` and its arguments; the answer is (True, value, seconds that it took) or (False, exception, 0).
+    """
     _import_harness()
-    from harness.environments.transport import dumps, loads, portable
+    from harness.engines._transport import dumps, loads, portable
 
     server, connection = Server(), Connection(descriptor)
     while True:
@@ -64,10 +69,22 @@ def main(descriptor: int) -> None:
             return
         try:
             method, *arguments = loads(request)
-            answer = dumps((True, getattr(server, method)(*arguments)))
+            started = time.perf_counter()
+            value = getattr(server, method)(*arguments)
+            answer = dumps((True, value, time.perf_counter() - started))
         except Exception as error:
-            answer = dumps((False, portable(error)))
+            answer = dumps((False, portable(_missing_interface(error) or error), 0.0))
         connection.send_bytes(answer)
+
+
+def _missing_interface(error: Exception) -> Exception | None:
+    """``Unsupported`` where this version has no such function or class, which is no fault of the engine; None for other errors."""
+    from harness.engines import Unsupported
+
+    if not (isinstance(error, AttributeError) and isinstance(error.obj, ModuleType)) or error.obj.__name__.startswith(_PACKAGE.name):
+        return None
+    version = getattr(sys.modules[error.obj.__name__.partition(".")[0]], "__version__", "")
+    return Unsupported(" ".join(filter(None, [error.obj.__name__, version, "has no", error.name])))
 
 
 def _import_harness() -> None:

@@ -1,0 +1,129 @@
+"""``harness compare-runs``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from harness.commands._bracket import Bracket, computing
+from harness.commands._terminal import print_titled, say
+from harness.errors import InvalidRequest
+
+if TYPE_CHECKING:
+    from harness.results.run_changes import ComparedRun
+
+LATEST, PREVIOUS = "latest", "previous"
+
+
+@click.command("compare-runs")
+@click.argument("before", metavar="[A]", default=PREVIOUS)
+@click.argument("now", metavar="[B]", default=LATEST)
+@click.option("--list", "listed", is_flag=True, help="List the runs that there are, and compare none.")
+@computing(directory=True, seed=False, workers=False)
+def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
+    """Hold two runs of the history against each other.
+
+    A and B are numbers of runs or nights, latest or previous: by default the last run and the
+    one before. Prints of each system and subject what changed in verdict, error, cost
+    and message, and which came or went. Exit status 1 where something became worse:
+    a graver verdict, one that is no longer expected, or a median or 99 % error that rose beyond
+    the noise of its sample.
+
+    \b
+    Examples:
+      harness compare-runs
+      harness compare-runs --list
+      harness compare-runs 12 latest --out night --json changes.json
+    """
+    from harness.report.summary import changed_versions, changes_table
+    from harness.results.records import to_json
+    from harness.results.run_changes import changes_between, run_changes
+
+    if not (bracket.directory / "history.sqlite").is_file():
+        raise InvalidRequest(f"{bracket.directory} holds no history; name the folder of a report with --out")
+    if listed:
+        _list(bracket)
+        return
+    first, second = _run_called(bracket, before), _run_called(bracket, now)
+    if first.number == second.number:
+        raise InvalidRequest(f"{before} and {now} are one run, {first.number}; see harness compare-runs --list")
+    changes = run_changes(first.records, second.records)
+    say(*(f"{name}: {_described(one)}" for name, one in (("before", first), ("now", second))))
+    print_titled("versions", changes_table("version", changed_versions(first.run.versions, second.run.versions)))
+    print_titled("changes", changes_between(changes))
+    worse = sum(one.is_worse for one in changes)
+    pairs = len({(one.system, one.subject) for one in changes})
+    say("", f"{pairs} of {len(second.records)} records changed, {worse} changes for the worse" if changes else "nothing changed")
+    compared = {name: {"number": one.number, "run": one.run} for name, one in (("before", first), ("now", second))}
+    bracket.write_text(to_json(second.run, [], compared=compared, changes=changes))
+    bracket.finish([], False, not worse)
+
+
+def _runs(bracket: Bracket) -> list[int]:
+    """Numbers of the cross-checks of the library that found anything, newest first."""
+    from harness.library import Library
+    from harness.results.cross_check import CrossCheckResult
+
+    history, library = bracket.history, Library.at(bracket.library_path).name
+    return [number for number in history.studies(CrossCheckResult, library) if history.read(number, CrossCheckResult, "records").records]
+
+
+def _run_called(bracket: Bracket, name: str) -> ComparedRun:
+    """The run of that number, or of the cross-check of that night.
+
+    Raises:
+        InvalidRequest: there is none.
+    """
+    from harness.results.cross_check import CrossCheckResult
+    from harness.results.night import Night
+    from harness.results.run_changes import ComparedRun
+
+    known, history = _runs(bracket), bracket.history
+    place = {LATEST: 0, PREVIOUS: 1}.get(name)
+    if place is not None:
+        number = known[place] if place < len(known) else None
+    else:
+        number = int(name) if name.isdecimal() else None
+        if number in history.studies(Night):
+            number = history.read(number, Night).study_of("cross-check")
+        number = number if number in known else None
+    if number is None:
+        there = ", ".join(map(str, known)) or "none"
+        raise InvalidRequest(f"no run is called {name!r}; expected {LATEST}, {PREVIOUS} or a number; there are {there}")
+    return ComparedRun(
+        number=number,
+        run=history.studies(CrossCheckResult)[number],
+        records=history.read(number, CrossCheckResult, "records").records,
+    )
+
+
+def _described(one: ComparedRun) -> str:
+    run = one.run
+    return f"run {one.number} of {run.started}, {run.profile}, {run.states:,} states a system, seed {run.seed}: {len(one.records)} records"
+
+
+def _list(bracket: Bracket) -> None:
+    from harness.results.table import Column, Table
+
+    runs = [_run_called(bracket, str(number)) for number in _runs(bracket)]
+    versions = [one.run.versions for one in runs]
+    differing = sorted({name for each in versions for name in each if len({one.get(name) for one in versions}) > 1})
+    heads: list[Column | str] = [Column("run", "plain"), "started", "profile", Column("states", "count"), Column("seed", "plain")]
+    heads += [Column("records", "count"), Column("not as expected", "count"), "versions that differ"]
+    rows = [
+        [
+            one.number,
+            one.run.started,
+            one.run.profile,
+            one.run.states,
+            one.run.seed,
+            len(one.records),
+            sum(not record.as_expected for record in one.records),
+            ", ".join(f"{name} {one.run.versions.get(name, 'absent')}" for name in differing),
+        ]
+        for one in runs
+    ]
+    if not rows:
+        say("no run of this library is in the history")
+    print_titled("runs, newest first", Table(heads, rows))

@@ -1,0 +1,181 @@
+"""``harness nightly``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from harness.commands._bracket import Bracket, computing
+from harness.commands._options import STATES_OF_PROFILE, report_errors, time_limit_option
+from harness.commands._terminal import print_titled, progress, say
+from harness.errors import InvalidInput, InvalidRequest
+
+if TYPE_CHECKING:
+    from harness.night.course import Course
+    from harness.night.stage import Choice, Stage
+    from harness.results.night_summary import NightSummary
+
+SUMMARY, JUNIT = "nightly.md", "nightly.xml"
+# Studies before this one that a page may look back to.
+_EARLIER = 12
+# Where GitHub's runner reads the summary of a step.
+STEP_SUMMARY = "GITHUB_STEP_SUMMARY"
+
+
+@click.command("nightly")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option("--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["nightly"], show_default=True, help="States per system.")
+@click.option(
+    "--stage", "stages", multiple=True, metavar="NAME", help="Only this stage: cross-check, atlas, survey, bench or faults; repeatable."
+)
+@click.option("--survey", multiple=True, metavar="FOLDER", help="Survey the robots of this folder or package; repeatable.")
+@click.option("--engine", "engines", multiple=True, metavar="ENGINE@VERSION", help="Ask this one beside the installed ones; repeatable.")
+@click.option("--case", "cases", multiple=True, metavar="CASE", help="Only this case of the atlas; repeatable.")
+@click.option(
+    "--faults",
+    "models",
+    type=click.IntRange(min=0),
+    default=4,
+    show_default=True,
+    help="Models that faults are planted in, drawn by the seed.",
+)
+@click.option("--motion", is_flag=True, help="Measure motion too, in atlas and benchmark.")
+@click.option(
+    "--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough the benchmark is."
+)
+@click.option("--resume", is_flag=True, help="Go on with the last night in the folder of the report where it has not ended.")
+@time_limit_option(None, shown="of each stage")
+@computing(scheduler=True, directory=True)
+def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], resume: bool, **asked: Any) -> None:
+    """Run everything in one night that can be killed.
+
+    Cross-check, atlas, survey, benchmark and a sample of the fault campaign, each unit stored
+    as soon as it is complete: a system, a case, a robot, a model. With --resume a night that was
+    killed goes on with the others. The folder of the report gets the page, a summary
+    (nightly.md, also for the step of a GitHub workflow), nightly.xml for CI (JUnit), and
+    what is new since the last night.
+
+    \b
+    Examples:
+      harness nightly
+      harness nightly --resume --out night
+      harness nightly --survey robots/ --states 10000
+      harness nightly --library mine --stage cross-check --stage bench
+      harness nightly --engine mujoco@3.13.0 --scheduler tls://cluster:8786
+    """
+    from harness.night.course import Course
+    from harness.night.stage import select_stages
+
+    chosen = select_stages(stages)
+    choice = _choice(bracket, chosen, names, {name: list(value) if isinstance(value, tuple) else value for name, value in asked.items()})
+    begun = bracket.begin(choice.settings.states, "nightly")
+    problems = [problem for stage in chosen for problem in stage.problems(choice)]
+    course = (Course.resume if resume else Course.begin)(bracket.history, begun, choice)
+    if resume:
+        say(f"harness: {_how_it_goes_on(course)}", err=True)
+    bracket.run = course.run
+    asked_for = [stage for stage in chosen if stage.name in choice.settings.stages]
+    for stage in asked_for:
+        _complete(bracket, course, stage)
+    summary = _summary(course, asked_for, choice)
+    _write(bracket, course, asked_for, summary)
+    course.end(summary.sentence)
+    _print(bracket, summary)
+    report_errors([*problems, *(InvalidRequest(problem) for problem in summary.night.problems)])
+    bracket.finish([], summary.night.crashed, summary.as_expected, summary.night.faults)
+
+
+def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], asked: dict[str, Any]) -> Choice:
+    """What the night is about.
+
+    Raises:
+        InvalidInput: the library, or a place to survey, cannot be used.
+        InvalidRequest: a name of anything that does not exist.
+    """
+    from harness.crosscheck.description import describe_run
+    from harness.night.course import settings_of
+    from harness.night.inputs import digests
+    from harness.night.stage import Choice
+    from harness.night.subjects import subjects_of
+    from harness.results.night import NightSettings
+
+    library = bracket.library
+    settings = NightSettings(
+        stages=[],
+        names=library.matching(names),
+        seed=bracket.seed,
+        versions=describe_run(library, asked["states"], bracket.seed, "nightly", [], "").versions,
+        inputs=digests(library, asked["survey"]),
+        **asked,
+    )
+    choice = Choice(library, settings, subjects_of(library, settings.engines), bracket.replay_options)
+    settings = settings_of(choice, stages)
+    if not settings.stages:
+        raise InvalidRequest("no stage has anything to do: a survey needs --survey FOLDER, a campaign --faults of 1 at least")
+    return Choice(library, settings, choice.subjects, choice.replay_options)
+
+
+def _how_it_goes_on(course: Course) -> str:
+    if course.resumed:
+        return f"the night that began at {course.run.started} goes on: {course.resumed} units are complete"
+    return f"no night of this library was interrupted before a unit was complete; this one began at {course.run.started}"
+
+
+def _complete(bracket: Bracket, course: Course, stage: Stage) -> None:
+    """Run what is left of a stage."""
+    steps = course.steps(stage)
+    if steps:
+        with bracket.pool_for(bracket.time_limit or stage.time_limit, stage.is_timed) as workers, progress(steps, stage.name) as advance:
+            for part in course.complete(stage, workers):
+                advance(part.label)
+
+
+def _summary(course: Course, stages: Sequence[Stage], choice: Choice) -> NightSummary:
+    from harness.night.course import cases_of
+    from harness.night.trend import changes_of
+    from harness.results.night_summary import NightSummary
+
+    cases = [case for stage in sorted(stages, key=lambda stage: stage.name) for case in cases_of(course.history, course.night, stage)]
+    return NightSummary(
+        run=course.run,
+        night=course.night,
+        cases=cases,
+        before=course.night_before(stages),
+        changes=changes_of(course, stages),
+        resumed=course.resumed,
+    )
+
+
+def _write(bracket: Bracket, course: Course, stages: Sequence[Stage], summary: NightSummary) -> None:
+    """The page, the summary, JUnit XML and JSON."""
+    from harness.report import write
+    from harness.report.night import render_junit, render_summary
+
+    for stage in stages:
+        if stage.pages is not None:
+            write(bracket.directory, stage.pages(course.run, course.found(stage), course.earlier(stage, _EARLIER), course.choice))
+    bracket.write_page(course.night.study_of("cross-check"))
+    text = render_summary(summary)
+    write(bracket.directory, {SUMMARY: text, JUNIT: render_junit(summary)})
+    if path := os.environ.get(STEP_SUMMARY):
+        try:
+            with Path(path).open("a", encoding="utf-8") as stream:
+                stream.write(text)
+        except OSError as error:
+            raise InvalidInput(path, None, f"cannot be written ({error.strerror}); {STEP_SUMMARY} names it") from error
+    bracket.write_json(**summary.to_json())
+
+
+def _print(bracket: Bracket, summary: NightSummary) -> None:
+    from harness.report.night import changes_table, counts_table
+
+    for case in summary.bad:
+        say("", f"{case.stage}: {case.title}: {case.outcome}", *(f"  {line}" for line in (case.details or case.message).split("\n")))
+        say(*([f"  replay: {case.replay}"] if case.replay and case.replay not in case.details else []))
+    print_titled("cases", counts_table(summary))
+    print_titled("changed in the trend", changes_table(summary.changes))
+    say("", summary.sentence, f"summary: {bracket.directory / SUMMARY}", f"JUnit XML: {bracket.directory / JUNIT}")

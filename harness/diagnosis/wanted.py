@@ -1,0 +1,20 @@
+"""The diagnosis that a cross-check asks for; a run in which all is well imports nothing of it."""
+
+from __future__ import annotations
+
+from harness.crosscheck.run import CrossCheck
+from harness.results.records import ACCELERATIONS
+from harness.study import Study
+
+
+def wanted_diagnosis(study: CrossCheck, **limits: int) -> Study | None:
+    """The study of why those records of accelerations are wrong that are not as expected; None where all are.
+
+    Its result is a list of ``Cause``; ``limits`` as for ``Diagnoses``.
+    """
+    records = [record for record in study.result().records if record.quantity == ACCELERATIONS]
+    if all(record.as_expected for record in records):
+        return None
+    from harness.diagnosis.causes import diagnoses_of
+
+    return diagnoses_of(study.settings.library, study.settings, records, crashes=study.crashes, **limits)

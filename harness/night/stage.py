@@ -1,0 +1,100 @@
+"""What a stage of a night declares, and what a night asks of it."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from harness.errors import InvalidRequest
+from harness.library import Library, nearest
+from harness.results.night import Case, NightSettings
+from harness.results.study_result import StudyResult
+from harness.study import Study
+from harness.workers import Workers
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a night is about.
+
+    Attributes:
+        library: where systems, models and engines are. settings: what was asked. subjects: of the mechanisms, all for none.
+        replay_options: command-line options that say where the library is.
+    """
+
+    library: Library
+    settings: NightSettings
+    subjects: Sequence[str] = ()
+    replay_options: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """All that a unit came to: its part of the result, what its user has to mend, what failed in the harness, and whether one died."""
+
+    result: StudyResult
+    problems: Sequence[Exception] = ()
+    faults: Sequence[str] = ()
+    crashed: bool = False
+
+
+# Studies one after the other, each made when the one before is complete; ends with what the unit came to.
+Steps = Generator[Study, None, Found]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One part of a night.
+
+    Attributes:
+        name: on the command line and in the history. place: by which stages are sorted.
+        kind: of the results, which the history keeps as a study of their own.
+        time_limit: seconds that a task may take.
+        units: what there is to do; none where nothing was asked of the stage.
+        steps: the studies of one unit.
+        cases: the results as CI counts them.
+        profile, states: of the run in the history, by which runs are told that can be compared.
+        is_timed: whether its times are compared: one unit after the other, on this machine even where there is a cluster.
+        closing: what follows from all units together, once they are complete; the last thing that is stored.
+        problems: of the library as a whole, which belong to no unit.
+        pages: file in the folder of the report to its text, made of the run and the results, and of the results of earlier
+            studies of the same profile, newest first.
+    """
+
+    name: str
+    place: int
+    kind: type[StudyResult]
+    time_limit: float
+    units: Callable[[Choice], Sequence[str]]
+    steps: Callable[[Choice, str], Steps]
+    cases: Callable[[Any], Iterable[Case]]
+    profile: Callable[[Choice], str] = lambda choice: "nightly"
+    states: Callable[[Choice], int] = lambda choice: choice.settings.states
+    is_timed: bool = False
+    closing: Callable[[Choice, Any, Workers], StudyResult] | None = None
+    problems: Callable[[Choice], Iterable[Exception]] = lambda choice: ()
+    pages: Callable[..., Mapping[str, str]] | None = None
+
+
+def find_stages() -> dict[str, Stage]:
+    """Every stage that a module of ``harness.night.stages`` declares, by name, in the order of a night."""
+    package = importlib.import_module(f"{__name__.rpartition('.')[0]}.stages")
+    modules = [importlib.import_module(f"{package.__name__}.{module.name}") for module in pkgutil.iter_modules(package.__path__)]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Stage)]
+    return {stage.name: stage for stage in sorted(found, key=lambda stage: stage.place)}
+
+
+def select_stages(names: Sequence[str]) -> list[Stage]:
+    """The stages called ``names``, in the order of a night; all of them for none.
+
+    Raises:
+        InvalidRequest: there is no such stage.
+    """
+    known = find_stages()
+    for name in names:
+        if name not in known:
+            raise InvalidRequest(f"no stage of a night is called {name!r}; {nearest(name, known)}")
+    return [stage for name, stage in known.items() if name in names or not names]

@@ -1,0 +1,1 @@
+"""The stages of a night: every module here declares one, called ``STAGE``."""

@@ -1,0 +1,49 @@
+"""The atlas, case by case, and where motion is asked for the motions that part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from harness.hard.atlas import AtlasStudy
+from harness.hard.cases import STATES, hard_cases
+from harness.night.stage import Choice, Found, Stage, Steps
+from harness.results.atlas import Atlas
+from harness.results.night import BROKEN, FAILED, Case
+
+NAME = "atlas"
+_MOTION = "motion"
+
+
+def _units(choice: Choice) -> list[str]:
+    names = choice.settings.cases or list(hard_cases())
+    return [*dict.fromkeys(names), *([_MOTION] if choice.settings.motion else [])]
+
+
+def _steps(choice: Choice, name: str) -> Steps:
+    of_motion = name == _MOTION
+    study = AtlasStudy(choice.library, () if of_motion else [name], motion=of_motion, families=not of_motion)
+    yield study
+    return Found(result=study.result(), problems=study.problems, crashed=study.crashed)
+
+
+def _cases(found: Atlas) -> Iterator[Case]:
+    for row in found.rows:
+        outcome, replay = BROKEN if row.crashed else FAILED, f"harness atlas {row.case} --subject {row.subject}"
+        yield Case.of(NAME, row.case, row.subject, row.problems, outcome=outcome, replay=replay, seconds=row.seconds)
+    for sentence in Atlas(partings=found.partings, stable_steps=found.stable_steps).unexpected:
+        yield Case.of(NAME, _MOTION, sentence.partition(":")[0], [sentence])
+    for problem in dict.fromkeys(found.problems):
+        yield Case.of(NAME, "not measured", problem.partition(":")[0], [problem], outcome=BROKEN)
+
+
+STAGE = Stage(
+    name=NAME,
+    place=2,
+    kind=Atlas,
+    time_limit=600.0,
+    units=_units,
+    steps=_steps,
+    cases=_cases,
+    profile=lambda choice: NAME,
+    states=lambda choice: STATES,
+)

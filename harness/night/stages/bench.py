@@ -1,0 +1,69 @@
+"""The benchmark, system by system; the members of a family are one unit, because their growth is measured over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+
+from harness.bench.study import THOROUGHNESS, BenchmarkSettings, BenchmarkStudy
+from harness.library import member_of
+from harness.night.stage import Choice, Found, Stage, Steps
+from harness.report.benchmarks import BenchmarkSummary
+from harness.results.benchmark import Benchmark
+from harness.results.night import BROKEN, LEFT_OUT, Case
+from harness.results.pareto import way_of
+
+NAME = "bench"
+
+
+def _families(choice: Choice) -> dict[str, list[str]]:
+    """Stem of a system file to the systems in it that are asked for."""
+    library = choice.library
+    names = library.select([name for name in choice.settings.names if not library.is_variant(name)])
+
+    def stem(name: str) -> str:
+        member = member_of(library.system_path(name))
+        return name if member is None else member[0].stem
+
+    return {one: list(own) for one, own in groupby(sorted(names, key=stem), key=stem)}
+
+
+def _steps(choice: Choice, unit: str) -> Steps:
+    asked = choice.settings
+    settings = BenchmarkSettings(
+        library=choice.library, names=_families(choice)[unit], motion=asked.motion, profile=asked.profile, seed=asked.seed
+    )
+    study = BenchmarkStudy(settings)
+    yield study
+    return Found(result=study.result(), problems=study.problems, crashed=study.crashed)
+
+
+def _cases(found: Benchmark) -> Iterator[Case]:
+    for cost in found.accelerations:
+        if cost.seconds_per_state is None and not cost.failed:
+            yield Case(stage=NAME, group=cost.system, name=way_of(cost), outcome=LEFT_OUT, message=cost.note)
+            continue
+        replay, wrong = f"harness bench {cost.system} --methods '{cost.method}'", [cost.note] if cost.failed else []
+        seconds = cost.states * (cost.seconds_per_state or 0.0)
+        yield Case.of(NAME, cost.system, way_of(cost), wrong, outcome=BROKEN, replay=replay, seconds=seconds)
+    own = {f"{cost.system}, {cost.method}: {cost.note}" for cost in found.accelerations if cost.failed}
+    for problem in dict.fromkeys(found.problems):
+        if problem not in own:
+            yield Case.of(NAME, "not measured", problem.partition(":")[0], [problem], outcome=BROKEN)
+    for sentence in BenchmarkSummary.unexpected_of(found):
+        yield Case.of(NAME, "theory", sentence.partition(":")[0], [sentence])
+
+
+STAGE = Stage(
+    name=NAME,
+    place=4,
+    kind=Benchmark,
+    # Of its own parts only what hangs takes so long; motion in the profile nightly may take an hour.
+    time_limit=max(one.time_limit for one in THOROUGHNESS.values()),
+    units=lambda choice: list(_families(choice)),
+    steps=_steps,
+    cases=_cases,
+    profile=lambda choice: choice.settings.profile,
+    states=lambda choice: THOROUGHNESS[choice.settings.profile].states,
+    is_timed=True,
+)

@@ -1,0 +1,83 @@
+"""The cross-check, system by system: records, causes of what is not as expected, and a picture; then the worst cases of all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from harness.crosscheck.loading import orphans
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
+from harness.diagnosis.wanted import wanted_diagnosis
+from harness.errors import InvalidModel
+from harness.hard.worst_cases import ranked
+from harness.night.stage import Choice, Found, Stage, Steps
+from harness.results.cross_check import CrossCheckResult
+from harness.results.night import Case, case_of
+from harness.show.gallery import Gallery
+from harness.workers import Workers
+
+NAME = "cross-check"
+# Beside the subjects of a system: what its files hold.
+_FILES = "models"
+
+
+def _units(choice: Choice) -> list[str]:
+    return choice.library.select(choice.settings.names, with_variants=True)
+
+
+def _steps(choice: Choice, name: str) -> Steps:
+    study = CrossCheck(
+        Settings(
+            library=choice.library,
+            names=[name],
+            subjects=choice.subjects,
+            states=choice.settings.states,
+            seed=choice.settings.seed,
+            # The simplest failing states of an interrupted run would come on top of those that a night has otherwise.
+            examples=None,
+            componentwise=True,
+            replay_options=choice.replay_options,
+        )
+    )
+    yield study
+    found: CrossCheckResult = study.result()
+    diagnosis = wanted_diagnosis(study)
+    if diagnosis is not None:
+        yield diagnosis
+        found.causes += diagnosis.result()
+    gallery = Gallery(choice.library, [name], study.crashes)
+    yield gallery
+    found.extend(gallery.result())
+    return Found(result=found, problems=study.problems, faults=study.faults, crashed=study.crashed)
+
+
+def _closing(choice: Choice, found: CrossCheckResult, workers: Workers) -> CrossCheckResult:
+    return CrossCheckResult(worst_cases=ranked(choice.library, found.records, workers))
+
+
+def _problems(choice: Choice) -> Iterable[InvalidModel]:
+    return () if choice.settings.names else orphans(choice.library)
+
+
+def _cases(found: CrossCheckResult) -> Iterator[Case]:
+    yield from (case_of(record, NAME) for record in found.records)
+    wrong: dict[str, list[str]] = {system: [] for system in sorted({record.system for record in found.records})}
+    for part in found.superfluous:
+        wrong[part.system] += [f"superfluous: {part}"] if part.fails else []
+    for finding in found.differs:
+        wrong[finding.system] += [f"not held alike after loading: {finding}"] if finding.fails else []
+    for system, sentences in wrong.items():
+        yield Case.of(NAME, system, _FILES, sentences, replay=f"harness check {system}")
+
+
+STAGE = Stage(
+    name=NAME,
+    place=1,
+    kind=CrossCheckResult,
+    time_limit=60.0,
+    units=_units,
+    steps=_steps,
+    cases=_cases,
+    closing=_closing,
+    problems=_problems,
+)

@@ -1,0 +1,143 @@
+"""A night for CI: the summary in Markdown, and JUnit XML."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+
+from lxml import etree
+
+from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case
+from harness.results.night_summary import NightSummary
+from harness.results.table import Column, Table, counted, markdown_line, printable
+from harness.results.trend import ChangedCell
+
+# A summary of a step on GitHub holds 1 MiB; what is beyond stands in the XML.
+MOST_SHOWN, MOST_LISTED, MOST_DETAILS = 60, 100, 4000
+_OUTCOMES = (FAILED, BROKEN, LEFT_OUT)
+
+
+def render_summary(summary: NightSummary) -> str:
+    """What is not as expected first, then what is new, what has changed in the trend, and the counts."""
+    return "\n\n".join(_summary(summary)) + "\n"
+
+
+def _summary(summary: NightSummary) -> Iterator[str]:
+    run = summary.run
+    yield f"# Night of {run.started}"
+    yield f"**{markdown_line(summary.sentence)}**"
+    for title, sentences in (("To be mended", summary.night.problems), ("Faults of the harness", summary.night.faults)):
+        if sentences:
+            yield f"## {title}"
+            yield _listed(sentences)
+    if summary.bad:
+        yield "## Not as expected"
+        new = {case.key for case in summary.since.worse} if summary.since else set()
+        for case in summary.bad[:MOST_SHOWN]:
+            yield from _shown(case, case.key in new)
+        if len(summary.bad) > MOST_SHOWN:
+            yield f"{len(summary.bad) - MOST_SHOWN} more are in `nightly.xml`."
+    if summary.changes:
+        yield "## Changed in the trend"
+        yield changes_table(summary.changes).markdown()
+    if summary.since is not None:
+        yield "## Since the last night"
+        since = summary.since
+        if not (since.worse or since.mended or since.came or since.went):
+            yield "Nothing is new."
+        for title, names in (
+            ("New and not as expected", [f"{case.stage}: {case.title}" for case in since.worse]),
+            ("Good again", [f"{case.stage}: {case.title}" for case in since.mended]),
+            ("Came", since.came),
+            ("Went", since.went),
+        ):
+            if names:
+                yield f"{title} ({len(names)}):"
+                yield _listed(names)
+    yield "## Counts"
+    yield counts_table(summary).markdown()
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(run.versions.items()))
+    yield markdown_line(f"Library {run.library}, {run.states:,} states for each system, seed {run.seed}; {versions}.")
+    if summary.resumed:
+        yield f"The night was interrupted; {counted(summary.resumed, 'unit')} of work were complete when it went on."
+    yield "The whole night again:"
+    yield _fenced([run.command], "sh")
+
+
+def _shown(case: Case, is_new: bool) -> Iterator[str]:
+    new = " (new)" if is_new else ""
+    yield f"### {markdown_line(f'{case.stage}: {case.title}')}{new}"
+    lines = [printable(line) for line in (case.details or case.message)[:MOST_DETAILS].split("\n")]
+    yield _fenced(lines, "text")
+    if case.replay:
+        yield "Again:"
+        yield _fenced([printable(case.replay)], "sh")
+
+
+def _fenced(lines: Iterable[str], language: str) -> str:
+    text = "\n".join(lines)
+    fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
+    return f"{fence}{language}\n{text}\n{fence}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    lines = [f"- {markdown_line(name)}" for name in every[:MOST_LISTED]]
+    return "\n".join([*lines, *([f"- and {len(every) - MOST_LISTED} more"] if len(every) > MOST_LISTED else [])])
+
+
+def counts_table(summary: NightSummary) -> Table:
+    """A row for each stage."""
+    heads: list[Column | str] = ["stage", *(Column(name, "count") for name in (PASSED, *_OUTCOMES))]
+    return Table(heads, [[stage, *(found[name] for name in (PASSED, *_OUTCOMES))] for stage, found in summary.counts.items()])
+
+
+def changes_table(changes: Iterable[ChangedCell]) -> Table:
+    """A row for each change of a trend, the largest first."""
+    return Table.of(
+        sorted(changes, key=lambda one: -abs(one.by)),
+        {
+            "system": "system",
+            "subject": "subject",
+            "number": "number",
+            Column("before", "error"): "before",
+            Column("now", "error"): "now",
+            Column("nights before", "count"): "nights",
+            "found by": "found_by",
+        },
+        "Changed in the trend",
+    )
+
+
+def render_junit(summary: NightSummary) -> str:
+    """One suite for each stage and one test case for each case, as Jenkins' JUnit schema has them."""
+    root = etree.Element("testsuites", name=f"harness nightly {summary.run.library}", **_totals(summary.cases))
+    for stage, own in groupby(summary.cases, key=lambda case: case.stage):
+        cases = list(own)
+        suite = etree.SubElement(root, "testsuite", name=stage, timestamp=summary.run.started[:19], **_totals(cases))
+        suite.set("skipped", str(sum(case.outcome == LEFT_OUT for case in cases)))
+        for case in cases:
+            _add_case(suite, case)
+    text: str = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8").decode()
+    return text
+
+
+def _totals(cases: Iterable[Case]) -> dict[str, str]:
+    every = list(cases)
+    failures, errors = (sum(case.outcome == outcome for case in every) for outcome in (FAILED, BROKEN))
+    seconds = sum(case.seconds for case in every)
+    return {"tests": str(len(every)), "failures": str(failures), "errors": str(errors), "time": f"{seconds:.3f}"}
+
+
+def _add_case(suite: etree._Element, case: Case) -> None:
+    names = {"classname": printable(f"{case.stage}.{case.group}"), "name": printable(case.name)}
+    element = etree.SubElement(suite, "testcase", **names, time=f"{case.seconds:.3f}")
+    if case.outcome == LEFT_OUT:
+        etree.SubElement(element, "skipped").text = printable(case.message)
+    elif not case.is_good:
+        details = case.details or case.message
+        lines = [*details.split("\n"), *([f"replay: {case.replay}"] if case.replay and case.replay not in details else [])]
+        tag = "failure" if case.outcome == FAILED else "error"
+        wrong = etree.SubElement(element, tag, type=case.outcome, message=printable(case.message))
+        wrong.text = "\n".join(map(printable, lines))

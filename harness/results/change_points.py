@@ -1,0 +1,205 @@
+"""Change points of a number that is measured anew every night.
+
+The method is a combined Shewhart and CUSUM chart with two sides (Lucas 1982) of self-starting scores (Hawkins 1987). A night's
+value, a logarithm, is scored against the mean of the nights since the last change:
+
+    u = (x - mean) / (s sqrt(1 + 1/n)),
+
+which is normal, and independent from night to night, where nothing has changed. A score beyond a limit is a jump, found the night it
+happens. Of smaller ones the sums max(0, S + u - 1/2) and max(0, S - u - 1/2) are kept; one beyond a decision interval is a drift.
+
+Where the noise of a value is known beforehand, as that of a median over so many states, s is that noise and n = 1 night is enough. s is
+the scatter of the nights themselves where that is larger, and where it is much larger, or where no noise is known, u comes from Student's
+distribution with n - 1 degrees of freedom. Largest values and costs have a long upper tail: that of their u is Gumbel's, widened as
+Student's distribution is.
+
+A machine's noise comes and goes: a cost is judged by runs of nights, each of which is as unlikely as the root of what is allowed, and the
+nights of a run that ends too soon are noise. Costs have no drifts.
+
+Limit and interval follow from the false alarms that are allowed in one night over all cells: the limit by Bonferroni's inequality,
+the interval by Siegmund's approximation of the average run length.
+
+Source: J. M. Lucas, Combined Shewhart-CUSUM quality control schemes, J. Quality Technology 14 (1982); D. M. Hawkins, Self-starting
+CUSUM charts for location and scale, The Statistician 36 (1987); D. Siegmund, Sequential Analysis (1985), section 2.6.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import NormalDist
+
+# Of all cells together, expected in a night in which nothing changes: half of them jumps, half drifts.
+FALSE_ALARMS = 1e-3
+# Of CUSUM: half of the shift, in standard deviations, that it finds soonest.
+ALLOWANCE = 0.5
+# Nights whose scatter tells the noise where nothing else does.
+FEWEST_UNKNOWN = 8
+# Probability at which Student's distribution says by how much an estimated noise widens a tail that is not normal.
+WIDENED_AT = 1e-4
+# Beyond this multiple of the known noise the scatter of the nights is another noise.
+MUCH_LARGER, FEWEST_SCATTERED = 2.0, 3
+JUMP, DRIFT = "jump", "drift"
+_NORMAL = NormalDist()
+_EULER = 0.5772156649015329
+_GUMBEL = math.pi / math.sqrt(6)
+# Overshoot of a CUSUM of normal scores, see Siegmund.
+_OVERSHOOT = 1.166
+# Scores beyond it are all alike.
+_FURTHEST = 37.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The value of one night.
+
+    Attributes:
+        value: a logarithm. noise: its standard deviation, as far as it is known beforehand, which is the least that is assumed.
+        is_known: whether that is all of the noise.
+        is_skewed: whether noise has a long upper tail.
+        run: how many nights in a row must show a change.
+    """
+
+    value: float
+    noise: float
+    is_known: bool = True
+    is_skewed: bool = False
+    run: int = 1
+
+
+@dataclass(frozen=True)
+class ChangePoint:
+    """A change: the place of the night it was found in, the mean before and the value now, how many nights were before, and how."""
+
+    place: int
+    before: float
+    now: float
+    nights: int
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The limits for so many cells."""
+
+    cells: int
+    false_alarms: float = FALSE_ALARMS
+
+    @property
+    def limit(self) -> float:
+        """A score beyond it is a jump."""
+        return self.limit_of(1)
+
+    def limit_of(self, run: int) -> float:
+        """So many scores in a row beyond it on one side are a jump."""
+        return -_NORMAL.inv_cdf((self.false_alarms / (4 * max(1, self.cells))) ** (1 / run))
+
+    @cached_property
+    def interval(self) -> float:
+        """A sum beyond it is a drift: the two sides of all cells have half of the false alarms."""
+        run_length = 4 * max(1, self.cells) / self.false_alarms
+        low, high = 0.0, 100.0
+        while high - low > 1e-9:
+            middle = (low + high) / 2
+            low, high = (low, middle) if _run_length(middle) > run_length else (middle, high)
+        return high
+
+    def changes(self, readings: Sequence[Reading]) -> Iterator[ChangePoint]:
+        """The changes in a series of nights, oldest first; after each the series begins anew."""
+        segment, pending = _Segment(), list[tuple[int, Reading]]()
+        for place, reading in enumerate(readings):
+            found_by = segment.judge(reading, self)
+            if found_by and pending and (pending[-1][1].value > segment.mean) != (reading.value > segment.mean):
+                segment, pending = segment.with_all(pending), []
+            if not found_by:
+                segment, pending = segment.with_all([*pending, (place, reading)]), []
+                continue
+            pending.append((place, reading))
+            if len(pending) >= reading.run:
+                # The mildest of the run says what is there to stay.
+                now = min((one.value for _, one in pending), key=lambda value: abs(value - segment.mean))
+                yield ChangePoint(place, segment.mean, now, segment.count, found_by)
+                segment, pending = _Segment().with_all(pending), []
+
+
+def _run_length(interval: float) -> float:
+    """Nights until a one-sided CUSUM of normal scores is beyond ``interval`` on average, by Siegmund's approximation."""
+    reach = 2 * ALLOWANCE * (interval + _OVERSHOOT)
+    return (math.exp(reach) - 1 - reach) / (2 * ALLOWANCE**2)
+
+
+@dataclass
+class _Segment:
+    """The nights since the last change: their number, mean, sum of squares about it, and the two sums."""
+
+    count: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    known: float = 0.0
+    up: float = 0.0
+    down: float = 0.0
+
+    def with_all(self, readings: Sequence[tuple[int, Reading]]) -> _Segment:
+        """This segment after more nights."""
+        for _, reading in readings:
+            self._add(reading)
+        return self
+
+    def _add(self, reading: Reading) -> None:
+        """Welford's update."""
+        self.count += 1
+        step = reading.value - self.mean
+        self.mean += step / self.count
+        self.squares += step * (reading.value - self.mean)
+        self.known += (reading.noise**2 - self.known) / self.count
+
+    def judge(self, reading: Reading, chart: Chart) -> str:
+        """How a reading shows a change; "" where it shows none."""
+        if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
+            return ""
+        score = self._score(reading)
+        if abs(score) > chart.limit_of(reading.run):
+            return JUMP
+        if reading.run > 1:
+            return ""
+        self.up, self.down = max(0.0, self.up + score - ALLOWANCE), max(0.0, self.down - score - ALLOWANCE)
+        return DRIFT if max(self.up, self.down) > chart.interval else ""
+
+    def _score(self, reading: Reading) -> float:
+        scatter = math.sqrt(self.squares / (self.count - 1)) if self.count > 1 else 0.0
+        by_noise = math.sqrt(reading.noise**2 + self.known / self.count)
+        of_scatter = scatter * math.sqrt(1 + 1 / self.count)
+        ratio = (reading.value - self.mean) / max(by_noise, of_scatter)
+        if reading.is_skewed:
+            ratio = max(-_FURTHEST, min(_FURTHEST, ratio / _widening(self.count - 1)))
+            return _normal_of_gumbel(ratio) if ratio > 0 else ratio
+        is_scattered = self.count >= FEWEST_SCATTERED and of_scatter > MUCH_LARGER * by_noise
+        if is_scattered or not reading.is_known:
+            ratio = _normal_of_student(ratio, self.count - 1)
+        return max(-_FURTHEST, min(_FURTHEST, ratio))
+
+
+@functools.cache
+def _widening(degrees: int) -> float:
+    """By how much a limit at ``WIDENED_AT`` grows where the noise is estimated with so many degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 1 - WIDENED_AT)) / _NORMAL.inv_cdf(1 - WIDENED_AT)
+
+
+def _normal_of_student(ratio: float, degrees: int) -> float:
+    """The normal score that is as unlikely as a ratio by Student's distribution."""
+    # Imported late: it takes longer than all the rest.
+    from scipy.special import stdtr
+
+    tail = max(float(stdtr(degrees, -abs(ratio))), 1e-300)
+    return math.copysign(-_NORMAL.inv_cdf(tail), ratio)
+
+
+def _normal_of_gumbel(ratio: float) -> float:
+    """The normal score that is as unlikely as a ratio upwards by Gumbel's distribution of largest values; never larger than it."""
+    tail = -math.expm1(-math.exp(-(_GUMBEL * ratio + _EULER)))
+    return min(ratio, -_NORMAL.inv_cdf(max(tail, 1e-300)))

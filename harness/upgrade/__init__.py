@@ -1,0 +1,7 @@
+"""Two versions of an engine on the same mechanisms and robots: what changed between them, and which version changed it.
+
+May use ``diagnosis`` and what is below it.
+
+Start with ``study``, which asks both versions; what counts as a change is said by ``harness.results.changes``, ``explanation`` finds the
+terms and readings that changed, and ``bisection`` the first version that changed something.
+"""

@@ -1,0 +1,104 @@
+"""Two versions of an engine asked about the same systems, and what changed between their records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from harness.crosscheck.settings import Settings
+from harness.crosscheck.tasks import Assignment
+from harness.engines import Subject, engine_files, subjects_of
+from harness.environments.folders import AT, split_name
+from harness.errors import InvalidRequest
+from harness.library import Library
+from harness.results.records import Record
+from harness.results.run_changes import TERMS, RunChange, run_changes
+from harness.study import Part, Rounds
+from harness.upgrade.explanation import explain_changes
+from harness.verdict import Verdict
+from harness.workers import Outcome, Task
+
+_ANSWERED = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.DISAGREES, Verdict.UNDECIDED)
+
+
+def version_name(library: Library, engine: str, version: str) -> str:
+    """The name under which a version of an engine is asked: ``engine@version``, or ``engine`` where it is beside the harness.
+
+    Raises:
+        InvalidRequest: there is no such engine, or it is in no environment; the message says how to make one.
+    """
+    files = engine_files(library)
+    known = {name for name in files if not split_name(name)[1]}
+    by_distribution = {files[name].requires[1]: name for name in known}
+    engine = by_distribution.get(engine, engine)
+    if engine not in known:
+        raise InvalidRequest(f"no engine is called {engine!r}; expected one of {', '.join(sorted(known))}")
+    if (name := f"{engine}{AT}{version}") in files:
+        return name
+    if files[engine].version == version and not files[engine].elsewhere:
+        return engine
+    beside = "" if files[engine].elsewhere or files[engine].version is None else f"; beside the harness is {files[engine].version}"
+    raise InvalidRequest(f"{engine} {version} is in no environment{beside}; make one: harness engines add {engine}=={version}")
+
+
+def settings_of(settings: Settings, versions: Iterable[str]) -> Settings:
+    """The settings of a cross-check that asks every version in every format."""
+    chosen = [str(subject) for name in dict.fromkeys(versions) for subject in subjects_of(settings.library, name)]
+    return replace(settings, subjects=chosen)
+
+
+def changes_between(records: Sequence[Record], before: str, after: str) -> list[RunChange]:
+    """What changed from one version to another in the records of one run; ``before`` and ``after`` as of ``version_name``."""
+    return run_changes(of_version(records, before), of_version(records, after), in_one_run=True)
+
+
+def of_version(records: Sequence[Record], version: str) -> list[Record]:
+    """The records of a version, their subjects without it."""
+    found = []
+    for record in records:
+        engine, _, model_format = record.subject.partition("/")
+        if engine == version:
+            found.append(replace(record, subject=str(Subject(engine, model_format).without_version)))
+    return found
+
+
+class Explanations(Rounds):
+    """The terms and readings that changed, of every system and format that both versions answered; a ``harness.study.Study``."""
+
+    title = "explanations"
+
+    def __init__(self, settings: Settings, records: Sequence[Record], before: str, after: str) -> None:
+        super().__init__()
+        self._library, self._seed, self._versions = settings.library, settings.seed, (before, after)
+        old, new = ({(one.system, one.subject) for one in _answered(of_version(records, version))} for version in (before, after))
+        self._keys = sorted(old & new)
+        self._found: list[RunChange] = []
+
+    @property
+    def steps(self) -> int:
+        return len(self._keys)
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        for_each = (self._library, *self._versions, self._seed)
+        yield [Task((self._explained, *key), _explain, (*key, *for_each), affinity=key[0]) for key in self._keys]
+
+    def _explained(self, outcome: Outcome, system: str, subject: str) -> Iterator[Part]:
+        found = outcome.value
+        if failure := self.failure(outcome):
+            found = [RunChange(system=system, subject=subject, what=TERMS, before="not compared", now=failure)]
+        self._found += found
+        yield Part(f"{system} {subject}", found)
+
+    def result(self) -> list[RunChange]:
+        return self._found
+
+
+def _answered(records: Iterable[Record]) -> Iterator[Record]:
+    return (record for record in records if record.verdict in _ANSWERED)
+
+
+def _explain(system: str, subject: str, library: Library, before: str, after: str, seed: int, note: Any) -> list[RunChange]:
+    model_format = subject.partition("/")[2]
+    old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in (before, after))
+    return [replace(change, system=system) for change in explain_changes(old, new, seed, note)]

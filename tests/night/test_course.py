@@ -1,0 +1,195 @@
+"""The course of a night: units side by side, what is stored with them, and which night goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support import InThisProcess
+from support_results import RECORD, RUN
+
+from harness.errors import InvalidRequest
+from harness.library import Library
+from harness.night.course import Course, cases_of, unfinished
+from harness.night.stage import Choice, Found, Stage, Steps, find_stages, select_stages
+from harness.night.together import Together
+from harness.results.cross_check import CrossCheckResult
+from harness.results.history import History
+from harness.results.night import Night, NightSettings, case_of
+from harness.study import Part, Rounds
+from harness.workers import Outcome, Task
+
+SETTINGS = NightSettings(stages=["toy"], states=10, seed=0, versions={"mujoco": "4.0"}, inputs={"systems/a.py": "12"})
+
+
+def double(number: int, note: object) -> int:
+    return 2 * number
+
+
+class Doubling(Rounds):
+    """Doubles a number as often as it says, one task after the other."""
+
+    title, steps = "doubling", 1
+
+    def __init__(self, number: int, times: int) -> None:
+        super().__init__()
+        self.value, self._times = number, times
+        self._ask()
+
+    def _ask(self) -> None:
+        if self._times:
+            self._times -= 1
+            self._next.append(Task((self._taken,), double, (self.value,)))
+
+    def _taken(self, outcome: Outcome) -> list[Part]:
+        self.value = outcome.value
+        self._ask()
+        return []
+
+    def result(self) -> int:
+        return self.value
+
+
+def toy_steps(name: str, times: Sequence[int]) -> Steps:
+    value = 1
+    for count in times:
+        study = Doubling(value, count)
+        yield study
+        value = study.result()
+    return Found(result=CrossCheckResult(records=[replace(RECORD, system=name, states=value)]))
+
+
+@pytest.mark.parametrize("most", [1, 2, 100])
+def test_units_run_to_their_end_whatever_number_is_under_way(most: int) -> None:
+    times = {"a": [1, 0, 2], "b": [0], "c": [], "d": [3], "e": [0, 0, 1]}
+    units = {name: (lambda name=name, each=each: toy_steps(name, each)) for name, each in times.items()}
+    with InThisProcess() as workers:
+        parts = {part.label: part.value.result.records[0].states for part in Together(units, lambda: most).run(workers)}
+    assert parts == {name: 2 ** sum(each) for name, each in times.items()}
+
+
+def test_no_more_units_are_under_way_than_are_allowed() -> None:
+    begun: list[str] = []
+
+    def steps(name: str) -> Steps:
+        begun.append(name)
+        return (yield from toy_steps(name, [2]))
+
+    together = Together({name: (lambda name=name: steps(name)) for name in "abcdef"}, lambda: 2)
+    with InThisProcess() as workers:
+        for done, _ in enumerate(together.run(workers), start=1):
+            assert len(begun) <= done + 2
+    assert begun == list("abcdef")
+
+
+def toy(names: Sequence[str] = ("a", "b", "c"), fail_at: str = "") -> Stage:
+    def steps(choice: Choice, name: str) -> Steps:
+        if name == fail_at:
+            raise KeyboardInterrupt
+        return (yield from toy_steps(name, [1]))
+
+    def closing(choice: Choice, found: CrossCheckResult, workers: object) -> CrossCheckResult:
+        return CrossCheckResult(records=[replace(RECORD, system="all", states=len(found.records))])
+
+    return Stage(
+        name="toy", place=1, kind=CrossCheckResult, time_limit=10.0, units=lambda choice: names, steps=steps,
+        cases=lambda found: [case_of(record, "toy") for record in found.records], closing=closing, is_timed=True,
+    )  # fmt: skip
+
+
+def choice_of(settings: NightSettings = SETTINGS) -> Choice:
+    return Choice(Library.built_in(), settings)
+
+
+def run_to_the_end(course: Course, stage: Stage) -> None:
+    with InThisProcess() as workers:
+        for _ in course.complete(stage, workers):
+            pass
+
+
+def records_of(history: History, night: int) -> list[tuple[str, int]]:
+    course = history.read(night, Night)
+    study = course.study_of("toy")
+    assert study is not None
+    return sorted((one.system, one.states) for one in history.read(study, CrossCheckResult).records)
+
+
+def test_a_night_that_goes_on_asks_for_what_is_left(tmp_path: Path) -> None:
+    with History(tmp_path / "history.sqlite") as history:
+        course = Course.begin(history, RUN, choice_of())
+        with pytest.raises(KeyboardInterrupt):
+            run_to_the_end(course, toy(fail_at="c"))
+        assert unfinished(history, RUN.library) == course.number
+        assert records_of(history, course.number) == [("a", 2), ("b", 2)]
+        again = Course.resume(history, replace(RUN, started="2026-02-01T02:00:00+00:00"), choice_of())
+        assert (again.number, again.resumed, again.run) == (course.number, 2, RUN)
+        assert again.left(toy()) == ["c"]
+        assert again.steps(toy()) == 2
+        run_to_the_end(again, toy())
+        assert records_of(history, course.number) == [("a", 2), ("all", 3), ("b", 2), ("c", 2)]
+        assert again.steps(toy()) == 0
+        run_to_the_end(again, toy())
+        assert len(records_of(history, course.number)) == 4
+        again.end("All is well.")
+        assert unfinished(history, RUN.library) is None
+        assert Course.resume(history, RUN, choice_of()).number != course.number
+
+
+def test_a_unit_and_its_mark_are_stored_together_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with History(tmp_path / "history.sqlite") as history:
+        course = Course.begin(history, RUN, choice_of())
+        run_to_the_end(course, toy(["a"]))
+        monkeypatch.setattr("harness.results.night.Night.stored_parts", lambda self: iter([("done", object())]))
+        with pytest.raises(TypeError):
+            run_to_the_end(course, toy(["a", "b"]))
+        monkeypatch.undo()
+        assert records_of(history, course.number) == [("a", 2), ("all", 1)]
+        assert history.read(course.number, Night).units_of("toy") == {"a", "(closing)"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"states": 20}, "states was 10 and is 20"),
+        ({"survey": ["robots"]}, "survey was none and is robots"),
+        ({"versions": {"mujoco": "4.1"}}, "mujoco was 4.0 and is 4.1"),
+        ({"inputs": {"systems/a.py": "13"}}, "the content of systems/a.py has changed"),
+        ({"seed": 1, "motion": True}, "seed was 0 and is 1; motion was False and is True"),
+    ],
+)
+def test_a_night_does_not_go_on_as_another(tmp_path: Path, changed: dict[str, Any], said: str) -> None:
+    with History(tmp_path / "history.sqlite") as history:
+        Course.begin(history, RUN, choice_of())
+        with pytest.raises(InvalidRequest, match=said):
+            Course.resume(history, RUN, choice_of(replace(SETTINGS, **changed)))
+
+
+def test_a_night_of_another_library_does_not_go_on(tmp_path: Path) -> None:
+    with History(tmp_path / "history.sqlite") as history:
+        first = Course.begin(history, RUN, choice_of())
+        assert Course.resume(history, replace(RUN, library="mine"), choice_of()).number != first.number
+        assert Course.resume(history, RUN, choice_of()).number == first.number
+
+
+def test_the_night_before_is_the_last_that_ended(tmp_path: Path) -> None:
+    with History(tmp_path / "history.sqlite") as history:
+        first = Course.begin(history, RUN, choice_of())
+        run_to_the_end(first, toy(["a"]))
+        assert first.night_before([toy()]) is None
+        first.end("done")
+        Course.begin(history, RUN, choice_of())
+        third = Course.begin(history, RUN, choice_of())
+        before = third.night_before([toy()])
+        assert before is not None
+        assert [case.group for case in before] == ["a", "all"]
+        assert cases_of(history, first.night, toy()) == before
+
+
+def test_stages_are_found_by_name_in_their_order() -> None:
+    assert list(find_stages()) == ["cross-check", "atlas", "survey", "bench", "faults"]
+    assert [stage.name for stage in select_stages(["bench", "atlas"])] == ["atlas", "bench"]
+    with pytest.raises(InvalidRequest, match=r"'benhc'.*bench"):
+        select_stages(["benhc"])

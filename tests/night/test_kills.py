@@ -1,0 +1,137 @@
+"""A night that is killed at random moments and goes on: no record lost, none doubled, and the result of a night that was not killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from catalogue import BUILT_IN
+from support import make_library, without_progress
+
+from harness.night.stage import Stage, find_stages
+from harness.results.history import History
+from harness.results.night import Night
+
+SYSTEMS = ["bar_pendulum", "spring_damper", "simple_pendulum"]
+# In CI the stages that are soonest complete; at night all of them.
+SOME = ["--stage", "cross-check", "--stage", "survey", "--survey", "robots"]
+ALL = ["--survey", "robots", "--case", "far_base", "--faults", "1"]
+KILLS = [
+    pytest.param(2, SOME, id="two kills"),
+    pytest.param(10, ALL, id="ten kills", marks=pytest.mark.nightly),
+]
+# What differs between two runs of the same: times, and what is made of them.
+TIMES = re.compile(r".*(seconds|fastest|slowest|repetitions|trusted|exponent).*")
+
+
+def command(arguments: list[str]) -> list[str]:
+    asked = ["--library", "library", "--states", "60", "--workers", "2", "--out", "out", "--resume", *arguments]
+    return [sys.executable, "-m", "harness", "nightly", *asked]
+
+
+def folder_with_library(folder: Path) -> Path:
+    make_library(folder / "library", SYSTEMS)
+    (folder / "robots").mkdir()
+    for name in SYSTEMS:
+        shutil.copy(BUILT_IN.model_path(name, "urdf"), folder / "robots")
+    return folder
+
+
+def rows(history: Path) -> int:
+    """How many parts are stored by now."""
+    if not history.is_file():
+        return 0
+    try:
+        with sqlite3.connect(f"file:{history}?mode=ro", uri=True, timeout=10) as connection:
+            return int(connection.execute("SELECT count(*) FROM parts").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
+
+
+def without_times(item: Any) -> Any:
+    if isinstance(item, dict):
+        return {name: without_times(value) for name, value in item.items() if not TIMES.fullmatch(name)}
+    return [without_times(value) for value in item] if isinstance(item, list) else item
+
+
+def stored(folder: Path) -> dict[str, Counter[str]]:
+    """Stage to all that the one night of a folder has stored of it, without times, each row with how often it is there."""
+    with History(folder / "out" / "history.sqlite") as history:
+        # A kill before a night has said what it was asked leaves one that nothing refers to.
+        nights = [night for number in history.studies(Night) if (night := history.read(number, Night)).settings]
+    [night] = nights
+    assert night.ended
+    with sqlite3.connect(folder / "out" / "history.sqlite") as connection:
+        found = {}
+        for begun in night.begun:
+            parts = connection.execute("SELECT part, content FROM parts WHERE study_id = ?", (begun.study,)).fetchall()
+            found[begun.stage] = Counter(
+                f"{part} {json.dumps(without_times(json.loads(text.replace(str(folder), ''))), sort_keys=True)}" for part, text in parts
+            )
+        done = Counter((one.stage, one.unit) for one in night.done)
+    assert set(done.values()) == {1}
+    return found
+
+
+def keys(found: dict[str, Counter[str]]) -> dict[str, Counter[str]]:
+    """Of measurements, whose numbers are times, which there are."""
+    names = ("system", "method", "subject", "case", "part")
+
+    def key(row: str) -> str:
+        part, _, text = row.partition(" ")
+        content = json.loads(text)
+        return f"{part} {[content.get(name) for name in names] if isinstance(content, dict) else content}"
+
+    return {stage: Counter({key(row): count for row, count in every.items()}) for stage, every in found.items()}
+
+
+@pytest.mark.parametrize(("kills", "arguments"), KILLS)
+def test_a_killed_night_goes_on_and_ends_as_one_that_was_not(kills: int, arguments: list[str], tmp_path: Path) -> None:
+    quiet, killed = folder_with_library(tmp_path / "quiet"), folder_with_library(tmp_path / "killed")
+    done = subprocess.run(command(arguments), cwd=quiet, capture_output=True, text=True, timeout=1800, check=False)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    total, history = rows(quiet / "out" / "history.sqlite"), killed / "out" / "history.sqlite"
+
+    draw, happened = random.Random(kills), 0
+    for moment in sorted(draw.uniform(0, 0.9) for _ in range(kills)):
+        process = subprocess.Popen(
+            command(arguments), cwd=killed, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+        )
+        with process:
+            while process.poll() is None and rows(history) < moment * total:
+                time.sleep(0.02)
+            time.sleep(draw.uniform(0, 0.5))
+            before = rows(history)
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                happened += 1
+            process.wait(60)
+        assert rows(history) >= before
+        if process.returncode != -signal.SIGKILL:
+            break
+    assert happened >= min(kills, 2)
+    last = subprocess.run(command(arguments), cwd=killed, capture_output=True, text=True, timeout=1800, check=False)
+    assert last.returncode == done.returncode, last.stdout + last.stderr
+    assert "goes on: " in without_progress(last.stderr)
+
+    expected, found = stored(quiet), stored(killed)
+    assert keys(found) == keys(expected)
+    exact = [stage for stage in expected if not stage_of(stage).is_timed]
+    assert {stage: found[stage] for stage in exact} == {stage: expected[stage] for stage in exact}
+    assert all(expected.values())
+
+
+def stage_of(name: str) -> Stage:
+    return find_stages()[name]
