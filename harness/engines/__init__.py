@@ -96,6 +96,7 @@ class Engine(Protocol):
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
     One that computes in float32 says so by ``unit_roundoff = 2.0**-24``: it is asked at states rounded to float32, and judged in data
     roundoffs of float32.
+    One that not everybody installs has ``optional = True``: where it is installed nowhere, it is asked by name alone.
     One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
     beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
@@ -212,7 +213,13 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
 
 
 def subjects(library: Library) -> list[Subject]:
-    """Every subject of every engine, sorted by name; not those of versions, which are asked for by name."""
+    """Every subject that is asked where none is named, sorted: none of versions, or of optional engines that are installed nowhere."""
+    missing = {name for name, file in engine_files(library).items() if file.optional and file.version is None}
+    return [one for one in known_subjects(library) if one.engine not in missing]
+
+
+def known_subjects(library: Library) -> list[Subject]:
+    """Every subject of every engine, installed or not, sorted; not those of versions."""
     return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
 
 

@@ -80,6 +80,7 @@ class MjxEngine:
 
     requires = ("mujoco.mjx", "mujoco-mjx")
     formats = ("mjcf",)
+    optional = True
     factorises_mass_matrix = True
 
     def __init__(self, in_float64: bool) -> None:

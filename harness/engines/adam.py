@@ -62,6 +62,7 @@ def _plain(number: Any) -> Any:
 class AdamEngine:
     requires = ("adam", "adam-robotics")
     formats = ("urdf",)
+    optional = True
     factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> AdamModel:

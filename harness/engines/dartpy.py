@@ -105,6 +105,7 @@ class DartModel:
 class DartEngine:
     requires = ("dartpy", "dartpy")
     formats = ("urdf",)
+    optional = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DartModel:
         import dartpy

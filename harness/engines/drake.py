@@ -155,6 +155,7 @@ class DrakeModel:
 class DrakeEngine:
     requires = ("pydrake", "drake")
     formats = ("urdf", "mjcf")
+    optional = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DrakeModel:
         file = require_model(source, "drake")

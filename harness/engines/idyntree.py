@@ -77,6 +77,7 @@ class IdyntreeModel(FloatingBase):
 class IdyntreeEngine:
     requires = ("idyntree", "idyntree")
     formats = ("urdf",)
+    optional = True
     factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> IdyntreeModel:

@@ -108,6 +108,7 @@ def _turn(quaternion: Any) -> Array:
 class PybulletEngine:
     requires = ("pybullet", "pybullet")
     formats = ("urdf",)
+    optional = True
     factorises_mass_matrix = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PybulletModel:
