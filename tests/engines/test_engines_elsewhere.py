@@ -1,0 +1,170 @@
+"""Engines in interpreters of their own: the same answers as beside the harness, and a name for whatever becomes of them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toy_engine
+from support import harness, harness_in_a_process
+
+from harness.engines import Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects
+from harness.engines._interpreter import EngineDied
+from harness.engines._transport import dumps, loads, portable
+from harness.errors import InvalidModel, InvalidRequest
+from harness.library import Library
+from harness.models.model_file import ModelFile, read_model
+from harness.workers import Workers
+
+VERSIONS = {
+    "1.0": toy_engine.RIGHT,
+    "1.1": toy_engine.HEAVIER,
+    "2.0": toy_engine.DYING,
+    "2.1": toy_engine.ENDING,
+    "2.2": toy_engine.HANGING,
+    "2.3": toy_engine.LACKING,
+    "2.4": toy_engine.RAISING,
+    "3.0": toy_engine.RIGHT,
+}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Library]:
+    root = tmp_path_factory.mktemp("toy")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(root / "cache"))
+        for version, source in VERSIONS.items():
+            toy_engine.plant(version, source)
+        found = Library.at(toy_engine.toy_library(root / "library"))
+        describe_engines(found, Workers)
+        yield found
+
+
+@pytest.fixture
+def bar(library: Library) -> ModelFile:
+    return read_model(library.model_path("bar_pendulum", "urdf"), "urdf")
+
+
+def of_library(library: Library, *arguments: str) -> tuple[str, ...]:
+    return (*arguments, "--library", str(library.systems.parent), "--states", "40", "--workers", "1")
+
+
+def test_a_version_is_asked_by_name_and_no_other_is(library: Library) -> None:
+    assert [str(one) for one in select_subjects(library, ["toy@1.0/urdf"])] == ["toy@1.0/urdf"]
+    assert {str(one) for one in select_subjects(library, [])} >= {"toy/urdf", "mujoco/mjcf"}
+    assert not any("@" in str(one) for one in select_subjects(library, []))
+    with pytest.raises(InvalidRequest, match=r"no environment holds toy 9\.0; .*harness engines add toy==9\.0"):
+        select_subjects(library, ["toy@9.0/urdf"])
+
+
+def test_what_is_not_beside_the_harness_is_its_newest_environment(library: Library) -> None:
+    assert load_engine(library, "toy").environment.version == "3.0"  # type: ignore[attr-defined]
+    assert runs_elsewhere(load_engine(library, "toy@1.0"))
+    assert not runs_elsewhere(load_engine(library, "mujoco"))
+
+
+def test_its_model_answers_as_one_in_this_process(library: Library, bar: ModelFile) -> None:
+    model = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81)
+    q, v, tau = np.random.default_rng(0).normal(size=(3, 7, 1))
+    expected = (tau - 0.3 * v - 2.0 * 9.81 * 0.75 * np.sin(q)) / (1.625 + 0.0 * q)
+    answer = model.forward_dynamics(q, v, tau)
+    assert answer.dtype == np.float64 and (answer == expected).all()
+    assert model.loaded() is None
+    terms = model.terms(q, v, tau)  # type: ignore[attr-defined]
+    assert isinstance(terms, Terms) and terms.mass.shape == (7, 1, 1) and (terms.applied == tau).all()
+    assert not hasattr(model, "reactions")
+    before = model.clock()  # type: ignore[attr-defined]
+    assert 0 < before == model.clock()  # type: ignore[attr-defined]
+
+
+def test_it_runs_in_the_environment_and_sees_nothing_of_the_harnesss(library: Library) -> None:
+    environment = load_engine(library, "toy@1.0").environment  # type: ignore[attr-defined]
+    probe = (
+        "import importlib.util as u; print([n for n in ('sympy', 'flint', 'heyoka', 'mujoco', 'pinocchio', 'harness') if u.find_spec(n)])"
+    )
+    done = subprocess.run([environment.interpreter, "-P", "-s", "-c", probe], capture_output=True, text=True, check=True, env={})
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_adapter_is_imported_where_only_its_requirements_are(library: Library) -> None:
+    """In an environment's interpreter, where nothing of SymPy, heyoka, flint or another engine can be found."""
+    environment = load_engine(library, "toy@1.0").environment  # type: ignore[attr-defined]
+    modules = [
+        "harness.engines.mujoco",
+        "harness.engines.pinocchio",
+        "harness.comparison.callers.mujoco",
+        "harness.comparison.callers.pinocchio",
+    ]
+    server = Path(sys.modules["harness.engines"].__file__ or "").with_name("_server.py")
+    probe = (
+        f"import importlib, runpy, sys; runpy.run_path({str(server)!r})['_import_harness'](); "
+        f"print([importlib.import_module(name).ENGINE.formats for name in {modules}])"
+    )
+    done = subprocess.run([environment.interpreter, "-P", "-s", "-c", probe], capture_output=True, text=True, check=False, env={})
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_missing_function_is_unsupported_and_the_engines_own_exceptions_are_told(library: Library, bar: ModelFile) -> None:
+    state = np.zeros((1, 1))
+    with pytest.raises(Unsupported, match=r"toy_engine 2\.3 has no accelerate"):
+        load_engine(library, "toy@2.3").load(bar, ["pin"], 9.81).forward_dynamics(state, state, state)
+    with pytest.raises(RuntimeError, match="ToyError: no fuel"):
+        load_engine(library, "toy@2.4").load(bar, ["pin"], 9.81).forward_dynamics(state, state, state)
+
+
+def test_outside_a_worker_a_death_is_an_exception_and_the_next_load_starts_anew(library: Library, bar: ModelFile) -> None:
+    state = np.zeros((1, 1))
+    for _ in range(2):
+        with pytest.raises(EngineDied, match=r"toy@2\.0 ended its process with status -11"):
+            load_engine(library, "toy@2.0").load(bar, ["pin"], 9.81).forward_dynamics(state, state, state)
+
+
+def test_a_check_names_each_death_and_judges_the_others(library: Library, tmp_path: Path) -> None:
+    subjects = ["toy/urdf", *(f"toy@{version}/urdf" for version in VERSIONS), "mujoco/urdf"]
+    options = [word for one in subjects for word in ("--subject", one)]
+    done = harness_in_a_process("check", *of_library(library, *options), "--time-limit", "5", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 3, done.stderr
+    records = {one["subject"]: one for one in json.loads((tmp_path / "out.json").read_text())["records"]}
+    assert {one: record["verdict"] for one, record in records.items()} == {
+        "toy/urdf": "agrees", "toy@1.0/urdf": "agrees", "toy@1.1/urdf": "disagrees", "toy@2.0/urdf": "error", "toy@2.1/urdf": "error",
+        "toy@2.2/urdf": "error", "toy@2.3/urdf": "unsupported", "toy@2.4/urdf": "error", "toy@3.0/urdf": "agrees", "mujoco/urdf": "agrees",
+    }  # fmt: skip
+    assert "SIGSEGV" in records["toy@2.0/urdf"]["message"]
+    assert "ended its process with status 7; it wrote: spoon" in records["toy@2.1/urdf"]["message"]
+    assert "time limit" in records["toy@2.2/urdf"]["message"]
+    assert records["toy@2.3/urdf"]["expected"] == "unsupported"
+
+
+def test_no_engines_presence_changes_anothers_answers(library: Library, tmp_path: Path) -> None:
+    """Bit by bit: the record of MuJoCo alone and beside right and wrong engines of environments, but for the times."""
+    found = []
+    for others in ((), ("toy@1.0/urdf", "toy@1.1/urdf")):
+        options = [word for one in ("mujoco/urdf", *others) for word in ("--subject", one)]
+        done = harness("check", *of_library(library, *options), "--json", "out.json", cwd=tmp_path, isolated=True)
+        [record] = [one for one in json.loads((tmp_path / "out.json").read_text())["records"] if one["subject"] == "mujoco/urdf"]
+        assert done.returncode == (1 if others else 0), done.stderr
+        found.append({name: value for name, value in record.items() if "seconds" not in name and name not in ("replay", "faster")})
+    assert found[0] == found[1]
+
+
+def test_arrays_pass_bit_by_bit() -> None:
+    values = {"a": np.array([[0.1, -0.0], [np.nan, np.inf]]), "b": np.float64(0.1), "c": [np.arange(3, dtype=">i4"), "text", None]}
+    again = loads(dumps(values))
+    assert again["a"].tobytes() == values["a"].tobytes() and again["a"].shape == (2, 2) and again["a"].flags.writeable  # type: ignore[attr-defined]
+    assert isinstance(again["b"], np.float64) and again["b"] == 0.1
+    assert again["c"][0].dtype == ">i4" and again["c"][1:] == ["text", None]
+
+
+def test_exceptions_pass_as_what_both_sides_know() -> None:
+    class OfAnEngine(ValueError):
+        pass
+
+    assert str(portable(OfAnEngine("x"))) == "OfAnEngine: x" and type(portable(OfAnEngine("x"))) is ValueError
+    known = InvalidModel(Path("a.xml"), 3, "is wrong")
+    assert portable(known) is known
+    assert type(portable(UnicodeDecodeError("utf-8", b"", 0, 1, "bad"))) is UnicodeDecodeError

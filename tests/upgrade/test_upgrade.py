@@ -1,0 +1,117 @@
+"""Two versions of an engine held against each other: what changed is told, with its term, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import toy_engine
+from support import Done, harness
+
+from harness.environments.folders import find_environments
+
+SLOWER = toy_engine.RIGHT.replace(
+    "def accelerate(q, v, tau):", "def accelerate(q, v, tau):\n    import time; time.sleep(0.01 * len(q))\n   "
+)
+REFUSING = toy_engine.RIGHT + "raise ValueError('no licence')\n"
+VERSIONS = {
+    "1.0": toy_engine.RIGHT,
+    "1.1": toy_engine.RIGHT,
+    "1.2": toy_engine.HEAVIER,
+    "1.3": toy_engine.LACKING,
+    "1.4": SLOWER,
+    "1.5": REFUSING,
+}
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    root = tmp_path_factory.mktemp("toy")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(root / "cache"))
+        for version, source in VERSIONS.items():
+            toy_engine.plant(version, source)
+        yield toy_engine.toy_library(root / "library")
+
+
+def upgraded(library: Path, *arguments: str) -> tuple[Done, list[dict[str, object]]]:
+    done = harness("upgrade", *arguments, "--library", str(library), "--states", "100", "--json", "out.json", cwd=library)
+    return done, json.loads((library / "out.json").read_text())["changes"] if done.returncode < 2 else []
+
+
+def test_two_versions_that_do_alike_have_no_changes(library: Path) -> None:
+    done, changes = upgraded(library, "toy", "1.0", "1.1")
+    assert (done.returncode, [one for one in changes if one["what"] != "time per state"]) == (0, [])
+    assert "1 of 1 unchanged, 0 worse" in done.stdout or changes
+
+
+def test_a_changed_term_is_told_apart_and_named(library: Path) -> None:
+    done, changes = upgraded(library, "toy", "1.1", "1.2", "bar_pendulum")
+    assert done.returncode == 1
+    by_kind = {str(one["what"]): one for one in changes}
+    assert by_kind["verdict"]["is_worse"] and by_kind["verdict"]["before"] == "agrees"
+    assert "median backward error" in by_kind
+    [terms] = [one for one in changes if one["what"] == "terms"]
+    assert "gravity: force on pin is wrong at every state" in str(terms["now"]) and str(terms["before"]).startswith("gravity: agrees")
+    assert "0 of 1 unchanged, 1 worse" in done.stdout
+
+
+def test_what_becomes_better_is_told_and_ends_well(library: Path) -> None:
+    done, changes = upgraded(library, "toy", "1.2", "1.0")
+    assert done.returncode == 0
+    assert {"verdict", "terms"} <= {one["what"] for one in changes}
+    assert not any(one["is_worse"] for one in changes)
+
+
+def test_a_refusal_is_a_change(library: Path) -> None:
+    done, changes = upgraded(library, "toy-engine", "1.0", "1.5")
+    assert done.returncode == 1
+    assert "no licence" in str(next(one for one in changes if one["what"] == "message")["now"])
+    done, changes = upgraded(library, "toy", "1.0", "1.3")
+    assert done.returncode == 1
+    assert [one["now"] for one in changes if one["what"] == "verdict"] == ["unsupported"]
+
+
+def test_a_cost_is_told_and_counts_against_nobody(library: Path) -> None:
+    done, changes = upgraded(library, "toy", "1.0", "1.4")
+    assert done.returncode == 0
+    [cost] = [one for one in changes if one["what"] == "time per state"]
+    assert not cost["is_worse"] and float(str(cost["now"]).split()[0]) > 100
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragment"),
+    [
+        (("toy", "1.0"), "name two versions"),
+        (("toy", "1.0", "1.0"), "toy@1.0 is one version; name two"),
+        (("toy", "1.0", "7.7"), "make one: harness engines add toy==7.7"),
+        (("tay", "1.0", "1.1"), "no engine is called 'tay'"),
+        (("toy", "--bisect", "1.0"), "expected two versions as 3.3.0..4.0.0"),
+        (("mujoco", "4.0.0", "0.1"), "mujoco 0.1 is in no environment"),
+    ],
+)
+def test_bad_usage_says_what_to_do(library: Path, arguments: tuple[str, ...], fragment: str) -> None:
+    done, _ = upgraded(library, *arguments)
+    assert done.returncode == 2
+    assert fragment in done.stderr
+
+
+@pytest.mark.costly
+def test_a_planted_wheel_is_bisected_among_five(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From an index to the name of the version and its term, every environment made on the way."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "cache"))
+    wheels = tmp_path / "wheels"
+    wheels.mkdir()
+    for number in range(5):
+        toy_engine.write_wheel(wheels, f"5.{number}", toy_engine.HEAVIER if number >= 3 else toy_engine.RIGHT)
+    monkeypatch.setenv("PIP_FIND_LINKS", " ".join([str(wheels), *filter(None, [toy_engine.links()])]))
+    done, changes = upgraded(library, "toy", "--bisect", "5.0..5.4")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert re.search(
+        r"^first changed by toy 5\.3; 5\.2 is as 5\.0; asked: 5\.0, 5\.4, 5\.2, 5\.3 of 5 versions$", done.stdout, re.MULTILINE
+    )
+    assert any(one["what"] == "terms" and "gravity" in str(one["now"]) for one in changes)
+    assert [one.version for one in find_environments("toy")] == ["5.0", "5.2", "5.3", "5.4"]
