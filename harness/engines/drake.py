@@ -99,13 +99,15 @@ class DrakeModel:
         plant, context = self.plant, self._context
         found = np.empty((len(q), len(self._order), 6))
         port = plant.get_reaction_forces_output_port()
+        indices = plant.GetJointIndices()
+        ordinals = {name: indices.index(joint.index()) for name, joint in self.joints.items()}
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
             self._set(plant, context, *own)
             forces = port.Eval(context)
             for place, name in enumerate(self._order):
                 joint = self.joints[name]
                 turn = joint.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
-                force = forces[joint.ordinal()]
+                force = forces[ordinals[name]]
                 found[state, place] = *(turn @ force.translational()), *(turn @ force.rotational())
         return found
 
@@ -113,7 +115,7 @@ class DrakeModel:
         """Terms as Drake computes them: the mass matrix with reflected inertias, the bias term, gravity, force elements and dampers.
 
         Source: Drake documentation, ``CalcMassMatrix``, ``CalcBiasTerm``, ``CalcGravityGeneralizedForces``,
-        ``CalcForceElementsContribution``, ``Joint.AddInDamping``.
+        ``CalcForceElementsContribution``, which has the dampers of joints too.
         """
         from pydrake.multibody.tree import MultibodyForces
 
@@ -130,8 +132,6 @@ class DrakeModel:
             self._set(weightless, without_gravity, *own)
             forces.SetZero()
             weightless.CalcForceElementsContribution(without_gravity, forces)
-            for joint in self.joints.values():
-                weightless.get_joint(joint.index()).AddInDamping(without_gravity, forces)
             mass[state] = turn @ plant.CalcMassMatrix(context) @ turn.T
             velocity[state] = turn @ plant.CalcBiasTerm(context)
             gravity[state] = -(turn @ plant.CalcGravityGeneralizedForces(context))

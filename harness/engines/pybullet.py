@@ -99,6 +99,24 @@ class PybulletModel(MassAndBias):
         turn = _turn(state[1]) @ _turn(state[3]).T
         return turn, np.array(state[0]) - turn @ np.array(state[2]), np.vstack([np.array(one)[:, self._order] for one in jacobians])
 
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """See ``harness.hard.reproducer``; what the harness supplies is part of tau, and of M."""
+        self._go_to(q, v)
+        added = self._passive(q, v)
+        forces, expected, armature = np.zeros((3, len(self._places)))
+        forces[self._order], expected[self._order], armature[self._order] = tau + added, certified, self.supplied.armature
+        mass = "np.array(p.calculateMassMatrix(b, q))" + (f" + np.diag({armature.tolist()})" if armature.any() else "")
+        remark = "  # springs and dampers, which inverse dynamics do not know, are in tau" if added.any() else ""
+        return (
+            f"import numpy as np, pybullet as p, tempfile; f = tempfile.NamedTemporaryFile('w', suffix='.urdf'); "
+            f"f.write({source}); f.flush(); p.connect(p.DIRECT); "
+            "b = p.loadURDF(f.name, useFixedBase=True, flags=p.URDF_USE_INERTIA_FROM_FILE); "
+            f"p.setGravity(*{list(self._gravity)})\n"
+            f"q, v, tau = {self._own[0]}, {self._own[1]}, {forces.tolist()}{remark}\n"
+            f"print(np.linalg.solve({mass}, np.array(tau) - p.calculateInverseDynamics(b, q, v, [0.0] * len(q))).tolist(), "
+            f"{expected.tolist()}, sep='\\n')  # engine, certified\n"
+        )
+
 
 def _turn(quaternion: Any) -> Array:
     x, y, z, w = quaternion

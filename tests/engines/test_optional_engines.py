@@ -20,8 +20,10 @@ from harness.certify.sampling import random_sample
 from harness.crosscheck.truth import Truth
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff
 from harness.engines._rotations import BALL, FREE, Columns, rotation
+from harness.environments.folders import find_environments
 from harness.equations.derivation import load_mechanism
 from harness.library import Library
+from harness.models.model_file import read_model
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()
@@ -151,3 +153,23 @@ def test_idyntree_agrees_in_an_environment_of_its_own(cache: Path, tmp_path: Pat
 def test_the_catalogue_is_as_expected_in_an_environment_of_its_own(name: str, cache: Path, tmp_path: Path) -> None:
     records = check_in_its_environment(name, [], cache, tmp_path)
     assert sum(one["verdict"] == "agrees" for one in records) > len(records) / 3
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "system"), [("drake", "collar"), ("drake", "satellite_wheel"), ("pybullet", "furuta_pendulum.armature")])
+def test_a_reproducer_prints_what_the_engine_answers(name: str, system: str, cache: Path, tmp_path: Path) -> None:
+    """In the environment's interpreter, where no harness is installed."""
+    check_in_its_environment(name, [system], cache, tmp_path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(cache))
+        mechanism = load_mechanism(BUILT_IN, system)
+        file = read_model(BUILT_IN.validated_models(system)["urdf"], "urdf")
+        model = load_engine(BUILT_IN, name).load(file, mechanism.joints, mechanism.gravity)
+        one = random_sample(mechanism, 1, 0)
+        answer = model.forward_dynamics(one.q, one.v, one.tau)[0]
+        text = model.reproducer(repr(file.text), one.q[0], one.v[0], one.tau[0], answer)  # type: ignore[attr-defined]
+        interpreter = find_environments(name)[-1].interpreter
+    assert len(text.splitlines()) == 3
+    done = subprocess.run([interpreter, "-c", text], capture_output=True, text=True, check=True, cwd=tmp_path)
+    engine, certified = done.stdout.splitlines()[-2:]
+    np.testing.assert_allclose(json.loads(engine), json.loads(certified), rtol=1e-12, atol=1e-12)
