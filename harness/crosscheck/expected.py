@@ -5,19 +5,22 @@
 ``unstable`` also bounds what the reason explains of the sampled states: the ``median_backward_error``, and the ``share`` of them that
 is unstable. An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
 An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
-for anything.
+for anything. One with ``versions``, a specifier as "<3.7", is about those versions of the subject's engine alone, asked by name as
+``engine@version``. A list in place of a system or subject stands for a table for each of them.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from harness.certify.quantities import find_quantities
 from harness.engines import Subject, engine_files, known_subjects
@@ -68,6 +71,11 @@ class Expectation(Entry, frozen=True, kw_only=True):
 
     system: Text
     quantity: Text = ACCELERATIONS
+    versions: str = ""
+
+    @property
+    def of_versions(self) -> SpecifierSet:
+        return SpecifierSet(self.versions)
 
 
 # Of a pair without an entry.
@@ -108,7 +116,8 @@ def read_entries(
         InvalidInput: the file is malformed, or an entry names what does not exist.
     """
     entries: dict[tuple[str, ...], _Entry] = {}
-    for number, table in enumerate(read_tables(path, tables)["expected"], start=1):
+    written = enumerate(read_tables(path, tables)["expected"], start=1)
+    for number, table in [(number, one) for number, table in written for one in _each(table, key)]:
         where = f"[[expected]] number {number}"
         try:
             entry = msgspec.convert(table, kind)
@@ -134,15 +143,20 @@ def read_entries(
 
 @dataclass(frozen=True)
 class Expectations:
-    """The expectations of one quantity, by (label of a system, subject)."""
+    """The expectations of one quantity, by (label of a system, subject), and those of some versions."""
 
     entries: Mapping[tuple[str, str], Expectation] = field(default_factory=dict)
+    of_versions: Sequence[Expectation] = ()
 
     def of(self, system: str, subject: Subject | str) -> Expectation:
         """That of a subject on a system, by its label; a version without an entry has that of its engine, what has none ``AGREES``."""
-        engine, slash, model_format = str(subject).partition("/")
-        without_version = split_name(engine)[0] + slash + model_format
-        return self.entries.get((system, str(subject))) or self.entries.get((system, without_version), AGREES)
+        name, slash, model_format = str(subject).partition("/")
+        engine, version = split_name(name)
+        key = system, engine + slash + model_format
+        for entry in self.of_versions:
+            if version and (entry.system, entry.subject) == key and version in entry.of_versions:
+                return entry
+        return self.entries.get(key, AGREES)
 
     def why_no_model(self, library: Library, system: str, subject: Subject) -> str:
         """The reason that a subject has no model of a system to read: that of its entry, where that says ``unsupported``.
@@ -157,6 +171,13 @@ class Expectations:
         if engine_files(library)[subject.engine].elsewhere:
             entries += [one for (of, name), one in self.entries.items() if of == label and name.endswith(f"/{subject.format}")]
         return next((one.reason for one in entries if one.verdict == Verdict.UNSUPPORTED), "")
+
+
+def _each(table: Mapping[str, Any], key: Collection[str]) -> Iterator[Mapping[str, Any]]:
+    """A table, or one for each choice of the values that are listed under fields of ``key``."""
+    listed = {name: table[name] for name in key if isinstance(table.get(name), list)}
+    for chosen in itertools.product(*listed.values()):
+        yield {**table, **dict(zip(listed, chosen, strict=True))}
 
 
 def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expectations:
@@ -174,7 +195,20 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         "quantity": [ACCELERATIONS, *find_quantities()],
     }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    entries = read_entries(library.expected_verdicts, Expectation, known, ("system", "subject", "quantity"), compared, TABLES)
+    key = ("system", "subject", "quantity", "versions")
+    entries = read_entries(library.expected_verdicts, Expectation, known, key, compared, TABLES)
+    for entry in entries.values():
+        _check_versions(library.expected_verdicts, entry)
     everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
-    own = [entry for entry in entries.values() if entry.quantity == quantity]
-    return Expectations({(entry.system, entry.subject): entry for entry in (*everywhere, *own)})
+    chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
+    return Expectations(
+        {(entry.system, entry.subject): entry for entry in chosen if not entry.versions}, [entry for entry in chosen if entry.versions]
+    )
+
+
+def _check_versions(path: Path, entry: Expectation) -> None:
+    try:
+        SpecifierSet(entry.versions)
+    except InvalidSpecifier as error:
+        problem = f"versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as \"<3.7\""
+        raise InvalidInput(path, None, problem) from error

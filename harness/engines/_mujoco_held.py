@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
+from harness.engines._mujoco_versions import flag
 
 
 def gravity_of(model: Any) -> Array:
@@ -48,7 +49,7 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
     off = int(model.opt.disableflags)
-    springs, dampers = (0.0 if off & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}")) else 1.0 for part in ("SPRING", "DAMPER"))
+    springs, dampers = (0.0 if off & flag(part) else 1.0 for part in ("spring", "damper"))
 
     names = [model.joint(number).name for number in range(model.njnt)]
     # Weld group, which is numbered as the body that has its joints, to its last joint; the world has none.

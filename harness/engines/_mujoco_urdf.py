@@ -133,6 +133,9 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
             edits += _tendon(element, f"spring {number}")
+    if len(spec.equalities) < len(file.mimics):
+        named = ", ".join(f"line {one.line}: joint {one.joint!r}" for one in file.mimics)
+        raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} passes over <mimic>: {named}")
     # The reader names the coupling of a joint that mimics another by nothing.
     edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]
     for constraint in file.constraints:

@@ -57,6 +57,14 @@ def read_mjcf(file: ModelFile) -> Any:
         raise
 
 
+def flag(stage: str) -> int:
+    """The bit that switches springs or dampers off, "spring" or "damper"; where they have none, that of both together."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit
+    return int(getattr(flags, f"mjDSBL_{stage.upper()}", None) or flags.mjDSBL_PASSIVE)
+
+
 def _without_unknown_flags(file: ModelFile) -> str:
     import mujoco
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -54,12 +55,14 @@ def changes_between(records: Sequence[Record], before: str, after: str) -> list[
 
 
 def of_version(records: Sequence[Record], version: str) -> list[Record]:
-    """The records of a version, their subjects without it."""
+    """The records of a version, their subjects without it, and without what is expected of that version alone."""
     found = []
     for record in records:
         engine, _, model_format = record.subject.partition("/")
         if engine == version:
-            found.append(replace(record, subject=str(Subject(engine, model_format).without_version)))
+            subject = str(Subject(engine, model_format).without_version)
+            limits = dict.fromkeys(("expected_backward_error", "expected_median_backward_error"), math.inf)
+            found.append(replace(record, subject=subject, expected=record.verdict, expected_share=1.0, **limits))
     return found
 
 
