@@ -84,7 +84,7 @@ def add(bracket: Bracket, engine: str, version: str) -> str:
     if why := file.too_old(version):
         raise InvalidRequest(why)
     known = [one for one in find_environments(engine) if one.version == version]
-    made = known[0] if known else install(engine, file.requires[1], version, file.requirements(version))
+    made = known[0] if known else install(engine, file.requires[1], file.requires[0], version, file.requirements(version))
     if not known:
         bracket.describe_engines()
     say(f"{made.name}: {'is there' if known else 'made'}, {_megabytes(made.size())} in {made.folder}")

@@ -213,7 +213,7 @@ class PinocchioEngine:
     formats = ("urdf", "mjcf")
     oldest: Mapping[str, str] = {"urdf": "2.7.0", "mjcf": "3.3.1"}
     # Wheels of that time take whatever versions of these there are.
-    companions: Mapping[str, Sequence[str]] = {">=3,<3.5": ("cmeel-urdfdom<5", "cmeel-tinyxml2<11", "numpy<2.4")}
+    companions: Mapping[str, Sequence[str]] = {">=3,<3.8": ("cmeel-urdfdom<5", "cmeel-tinyxml2<11", "numpy<2.4")}
     linear_velocity_in_body = True
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PinocchioModel:

@@ -24,14 +24,15 @@ _SOURCES = ("index-url", "extra-index-url", "find-links", "no-index")
 _INSTALLED = "import importlib.metadata, json; print(json.dumps({d.name: d.version for d in importlib.metadata.distributions()}))"
 
 
-def install(engine: str, distribution: str, version: str = "", companions: Sequence[str] = ()) -> Environment:
+def install(engine: str, distribution: str, module: str, version: str = "", companions: Sequence[str] = ()) -> Environment:
     """Make the environment of an engine, of its newest version where none is given; one of that version is replaced.
 
     Args:
-        engine: name of its engine file. companions: further requirements that this version needs.
+        engine: name of its engine file. module: by which the program is imported. companions: what this version needs beside what it
+            requires itself.
 
     Raises:
-        InvalidRequest: it cannot be installed; the message is that of the installer.
+        InvalidRequest: it cannot be installed, or not be imported then; the message is that of the installer, or of the import.
     """
     root = environments_directory()
     root.mkdir(parents=True, exist_ok=True)
@@ -40,6 +41,7 @@ def install(engine: str, distribution: str, version: str = "", companions: Seque
         wanted = f"{distribution}=={version}" if version else distribution
         _fill(scratch, [wanted, *companions, *REQUIREMENTS])
         installed: dict[str, str] = json.loads(_output([str(interpreter_in(scratch)), "-I", "-c", _INSTALLED]))
+        _output([str(interpreter_in(scratch)), "-I", "-c", f"import {module}"])
         by_name = {_canonical(name): found for name, found in installed.items()}
         found = by_name[_canonical(distribution)]
         environment = Environment(engine, distribution, found, this_python(), dict(sorted(installed.items())))

@@ -43,19 +43,26 @@ def test_versions_come_from_the_indexes_of_the_user_and_are_sorted(index: Path) 
 
 def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> None:
     with pytest.raises(InvalidRequest, match=r"toy-engine==9\.9"):
-        install("toy", "toy-engine", "9.9")
+        install("toy", "toy-engine", "toy_engine", "9.9")
     assert list(environments_directory().iterdir()) == []
+    assert find_environments() == []
+
+
+def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "REQUIREMENTS", ())
+    with pytest.raises(InvalidRequest, match="ModuleNotFoundError: No module named 'numpy'"):
+        install("toy", "toy-engine", "toy_engine", "1.2")
     assert find_environments() == []
 
 
 def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "REQUIREMENTS", ())
-    first = install("toy", "toy-engine", "1.2")
+    first = install("toy", "toy-engine", "json", "1.2")
     assert find_environments() == [first]
     (first.folder / "stale").touch()
-    assert install("toy", "toy-engine", "1.2") == first
+    assert install("toy", "toy-engine", "json", "1.2") == first
     assert not (first.folder / "stale").exists()
-    assert install("toy", "toy_engine").version == "2.0"
+    assert install("toy", "toy_engine", "json").version == "2.0"
     assert [one.version for one in find_environments("toy")] == ["1.2", "2.0"]
     assert first.installed["toy-engine"] == "1.2"
 
