@@ -21,7 +21,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import forward_substitute
-from harness.certify.reference import PRECISIONS, SMALLEST_SCALE, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import PRECISIONS, SMALLEST_SCALE, Reference, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.states import States
 
@@ -37,6 +37,7 @@ def componentwise_error(kernel: ReferenceKernel, state: States, reference: Refer
     """
     if not (reference.certified.all() and np.isfinite(answer).all()):
         return math.nan
+    state = kernel.asked_at(state)
     [(chart, _)] = kernel.by_chart(state)
     inputs = kernel.mechanism.inputs(state)[:, 0]
     scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
@@ -45,7 +46,7 @@ def componentwise_error(kernel: ReferenceKernel, state: States, reference: Refer
     moved = forward_substitute(factor.T[:, :, None], columns[:, :, None])[:, :, 0]
     rounded = factor * np.maximum(np.abs(answer), SMALLEST_SCALE)
     error = factor @ ((answer - reference.high[0]) - reference.low[0])
-    data, changes = np.hstack([moved, rounded]), error / UNIT_ROUNDOFF
+    data, changes = np.hstack([moved, rounded]), error / kernel.unit_roundoff
     # In units in which the data move no row by more than one, none disappears beside another.
     sizes = np.abs(data).sum(axis=1)
     data, changes = data / sizes[:, None], changes / sizes

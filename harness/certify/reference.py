@@ -109,6 +109,11 @@ class Reference(Rows):
         """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
         return UNIT_ROUNDOFF * self.sensitivity
 
+    def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
+        """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
+        more = unit_roundoff / UNIT_ROUNDOFF
+        return replace(self, sensitivity=more * self.sensitivity, motion=more * self.motion, instability=more * self.instability)
+
     @property
     def roundoff_in_motion(self) -> Array:
         """(n,) data roundoff with the share of the motion [sqrt(J)/s]."""
@@ -119,11 +124,13 @@ class ReferenceKernel:
     """Certified accelerations of one mechanism; compile once, evaluate many batches.
 
     ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
-    Each state is evaluated in the chart that is most regular there.
+    Each state is evaluated in the chart that is most regular there. For an engine that computes in float32, with ``unit_roundoff``
+    2^-24, the states are rounded to it first, and data roundoff is what half an ulp of float32 in every input does.
     """
 
-    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
+    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False, unit_roundoff: float = UNIT_ROUNDOFF) -> None:
         self.mechanism = mechanism
+        self.unit_roundoff = unit_roundoff
         self._choice = Charts(mechanism.charts(linear_velocity_in_body))
         self._charts = [ChartKernel(mechanism, program) for program in self._choice.programs]
 
@@ -140,7 +147,15 @@ class ReferenceKernel:
             raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
         starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
-        return Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+        states = self.asked_at(states)
+        found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+        return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
+
+    def asked_at(self, states: States) -> States:
+        """The states as an engine of this unit roundoff takes them."""
+        if self.unit_roundoff == UNIT_ROUNDOFF:
+            return states
+        return replace(states, **{name: getattr(states, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
 
     def by_chart(self, states: States) -> Iterator[tuple[ChartKernel, Indices]]:
         """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""

@@ -46,3 +46,6 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
         say(f"written: {path}")
     watch = ["harness", "check", *([name] if name else []), "--library", library_path]
     say("edit what is marked EDIT:, and watch it with", f"  {shlex.join(watch)}")
+    if engine is not None:
+        add = shlex.join(["harness", "engines", "add", engine, "--library", library_path])
+        say("an engine that is not installed beside the harness gets an environment of its own by", f"  {add}")

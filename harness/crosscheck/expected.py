@@ -23,7 +23,7 @@ import msgspec
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from harness.certify.quantities import find_quantities
-from harness.engines import Subject, engine_files, subjects
+from harness.engines import Subject, engine_files, known_subjects
 from harness.environments.folders import split_name
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
@@ -190,7 +190,7 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         return Expectations()
     known = {
         "system": library.expectable_names(),
-        "subject": list(map(str, subjects(library))),
+        "subject": list(map(str, known_subjects(library))),
         "verdict": SEVERITY,
         "quantity": [ACCELERATIONS, *find_quantities()],
     }

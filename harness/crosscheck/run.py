@@ -94,7 +94,8 @@ class CrossCheck(Loading):
         pairs = answering(system.pairs.values())
         self._hold(system, [pair for pair in pairs if pair.subject.format != EQUATIONS])
         if self._searched_of(system):
-            self._search(system, pairs)
+            for group in self._led_together(pairs):
+                self._search(system, group)
         for pair in pairs:
             # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
             # Other versions of it may feel less, and tell nothing of the file.
@@ -119,6 +120,16 @@ class CrossCheck(Loading):
             self._hold(system, answering(pairs))
 
     # Searching: hypothesis looks for the state at which each subject does worst.
+
+    def _led_together(self, pairs: Pairs) -> list[Pairs]:
+        """The subjects of each search: those beside the harness together, and each that has an environment alone.
+
+        A search goes on where any of its subjects does badly. So the environments of a machine change no states of the others.
+        """
+        files = engine_files(self.settings.library)
+        apart = [pair for pair in pairs if files[pair.subject.engine].elsewhere]
+        beside = [pair for pair in pairs if not files[pair.subject.engine].elsewhere]
+        return [*([beside] if beside else []), *([pair] for pair in apart)]
 
     def _search(self, system: System, pairs: Pairs) -> None:
         library = self.settings.library

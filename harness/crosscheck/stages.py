@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,12 +18,12 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
-from harness.certify.reference import Reference
+from harness.certify.reference import UNIT_ROUNDOFF, Reference
 from harness.crosscheck.gaps import compare_with_gaps, gaps_of, remark_on
 from harness.crosscheck.repeatability import precision_of, require_repeatable
 from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of
 from harness.crosscheck.truth import Truth
-from harness.engines import Model, Unsupported, accelerations
+from harness.engines import Model, Unsupported, accelerations, load_engine, unit_roundoff
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
@@ -111,13 +112,24 @@ def ask(assignment: Assignment, states: States, references: Mapping[Truth, Refer
         gaps, mechanism = gaps_of(model, states), assignment.mechanism
         comparison = compare_with_gaps(reference, mechanism, states, answers[0], gaps, factorises)
         disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-        remark = (remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else ""
+        declared = declared_precision(assignment)
+        remark = declared or ((remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else "")
         if not truth.is_declared:
             return Answers(comparison, seconds, remark=remark)
         rigid = compare(references[rigid_truth_of(assignment)], answers[0])
         return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
     except Exception as error:
         return Answers.missing(error)
+
+
+def declared_precision(assignment: Assignment) -> str:
+    """A sentence where the subject's engine declares that it computes in another precision than float64, "" where it does not."""
+    roundoff = unit_roundoff(load_engine(assignment.library, assignment.subject.engine))
+    if roundoff == UNIT_ROUNDOFF:
+        return ""
+    bits = round(-math.log2(roundoff))
+    name = "float32" if bits == 24 else f"numbers of {bits} bits"
+    return f"computes in {name}: judged in data roundoffs of 2^-{bits}, at states rounded to {name}"
 
 
 def timed_accelerations(model: Model, states: States) -> tuple[list[Array], list[float]]:

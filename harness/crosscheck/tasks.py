@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.certify.compare import Comparison
@@ -30,6 +30,7 @@ from harness.engines import (
     load_engine,
     load_model,
     runs_elsewhere,
+    unit_roundoff,
 )
 from harness.engines._audit import audit, require_constraints
 from harness.equations.derivation import load_mechanism
@@ -146,15 +147,16 @@ def truth_of(assignment: Assignment) -> Truth:
         if not laws:
             return rigid
         rows = softness_of(mechanism.constraints, laws, model)
-        return Truth(softened(mechanism, rows), rigid.linear_velocity_in_body, is_declared=True)
+        return replace(rigid, mechanism=softened(mechanism, rows), is_declared=True)
 
     # The weights of rows are evaluated in balls, and every batch of states asks for them.
     return _TRUTHS.get((assignment.library, assignment.subject, mechanism.key, model.text), find)
 
 
 def rigid_truth_of(assignment: Assignment) -> Truth:
-    """The mechanism's own equations, in the frame of the subject's engine."""
-    return Truth(assignment.mechanism, frame_of(assignment))
+    """The mechanism's own equations, in the frame and for the precision of the subject's engine."""
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    return Truth(assignment.mechanism, frame_of(assignment), unit_roundoff=unit_roundoff(engine))
 
 
 def frame_of(assignment: Assignment) -> bool:

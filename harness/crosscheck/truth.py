@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from harness.certify.reference import ReferenceKernel
+from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.engines import ConstraintLaw
 from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import Constraints
@@ -22,20 +22,22 @@ from harness.storage import Kept
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Equations, and the frame of the linear velocity of free joints; equal where the equations are.
+    """Equations, the frame of the linear velocity of free joints, and the precision of whom they judge; equal where these are.
 
     Attributes:
         linear_velocity_in_body: whether that is the body's frame, not the joint's.
         is_declared: whether constraints give by a law of the model file.
+        unit_roundoff: of the numbers that an engine computes with.
     """
 
     mechanism: Mechanism
     linear_velocity_in_body: bool = False
     is_declared: bool = False
+    unit_roundoff: float = UNIT_ROUNDOFF
 
     @property
     def key(self) -> Hashable:
-        return self.mechanism.key, self.linear_velocity_in_body
+        return self.mechanism.key, self.linear_velocity_in_body, self.unit_roundoff
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Truth) and self.key == other.key
@@ -46,7 +48,7 @@ class Truth:
     @property
     def kernel(self) -> ReferenceKernel:
         """The certified kernel, compiled once per process."""
-        return _KERNELS.get(self.key, lambda: ReferenceKernel(self.mechanism, self.linear_velocity_in_body))
+        return _KERNELS.get(self.key, lambda: ReferenceKernel(self.mechanism, self.linear_velocity_in_body, self.unit_roundoff))
 
     @property
     def is_known(self) -> bool:

@@ -94,6 +94,9 @@ class Engine(Protocol):
     An engine that gives the linear velocity of a free joint in the body's own frame says so by an
     attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
     factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
+    One that computes in float32 says so by ``unit_roundoff = 2.0**-24``: it is asked at states rounded to float32, and judged in data
+    roundoffs of float32.
+    One that not everybody installs has ``optional = True``: where it is installed nowhere, it is asked by name alone.
     One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
     beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
@@ -198,6 +201,11 @@ def factorises_mass_matrix(engine: Engine | Model) -> bool:
     return bool(getattr(engine, "factorises_mass_matrix", False))
 
 
+def unit_roundoff(engine: Engine) -> float:
+    """Of the numbers that an engine computes with: that of float64, or what it declares."""
+    return float(getattr(engine, "unit_roundoff", 2.0**-53))
+
+
 def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintLaw]:
     """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
     laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
@@ -205,7 +213,13 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
 
 
 def subjects(library: Library) -> list[Subject]:
-    """Every subject of every engine, sorted by name; not those of versions, which are asked for by name."""
+    """Every subject that is asked where none is named, sorted: none of versions, or of optional engines that are installed nowhere."""
+    missing = {name for name, file in engine_files(library).items() if file.optional and file.version is None}
+    return [one for one in known_subjects(library) if one.engine not in missing]
+
+
+def known_subjects(library: Library) -> list[Subject]:
+    """Every subject of every engine, installed or not, sorted; not those of versions."""
     return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
 
 

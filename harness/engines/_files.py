@@ -36,6 +36,7 @@ class EngineFile:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
         oldest, companions: as of ``Engine``.
+        optional: as of ``Engine``.
         elsewhere: whether it is run in an environment of its own.
         outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
     """
@@ -45,6 +46,7 @@ class EngineFile:
     version: str | None = None
     oldest: Mapping[str, str] = field(default_factory=dict)
     companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    optional: bool = False
     elsewhere: bool = False
     outcome: Outcome
 
@@ -123,6 +125,7 @@ def _describe(library: Library, name: str, note: object = None) -> dict[str, Any
         "requires": (engine.requires[0], engine.requires[1]),
         "formats": tuple(dict.fromkeys(engine.formats)),
         "version": installed_version(engine),
+        "optional": bool(getattr(engine, "optional", False)),
         "oldest": dict(getattr(engine, "oldest", {})),
         "companions": {versions: tuple(those) for versions, those in getattr(engine, "companions", {}).items()},
     }

@@ -13,7 +13,7 @@ import pytest
 import toy_engine
 from support import harness, harness_in_a_process
 
-from harness.engines import Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects
+from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects
 from harness.engines._interpreter import EngineDied
 from harness.engines._transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
@@ -94,12 +94,12 @@ def test_it_runs_in_the_environment_and_sees_nothing_of_the_harnesss(library: Li
 def test_every_adapter_is_imported_where_only_its_requirements_are(library: Library) -> None:
     """In an environment's interpreter, where nothing of SymPy, heyoka, flint or another engine can be found."""
     environment = load_engine(library, "toy@1.0").environment  # type: ignore[attr-defined]
-    modules = [
-        "harness.engines.mujoco",
-        "harness.engines.pinocchio",
-        "harness.comparison.callers.mujoco",
-        "harness.comparison.callers.pinocchio",
+    own = [
+        name for name, file in describe_engines(Library.built_in(), Workers).items() if EQUATIONS not in file.formats and "@" not in name
     ]
+    assert {"mujoco", "pinocchio", "drake", "idyntree", "dartpy", "pybullet", "adam", "mjx", "mjx_float32"} <= set(own)
+    modules = [f"harness.engines.{name}" for name in own]
+    modules += ["harness.comparison.callers.mujoco", "harness.comparison.callers.pinocchio"]
     server = Path(sys.modules["harness.engines"].__file__ or "").with_name("_server.py")
     probe = (
         f"import importlib, runpy, sys; runpy.run_path({str(server)!r})['_import_harness'](); "
@@ -130,6 +130,7 @@ def test_a_check_names_each_death_and_judges_the_others(library: Library, tmp_pa
     done = harness_in_a_process("check", *of_library(library, *options), "--time-limit", "5", "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     records = {one["subject"]: one for one in json.loads((tmp_path / "out.json").read_text())["records"]}
+    assert records["mujoco/urdf"]["verdict"] == "agrees", records["mujoco/urdf"]["message"]
     assert {one: record["verdict"] for one, record in records.items()} == {
         "toy/urdf": "agrees", "toy@1.0/urdf": "agrees", "toy@1.1/urdf": "disagrees", "toy@2.0/urdf": "error", "toy@2.1/urdf": "error",
         "toy@2.2/urdf": "error", "toy@2.3/urdf": "unsupported", "toy@2.4/urdf": "error", "toy@3.0/urdf": "agrees", "mujoco/urdf": "agrees",
@@ -141,11 +142,14 @@ def test_a_check_names_each_death_and_judges_the_others(library: Library, tmp_pa
 
 
 def test_no_engines_presence_changes_anothers_answers(library: Library, tmp_path: Path) -> None:
-    """Bit by bit: the record of MuJoCo alone and beside right and wrong engines of environments, but for the times."""
+    """Bit by bit: the record of MuJoCo alone and beside right and wrong engines of environments, but for the times.
+
+    The states suffice for the search to go on where the wrong ones do worst, which must not be where MuJoCo is asked.
+    """
     found = []
     for others in ((), ("toy@1.0/urdf", "toy@1.1/urdf")):
         options = [word for one in ("mujoco/urdf", *others) for word in ("--subject", one)]
-        done = harness("check", *of_library(library, *options), "--json", "out.json", cwd=tmp_path, isolated=True)
+        done = harness("check", *of_library(library, *options), "--states", "400", "--json", "out.json", cwd=tmp_path, isolated=True)
         [record] = [one for one in json.loads((tmp_path / "out.json").read_text())["records"] if one["subject"] == "mujoco/urdf"]
         assert done.returncode == (1 if others else 0), done.stderr
         found.append({name: value for name, value in record.items() if "seconds" not in name and name not in ("replay", "faster")})

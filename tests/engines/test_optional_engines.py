@@ -1,0 +1,175 @@
+"""Engines that not everybody installs: who asks them, what their adapters hold to, and the catalogue in an environment of each."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import harness, harness_in_a_process, make_library
+
+from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.sampling import random_sample
+from harness.crosscheck.truth import Truth
+from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff
+from harness.engines._rotations import BALL, FREE, Columns, rotation
+from harness.environments.folders import find_environments
+from harness.equations.derivation import load_mechanism
+from harness.library import Library
+from harness.models.model_file import read_model
+from harness.workers import Workers
+
+BUILT_IN = Library.built_in()
+OPTIONAL = sorted(name for name, file in describe_engines(BUILT_IN, Workers).items() if file.optional and "@" not in name)
+# A pendulum of 2 m in float32, or with gravity that is off by 1e-5, of which float32 could not lose so much.
+FLOAT32 = """
+import numpy as np
+
+class Model:
+    def loaded(self):
+        return None
+
+    def forward_dynamics(self, q, v, tau):
+        q, tau = q.astype(np.float32), tau.astype(np.float32)
+        return (tau / np.float32(6) - np.float32({gravity} / 2) * np.sin(q)).astype(np.float64)
+
+class Engine:
+    requires = ("numpy", "numpy")
+    formats = ("urdf",)
+    {declaration}
+
+    def load(self, source, joints, gravity):
+        return Model()
+
+ENGINE = Engine()
+"""
+
+
+@pytest.fixture
+def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Library]:
+    """The built-in library where no environment is."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "cache"))
+    describe_engines(BUILT_IN, Workers)
+    yield BUILT_IN
+    monkeypatch.undo()
+    describe_engines(BUILT_IN, Workers)
+
+
+def test_an_optional_engine_that_is_installed_nowhere_is_asked_by_name_alone(nowhere: Library, tmp_path: Path) -> None:
+    missing = [one for one in known_subjects(nowhere) if describe_engines(nowhere, Workers)[one.engine].version is None]
+    assert missing, "one of the optional engines is not installed beside the harness"
+    assert not set(missing) & set(subjects(nowhere))
+    assert select_subjects(nowhere, [str(missing[0])]) == missing[:1]
+    done = harness("check", "simple_pendulum", "--states", "10", "--subject", str(missing[0]), cwd=tmp_path)
+    assert "is not installed" in done.stdout
+
+
+@pytest.mark.parametrize("name", OPTIONAL)
+def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {re.split("[<>=]", one)[0] for those in project["optional-dependencies"].values() for one in those}
+    engine = load_engine(BUILT_IN, name)
+    assert engine.requires[1] in extras
+    assert set(engine.formats) <= {"urdf", "mjcf"}
+    assert unit_roundoff(engine) == (2.0**-24 if name.endswith("float32") else UNIT_ROUNDOFF)
+
+
+@pytest.mark.parametrize(("gravity", "declaration", "verdict"), [
+    ("9.81", "unit_roundoff = 2.0**-24", "agrees"),
+    ("9.81 * (1 + 2e-5)", "unit_roundoff = 2.0**-24", "disagrees"),
+    ("9.81", "", "disagrees"),
+])  # fmt: skip
+def test_float32_is_judged_in_its_own_roundoffs(gravity: str, declaration: str, verdict: str, tmp_path: Path) -> None:
+    library = make_library(tmp_path / "library", ["simple_pendulum"], {"single": FLOAT32.format(gravity=gravity, declaration=declaration)})
+    options = ("--library", str(library), "--subject", "single/urdf", "--states", "100", "--workers", "1", "--json", "out.json")
+    harness_in_a_process("check", "simple_pendulum", *options, cwd=tmp_path)
+    [record] = json.loads((tmp_path / "out.json").read_text())["records"]
+    assert record["verdict"] == verdict, record["message"]
+    assert ("judged in data roundoffs of 2^-24, at states rounded to float32" in record["message"]) == bool(declaration)
+
+
+def test_the_truth_for_float32_is_certified_at_rounded_states() -> None:
+    mechanism = load_mechanism(BUILT_IN, "acrobot")
+    states = random_sample(mechanism, 20, 0)
+    ours, theirs = (Truth(mechanism, unit_roundoff=unit).kernel for unit in (UNIT_ROUNDOFF, 2.0**-24))
+    rounded = theirs.asked_at(states)
+    assert (rounded.q != states.q).all() and (rounded.q == rounded.q.astype(np.float32)).all()
+    there, here = theirs.evaluate(states), ours.evaluate(rounded)
+    assert (there.high == here.high).all() and (there.low == here.low).all()
+    assert (there.data_roundoff == 2.0**29 * here.data_roundoff).all()
+
+
+def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
+    """Velocities and forces of a free joint, a ball joint and a hinge, in an order of the engine's own."""
+    random = np.random.default_rng(0)
+    columns = Columns(["free", "hinge", "ball"], {"free": FREE, "hinge": (1, 1), "ball": BALL})
+    q, v, tau = random.normal(size=columns.nq), *random.normal(size=(2, columns.nv))
+    turn = columns.turn(q, {"ball": 0, "free": 3, "hinge": 9}, 10, rotation_first=True)
+    own_v, own_tau = v @ turn, tau @ turn
+    np.testing.assert_allclose(turn @ own_v, v, rtol=1e-14)
+    np.testing.assert_allclose(own_v @ own_tau, v @ tau, rtol=1e-13)
+    # The free joint stands from column 3, its rotation first, along the parent's axes; the hinge last.
+    np.testing.assert_allclose(own_v[3:6], rotation(q[3:7]) @ v[3:6], rtol=1e-14)
+    np.testing.assert_allclose(own_v[6:9], v[:3], rtol=1e-15)
+    assert own_v[9] == v[6]
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Environments that are made once for all tests."""
+    return tmp_path_factory.mktemp("environments")
+
+
+def check_in_its_environment(name: str, systems: list[str], cache: Path, folder: Path) -> list[dict[str, object]]:
+    """The records of an engine on ``systems``, of the whole catalogue for none; its environment is made where it is missing."""
+    environment = {**os.environ, "HARNESS_CACHE": str(cache)}
+    chosen = [word for model_format in load_engine(BUILT_IN, name).formats for word in ("--subject", f"{name}/{model_format}")]
+    checked = ["check", *systems, *chosen, "--states", "100", "--time-limit", "600", "--json", "out.json"]
+    for command in (["engines", "add", name], checked):
+        words = [sys.executable, "-m", "harness", *command]
+        done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    records: list[dict[str, object]] = json.loads((folder / "out.json").read_text())["records"]
+    return records
+
+
+def test_idyntree_agrees_in_an_environment_of_its_own(cache: Path, tmp_path: Path) -> None:
+    """The smallest of them, on a tree from the world, a free joint, a ball joint, springs between points, a rotor, and a coupling."""
+    systems = ["acrobot", "satellite_wheel", "heavy_top", "collar", "furuta_pendulum.armature", "simple_pendulum.mimic"]
+    records = check_in_its_environment("idyntree", systems, cache, tmp_path)
+    found = {str(one["system"]): one["verdict"] for one in records}
+    assert found == dict.fromkeys(systems, "agrees") | {"simple_pendulum.mimic": "unsupported"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", OPTIONAL)
+def test_the_catalogue_is_as_expected_in_an_environment_of_its_own(name: str, cache: Path, tmp_path: Path) -> None:
+    records = check_in_its_environment(name, [], cache, tmp_path)
+    assert sum(one["verdict"] == "agrees" for one in records) > len(records) / 3
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "system"), [("drake", "collar"), ("drake", "satellite_wheel"), ("pybullet", "furuta_pendulum.armature")])
+def test_a_reproducer_prints_what_the_engine_answers(name: str, system: str, cache: Path, tmp_path: Path) -> None:
+    """In the environment's interpreter, where no harness is installed."""
+    check_in_its_environment(name, [system], cache, tmp_path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(cache))
+        mechanism = load_mechanism(BUILT_IN, system)
+        file = read_model(BUILT_IN.validated_models(system)["urdf"], "urdf")
+        model = load_engine(BUILT_IN, name).load(file, mechanism.joints, mechanism.gravity)
+        one = random_sample(mechanism, 1, 0)
+        answer = model.forward_dynamics(one.q, one.v, one.tau)[0]
+        text = model.reproducer(repr(file.text), one.q[0], one.v[0], one.tau[0], answer)  # type: ignore[attr-defined]
+        interpreter = find_environments(name)[-1].interpreter
+    assert len(text.splitlines()) == 3
+    done = subprocess.run([interpreter, "-c", text], capture_output=True, text=True, check=True, cwd=tmp_path)
+    engine, certified = done.stdout.splitlines()[-2:]
+    np.testing.assert_allclose(json.loads(engine), json.loads(certified), rtol=1e-12, atol=1e-12)
