@@ -61,8 +61,8 @@ def of_version(records: Sequence[Record], version: str) -> list[Record]:
         engine, _, model_format = record.subject.partition("/")
         if engine == version:
             subject = str(Subject(engine, model_format).without_version)
-            limits = dict.fromkeys(("expected_backward_error", "expected_median_backward_error"), math.inf)
-            found.append(replace(record, subject=subject, expected=record.verdict, expected_share=1.0, **limits))
+            unexpecting = replace(record, expected_backward_error=math.inf, expected_median_backward_error=math.inf, expected_share=1.0)
+            found.append(replace(unexpecting, subject=subject, expected=record.verdict))
     return found
 
 
