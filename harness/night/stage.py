@@ -10,8 +10,10 @@ from typing import Any
 
 from harness.errors import InvalidRequest
 from harness.library import Library, nearest
+from harness.results.change_points import Reading
 from harness.results.night import Case, NightSettings
 from harness.results.study_result import StudyResult
+from harness.results.trend import Cell
 from harness.study import Study
 from harness.workers import Workers
 
@@ -46,6 +48,14 @@ Steps = Generator[Study, None, Found]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Numbers:
+    """The numbers of a stage that have a trend: the part of the result that holds them, as for ``History.read``, and how to read them."""
+
+    part: str
+    readings: Callable[[Any], Mapping[Cell, Reading]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stage:
     """One part of a night.
 
@@ -62,6 +72,7 @@ class Stage:
         problems: of the library as a whole, which belong to no unit.
         pages: file in the folder of the report to its text, made of the run and the results, and of the results of earlier
             studies of the same profile, newest first.
+        numbers: that have a trend from night to night.
     """
 
     name: str
@@ -77,6 +88,7 @@ class Stage:
     closing: Callable[[Choice, Any, Workers], StudyResult] | None = None
     problems: Callable[[Choice], Iterable[Exception]] = lambda choice: ()
     pages: Callable[..., Mapping[str, str]] | None = None
+    numbers: Numbers | None = None
 
 
 def find_stages() -> dict[str, Stage]:
