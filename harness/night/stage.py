@@ -32,6 +32,12 @@ class Choice:
     subjects: Sequence[str] = ()
     replay_options: Sequence[str] = ()
 
+    @property
+    def mechanisms(self) -> list[str] | None:
+        """The systems that were named, without variants of their models; None where nothing was named, which means all."""
+        names = self.settings.names
+        return [name for name in names if not self.library.is_variant(name)] if names else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Found:

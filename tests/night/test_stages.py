@@ -127,6 +127,13 @@ def test_a_family_is_one_unit_of_a_benchmark() -> None:
     assert STAGES["bench"].units(choice(names=[members[0], "collar"])) == ["chain", "collar"]
 
 
+def test_a_variant_alone_is_measured_nowhere_else() -> None:
+    variant = BUILT_IN.variant_names()[0]
+    asked = choice(names=[variant], models=4)
+    assert STAGES["cross-check"].units(asked) == [variant]
+    assert STAGES["bench"].units(asked) == [] == STAGES["faults"].units(asked)
+
+
 def test_a_campaign_takes_models_by_the_seed() -> None:
     units = STAGES["faults"].units
     first, again, other = (units(choice(models=4, seed=seed)) for seed in (1, 1, 2))

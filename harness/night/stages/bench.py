@@ -19,8 +19,8 @@ NAME = "bench"
 
 def _families(choice: Choice) -> dict[str, list[str]]:
     """Stem of a system file to the systems in it that are asked for."""
-    library = choice.library
-    names = library.select([name for name in choice.settings.names if not library.is_variant(name)])
+    library, named = choice.library, choice.mechanisms
+    names = library.select(named or ()) if named != [] else []
 
     def stem(name: str) -> str:
         member = member_of(library.system_path(name))
