@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,11 +22,11 @@ def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> 
     """What ``make`` gives; where it raises, nothing but the reason: a file that has to be mended, or a fault of the harness.
 
     Raises:
-        InvalidRequest: what was asked cannot be, or the cluster is gone; that ends the night, which can go on.
+        InvalidRequest, OSError, MemoryError: the cluster is gone, or the system refuses something; that ends the night, which can go on.
     """
     try:
         return make()
-    except InvalidRequest:
+    except (InvalidRequest, OSError, MemoryError):
         raise
     except InvalidInput as error:
         return Found(result=kind(), problems=[error])
@@ -84,7 +85,7 @@ class Together:
         unit = self._open[name]
         unit.out -= 1
         if unit.failed is None:
-            self._guarded(name, unit, lambda: self._taken(name, unit, replace(outcome, task=task)))
+            self._guarded(name, unit, partial(self._taken, name, unit, replace(outcome, task=task)))
         if not unit.out:
             del self._open[name]
             if unit.failed is None:
@@ -109,12 +110,12 @@ class Together:
     def _follow(self, name: str, steps: Steps) -> None:
         """Begin the next study of a unit that has any tasks; without one the unit is complete."""
         while True:
-            found = attempted(lambda: _next_of(steps), name, self._kind)
+            found = attempted(partial(_next_of, steps), name, self._kind)
             if isinstance(found, Found):
                 self._complete.append(Part(name, found))
                 return
             unit = _Open(steps, found)
-            self._guarded(name, unit, lambda unit=unit: self._give_out(name, unit))  # type: ignore[misc]
+            self._guarded(name, unit, partial(self._give_out, name, unit))
             if unit.failed is not None:
                 self._complete.append(Part(name, unit.failed))
                 return

@@ -124,12 +124,15 @@ def test_a_unit_that_fails_costs_itself(most: int) -> None:
     assert not any(parts["fault"].result.stored_parts())
 
 
-def test_what_cannot_be_asked_ends_the_night() -> None:
+@pytest.mark.parametrize(
+    "error", [InvalidRequest("the cluster is gone"), OSError(28, "no space left"), MemoryError()], ids=lambda one: type(one).__name__
+)
+def test_what_the_surroundings_refuse_ends_the_night(error: Exception) -> None:
     def steps() -> Steps:
-        yield Broken(InvalidRequest("the cluster is gone"))
+        yield Broken(error)
         return Found(result=CrossCheckResult())
 
-    with InThisProcess() as workers, pytest.raises(InvalidRequest):
+    with InThisProcess() as workers, pytest.raises(type(error)):
         list(Together({"a": steps}, lambda: 1, CrossCheckResult).run(workers))
 
 
