@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import STATES_OF_PROFILE, report_errors, time_limit_option
+from harness.commands._options import STATES_OF_PROFILE, time_limit_option
 from harness.commands._terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
@@ -73,7 +73,6 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     chosen = select_stages(stages)
     choice = _choice(bracket, chosen, names, {name: list(value) if isinstance(value, tuple) else value for name, value in asked.items()})
     begun = bracket.begin(choice.settings.states, "nightly")
-    problems = [problem for stage in chosen for problem in stage.problems(choice)]
     course = (Course.resume if resume else Course.begin)(bracket.history, begun, choice)
     if resume:
         say(f"harness: {_how_it_goes_on(course)}", err=True)
@@ -85,8 +84,9 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     _write(bracket, course, asked_for, summary)
     course.end(summary.sentence)
     _print(bracket, summary)
-    report_errors([*problems, *(InvalidRequest(problem) for problem in summary.night.problems)])
-    bracket.finish([], summary.night.crashed, summary.as_expected, summary.night.faults)
+    bracket.finish(
+        [InvalidRequest(problem) for problem in summary.problems], summary.night.crashed, summary.as_expected, summary.night.faults
+    )
 
 
 def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], asked: dict[str, Any]) -> Choice:
@@ -146,6 +146,7 @@ def _summary(course: Course, stages: Sequence[Stage], choice: Choice) -> NightSu
         cases=cases,
         before=course.night_before(stages),
         changes=changes_of(course, stages),
+        problems=list(dict.fromkeys([*(str(problem) for stage in stages for problem in stage.problems(choice)), *course.night.problems])),
         resumed=course.resumed,
     )
 

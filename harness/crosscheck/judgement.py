@@ -13,7 +13,8 @@ from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
 from harness.equations.states import States
-from harness.results.records import Record, Representative, half_decade, quantile_ranks
+from harness.results.quantiles import quantile_ranks
+from harness.results.records import Record, Representative, half_decade
 from harness.verdict import Verdict, gravest
 
 # A smaller sample says nothing of a median or a share.

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from typing import Any
 
 from harness.errors import InvalidRequest
 from harness.night.stage import Choice, Found, Stage
-from harness.night.together import Together
+from harness.night.together import Together, attempted
 from harness.results.history import History
 from harness.results.night import BegunStage, Case, DoneUnit, Night, NightSettings
 from harness.results.records import Run
@@ -88,11 +89,12 @@ class Course:
         study = self._study_of(stage)
         units = {unit: partial(stage.steps, self.choice, unit) for unit in self.left(stage)}
         most = (lambda: 1) if stage.is_timed else (lambda: _UNITS_PER_SEAT * workers.seats)
-        for part in Together(units, most).run(workers):
+        for part in Together(units, most, stage.kind).run(workers):
             self._store(study, stage, part.label, part.value)
             yield part
         if stage.closing is not None and _CLOSING not in self.night.units_of(stage.name):
-            closed = Found(result=stage.closing(self.choice, self.found(stage), workers))
+            closing, found = stage.closing, self.found(stage)
+            closed = attempted(lambda: Found(result=closing(self.choice, found, workers)), _CLOSING, stage.kind)
             self._store(study, stage, _CLOSING, closed)
             yield Part("what follows from all", closed)
 
@@ -106,13 +108,13 @@ class Course:
         """All that a stage has found by now."""
         return found_by(self.history, self.night, stage)
 
-    def earlier(self, stage: Stage, most: int) -> list[tuple[Run, Any]]:
-        """The studies of the stage's profile before this one, newest first, that found anything."""
-        own = self._study_of(stage)
+    def earlier(self, stage: Stage, most: int, part: str = "%") -> list[tuple[Run, Any]]:
+        """The studies of the stage's profile before this one, newest first, that found anything; all of each, or one part."""
+        own, profile = self._study_of(stage), stage.profile(self.choice)
         runs = self.history.studies(stage.kind, self.run.library)
-        alike = [(number, run) for number, run in runs.items() if number < own and run.profile == stage.profile(self.choice)]
-        studies = ((run, self.history.read(number, stage.kind)) for number, run in alike)
-        return [(run, found) for run, found in studies if any(found.stored_parts())][:most]
+        alike = ((number, run) for number, run in runs.items() if number < own and run.profile == profile)
+        studies = ((run, self.history.read(number, stage.kind, part)) for number, run in alike)
+        return list(islice(((run, found) for run, found in studies if any(found.stored_parts())), most))
 
     def night_before(self, stages: Sequence[Stage]) -> list[Case] | None:
         """The cases of the latest night before this one that has ended, for the stages of this one; None where there is none."""

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import harness
 from harness.comparison.collection import find_files
 from harness.library import MODEL_SUFFIXES, Library
 from harness.storage import sources_digest
@@ -20,7 +19,7 @@ def digests(library: Library, survey: Sequence[str]) -> dict[str, str]:
     Raises:
         InvalidInput: a place to survey holds no robot.
     """
-    package = Path(harness.__file__).parent
+    package = Path(__file__).resolve().parents[1]
     rooms = sorted(path.name for path in package.iterdir() if path.is_dir() and any(path.glob("*.py")))
     found = {"harness": sources_digest(*rooms).hex()[:_DIGITS]}
     found |= {name: _digest(path) for name, path in _files(library)}

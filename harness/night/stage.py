@@ -10,8 +10,10 @@ from typing import Any
 
 from harness.errors import InvalidRequest
 from harness.library import Library, nearest
+from harness.results.change_points import Reading
 from harness.results.night import Case, NightSettings
 from harness.results.study_result import StudyResult
+from harness.results.trend import Cell
 from harness.study import Study
 from harness.workers import Workers
 
@@ -30,6 +32,12 @@ class Choice:
     subjects: Sequence[str] = ()
     replay_options: Sequence[str] = ()
 
+    @property
+    def mechanisms(self) -> list[str] | None:
+        """The systems that were named, without variants of their models; None where nothing was named, which means all."""
+        names = self.settings.names
+        return [name for name in names if not self.library.is_variant(name)] if names else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
@@ -43,6 +51,14 @@ class Found:
 
 # Studies one after the other, each made when the one before is complete; ends with what the unit came to.
 Steps = Generator[Study, None, Found]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numbers:
+    """The numbers of a stage that have a trend: the part of the result that holds them, as for ``History.read``, and how to read them."""
+
+    part: str
+    readings: Callable[[Any], Mapping[Cell, Reading]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +78,7 @@ class Stage:
         problems: of the library as a whole, which belong to no unit.
         pages: file in the folder of the report to its text, made of the run and the results, and of the results of earlier
             studies of the same profile, newest first.
+        numbers: that have a trend from night to night.
     """
 
     name: str
@@ -77,6 +94,7 @@ class Stage:
     closing: Callable[[Choice, Any, Workers], StudyResult] | None = None
     problems: Callable[[Choice], Iterable[Exception]] = lambda choice: ()
     pages: Callable[..., Mapping[str, str]] | None = None
+    numbers: Numbers | None = None
 
 
 def find_stages() -> dict[str, Stage]:

@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from harness.night.course import Course
 from harness.night.stage import Stage
-from harness.results.benchmark import Benchmark
 from harness.results.change_points import Reading
-from harness.results.cross_check import CrossCheckResult
-from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, readings_of_costs, readings_of_records
+from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last
 
 
 def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
@@ -18,12 +16,9 @@ def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
 
 
 def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, Reading]]:
-    """The readings of each night of a stage's profile and number of states, oldest first, this one last."""
-    earlier = [found for run, found in course.earlier(stage, MOST_NIGHTS - 1) if run.states == stage.states(course.choice)]
-    return [_readings(found) for found in (*reversed(earlier), course.found(stage))]
-
-
-def _readings(found: object) -> Mapping[Cell, Reading]:
-    if isinstance(found, CrossCheckResult):
-        return readings_of_records(found.records)
-    return readings_of_costs(found) if isinstance(found, Benchmark) else {}
+    """The readings of each night of a stage's profile and number of states, oldest first, this one last; none without numbers."""
+    if stage.numbers is None:
+        return []
+    states, read = stage.states(course.choice), stage.numbers.readings
+    earlier = [read(found) for run, found in course.earlier(stage, MOST_NIGHTS - 1, stage.numbers.part) if run.states == states]
+    return [*reversed(earlier), read(course.found(stage))]

@@ -27,7 +27,7 @@ def _summary(summary: NightSummary) -> Iterator[str]:
     run = summary.run
     yield f"# Night of {run.started}"
     yield f"**{markdown_line(summary.sentence)}**"
-    for title, sentences in (("To be mended", summary.night.problems), ("Faults of the harness", summary.night.faults)):
+    for title, sentences in (("To be mended", summary.problems), ("Faults of the harness", summary.night.faults)):
         if sentences:
             yield f"## {title}"
             yield _listed(sentences)

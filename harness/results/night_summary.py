@@ -21,6 +21,7 @@ class NightSummary:
         run: of the night. night: its course. cases: by stage, group and name.
         before: the cases of the last night that ended; None where there is none.
         changes: of the trend, that were found this night.
+        problems: what the user has to mend.
         resumed: how many units were complete when the night went on; 0 where it was not interrupted.
     """
 
@@ -29,6 +30,7 @@ class NightSummary:
     cases: Sequence[Case]
     before: Sequence[Case] | None = None
     changes: Sequence[ChangedCell] = field(default_factory=list)
+    problems: Sequence[str] = ()
     resumed: int = 0
 
     @property
@@ -75,7 +77,7 @@ class NightSummary:
                 "sentence": self.sentence,
                 "as_expected": self.as_expected,
                 "resumed": self.resumed,
-                "problems": self.night.problems,
+                "problems": list(self.problems),
                 "faults": self.night.faults,
                 "crashed": self.night.crashed,
             },

@@ -20,8 +20,6 @@ from harness.verdict import AGREEMENT, Verdict
 
 # Of a record that names none.
 ACCELERATIONS = "accelerations"
-# Standard deviations of the rank between a quantile of a sample and its bounds.
-BOUNDS_AT = 3.0
 _VERDICTS = [verdict.value for verdict in Verdict]
 
 
@@ -72,7 +70,7 @@ class Record:
         in_balls: number of states whose truth double-double could not decide, and ball arithmetic did.
         quantity: what was compared.
         median_bounds, percentile_99_bounds: errors of the same sample between which those of all states lie but for one run in 400;
-            see ``quantile_ranks``. Empty where a sample is too small for them.
+            see ``harness.results.quantiles``. Empty where a sample is too small for them.
         origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
             of this run and of earlier ones, which come on top; empty for a given state.
 
@@ -309,19 +307,6 @@ class Run:
     def load(self) -> str:
         """What shared the machine with whatever was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
         return ", ".join(f"{name} {self.machine[name]}" for name in ("worker processes", "cpus", "load") if name in self.machine)
-
-
-def quantile_ranks(count: int, share: float) -> tuple[int, int] | None:
-    """The ranks, from 0, of the two values of a sorted sample that bound the quantile at ``share``; None where the sample has none.
-
-    How many values are below the quantile is binomial, whatever they are distributed like: the ranks are ``BOUNDS_AT`` standard
-    deviations of that apart from its mean.
-
-    Source: Conover, Practical Nonparametric Statistics, 3rd ed., section 3.2.
-    """
-    mean, deviation = count * share, math.sqrt(count * share * (1 - share))
-    low, high = math.floor(mean - BOUNDS_AT * deviation), math.ceil(mean + BOUNDS_AT * deviation)
-    return (low, high) if low >= 0 and high < count else None
 
 
 def half_decade(backward_error: float) -> str:

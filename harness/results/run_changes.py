@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 import re
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from harness.results.change_points import Chart
 from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
-from harness.results.table import Table
+from harness.results.table import Column, Table
 from harness.results.trend import WORST, readings_of_records
 from harness.verdict import SEVERITY
 
@@ -81,6 +82,7 @@ def changes_between(changes: Iterable[RunChange]) -> Table:
     def worse(one: RunChange) -> str:
         return "worse" if one.is_worse else ""
 
+    columns: dict[Column | str, str | Callable[[Any], object]]
     columns = {"system": "system", "subject": "subject", "what": what, "before": "before", "now": "now", "worse": worse}
     return Table.of(changes, columns, "Changes")
 
@@ -115,8 +117,8 @@ def _errors(before: Mapping[Key, Record], now: Mapping[Key, Record]) -> Iterator
         first, second = old[cell], new[cell]
         by = second.value - first.value
         if abs(by) > chart.limit * math.hypot(first.noise, second.noise):
-            texts = [_error(records[cell[0], cell[1]], cell[2]) for records in (before, now)]
-            yield _change((cell[0], cell[1]), cell[2], *texts, is_worse=by > 0 and cell[2] != WORST)
+            was, is_now = (_error(records[cell[0], cell[1]], cell[2]) for records in (before, now))
+            yield _change((cell[0], cell[1]), cell[2], was, is_now, by > 0 and cell[2] != WORST)
 
 
 def _error(record: Record, number: str) -> str:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 from harness.results.benchmark import Benchmark
 from harness.results.change_points import Chart, Reading
-from harness.results.records import BOUNDS_AT, Record
+from harness.results.quantiles import BOUNDS_AT
+from harness.results.records import Record
 
 # A change of an error by less than so many data roundoffs is none: half an ulp of an input moves the answer by one.
 LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16

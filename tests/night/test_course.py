@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from support import InThisProcess
 from support_results import RECORD, RUN
 
-from harness.errors import InvalidRequest
+from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.night.course import Course, cases_of, unfinished
 from harness.night.stage import Choice, Found, Stage, Steps, find_stages, select_stages
@@ -67,7 +68,7 @@ def test_units_run_to_their_end_whatever_number_is_under_way(most: int) -> None:
     times = {"a": [1, 0, 2], "b": [0], "c": [], "d": [3], "e": [0, 0, 1]}
     units = {name: (lambda name=name, each=each: toy_steps(name, each)) for name, each in times.items()}
     with InThisProcess() as workers:
-        parts = {part.label: part.value.result.records[0].states for part in Together(units, lambda: most).run(workers)}
+        parts = {part.label: part.value.result.records[0].states for part in Together(units, lambda: most, CrossCheckResult).run(workers)}
     assert parts == {name: 2 ** sum(each) for name, each in times.items()}
 
 
@@ -78,11 +79,61 @@ def test_no_more_units_are_under_way_than_are_allowed() -> None:
         begun.append(name)
         return (yield from toy_steps(name, [2]))
 
-    together = Together({name: (lambda name=name: steps(name)) for name in "abcdef"}, lambda: 2)
+    together = Together({name: (lambda name=name: steps(name)) for name in "abcdef"}, lambda: 2, CrossCheckResult)
     with InThisProcess() as workers:
         for done, _ in enumerate(together.run(workers), start=1):
             assert len(begun) <= done + 2
     assert begun == list("abcdef")
+
+
+class Broken(Doubling):
+    """Raises when its first task has come back, while others are out."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(1, 1)
+        self._error = error
+        self._next += [Task((self._taken,), double, (1,)) for _ in range(2)]
+
+    def _taken(self, outcome: Outcome) -> list[Part]:
+        raise self._error
+
+
+@pytest.mark.parametrize("most", [1, 3])
+def test_a_unit_that_fails_costs_itself(most: int) -> None:
+    def breaking(error: Exception) -> Steps:
+        yield Broken(error)
+        raise AssertionError("nothing follows")
+
+    def raising() -> Steps:
+        yield Doubling(1, 1)
+        raise ZeroDivisionError("nothing by nothing")
+
+    units = {
+        "fault": lambda: breaking(KeyError("gone")),
+        "file": lambda: breaking(InvalidModel("a.xml", 3, "is no model")),
+        "late": raising,
+        "good": lambda: toy_steps("good", [2]),
+    }
+    with InThisProcess() as workers:
+        parts = {part.label: part.value for part in Together(units, lambda: most, CrossCheckResult).run(workers)}
+    [fault] = parts["fault"].faults
+    assert re.fullmatch(r"fault: KeyError: 'gone' \(test_course\.py:\d+\)", fault)
+    assert [str(problem) for problem in parts["file"].problems] == ["a.xml:3: is no model"]
+    assert parts["late"].faults[0].startswith("late: ZeroDivisionError: nothing by nothing")
+    assert parts["good"].result.records[0].states == 4
+    assert not any(parts["fault"].result.stored_parts())
+
+
+@pytest.mark.parametrize(
+    "error", [InvalidRequest("the cluster is gone"), OSError(28, "no space left"), MemoryError()], ids=lambda one: type(one).__name__
+)
+def test_what_the_surroundings_refuse_ends_the_night(error: Exception) -> None:
+    def steps() -> Steps:
+        yield Broken(error)
+        return Found(result=CrossCheckResult())
+
+    with InThisProcess() as workers, pytest.raises(type(error)):
+        list(Together({"a": steps}, lambda: 1, CrossCheckResult).run(workers))
 
 
 def toy(names: Sequence[str] = ("a", "b", "c"), fail_at: str = "") -> Stage:

@@ -11,7 +11,8 @@ from support_results import RECORD
 
 from harness.results.benchmark import AccelerationCost, Benchmark, Yardstick
 from harness.results.change_points import DRIFT, FALSE_ALARMS, JUMP, Chart, Reading, _run_length
-from harness.results.records import Record, quantile_ranks
+from harness.results.quantiles import quantile_ranks
+from harness.results.records import Record
 from harness.results.trend import (
     COST,
     MEDIAN,

@@ -7,19 +7,20 @@ from itertools import groupby
 
 from harness.bench.study import THOROUGHNESS, BenchmarkSettings, BenchmarkStudy
 from harness.library import member_of
-from harness.night.stage import Choice, Found, Stage, Steps
+from harness.night.stage import Choice, Found, Numbers, Stage, Steps
 from harness.report.benchmarks import BenchmarkSummary
 from harness.results.benchmark import Benchmark
 from harness.results.night import BROKEN, LEFT_OUT, Case
 from harness.results.pareto import way_of
+from harness.results.trend import readings_of_costs
 
 NAME = "bench"
 
 
 def _families(choice: Choice) -> dict[str, list[str]]:
     """Stem of a system file to the systems in it that are asked for."""
-    library = choice.library
-    names = library.select([name for name in choice.settings.names if not library.is_variant(name)])
+    library, named = choice.library, choice.mechanisms
+    names = library.select(named or ()) if named != [] else []
 
     def stem(name: str) -> str:
         member = member_of(library.system_path(name))
@@ -66,4 +67,5 @@ STAGE = Stage(
     profile=lambda choice: choice.settings.profile,
     states=lambda choice: THOROUGHNESS[choice.settings.profile].states,
     is_timed=True,
+    numbers=Numbers(part="%", readings=readings_of_costs),
 )

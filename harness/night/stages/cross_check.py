@@ -10,9 +10,10 @@ from harness.crosscheck.settings import Settings
 from harness.diagnosis.wanted import wanted_diagnosis
 from harness.errors import InvalidModel
 from harness.hard.worst_cases import ranked
-from harness.night.stage import Choice, Found, Stage, Steps
+from harness.night.stage import Choice, Found, Numbers, Stage, Steps
 from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of
+from harness.results.trend import readings_of_records
 from harness.show.gallery import Gallery
 from harness.workers import Workers
 
@@ -80,4 +81,5 @@ STAGE = Stage(
     cases=_cases,
     closing=_closing,
     problems=_problems,
+    numbers=Numbers(part="records", readings=lambda found: readings_of_records(found.records)),
 )

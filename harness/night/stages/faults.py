@@ -19,10 +19,10 @@ SIZES, DIAGNOSED = (1e-9, 1e-6, 1e-3, 1.0), 1
 
 
 def _units(choice: Choice) -> list[str]:
-    if not choice.settings.models:
+    named = choice.mechanisms
+    if not choice.settings.models or named == []:
         return []
-    names = [name for name in choice.settings.names if not choice.library.is_variant(name)]
-    models, _ = select_models(choice.library, names)
+    models, _ = select_models(choice.library, named or ())
     known = [f"{name}/{model_format}" for name, model_format in models]
     return sorted(random.Random(choice.settings.seed).sample(known, min(choice.settings.models, len(known))))
 
