@@ -117,7 +117,7 @@ def read_entries(
     """
     entries: dict[tuple[str, ...], _Entry] = {}
     written = enumerate(read_tables(path, tables)["expected"], start=1)
-    for number, table in [(number, one) for number, table in written for one in _each(table, key)]:
+    for number, table in [(number, one) for number, several in written for one in _each(several, key)]:
         where = f"[[expected]] number {number}"
         try:
             entry = msgspec.convert(table, kind)
@@ -210,5 +210,5 @@ def _check_versions(path: Path, entry: Expectation) -> None:
     try:
         SpecifierSet(entry.versions)
     except InvalidSpecifier as error:
-        problem = f"versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as \"<3.7\""
+        problem = f'versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as "<3.7"'
         raise InvalidInput(path, None, problem) from error
