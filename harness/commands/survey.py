@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -30,19 +28,15 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     """
     from harness.comparison.collection import find_files
     from harness.comparison.study import RobotComparison, Settings
-    from harness.report import write
-    from harness.report.comparison import MOST_SURVEYS, render, survey_overview, survey_sections
+    from harness.report.addresses import ROBOTS
+    from harness.report.comparison import survey_overview
     from harness.results.comparison import Comparison
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
     profile = " ".join(["survey", *places, *(["with floating bases"] if bracket.floating_base else [])])
-    of_kind = Comparison, bracket.library.name, profile
-    before = bracket.history.latest(*of_kind)
-    earlier = [found for _, found in itertools.islice(bracket.history.recent(*of_kind, "subjects"), MOST_SURVEYS - 1)][::-1]
+    before = bracket.history.latest(Comparison, bracket.library.name, profile)
     bracket.begin(states, profile, Comparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
-    write(
-        bracket.directory, {"robots.html": render(bracket.run, f"Robots of {', '.join(places)}", survey_sections(found, before, earlier))}
-    )
-    say("", f"page: {bracket.directory / 'robots.html'}")
+    bracket.write_page()
+    say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

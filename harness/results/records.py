@@ -71,6 +71,9 @@ class Record:
         quantity: what was compared.
         origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
             of this run and of earlier ones, which come on top; empty for a given state.
+        features: what the subject's model file and the mechanism ask of an engine beyond hinges and slides, as "loops" or "springs".
+        from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a subject that is
+            held against what its engine declares of constraints that give; None for the others.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -105,6 +108,8 @@ class Record:
     expected_share: float = 1.0
     failed: bool = False
     quantity: str = ACCELERATIONS
+    features: list[str] = field(default_factory=list)
+    from_rigid: float | None = None
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -276,6 +281,7 @@ class Run:
         started: ISO 8601, UTC.
         versions, machine: name to text.
         states: number of states per system where a record says nothing else.
+        engines: name of an engine to its version.
         library: name of the library, never its path, because reports are published.
         command: how to repeat the run.
 
@@ -291,6 +297,7 @@ class Run:
     states: int
     library: str
     command: str
+    engines: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         moment = datetime.fromisoformat(self.started)
