@@ -84,7 +84,7 @@ def matrix(site: Data) -> Lines:
         found.setdefault((cell["row"], cell["column"]), []).append(cell)
     lines = []
     for row in site["rows"]:
-        line = [row["name"]]
+        line, absent = [row["name"]], "not run" if row["kind"] == "mechanism" else "not asked"
         for column in site["columns"]:
             cells = found.get((row["name"], column["name"]), [])
             words = ["✗" if not all(cell["as_expected"] for cell in cells) else "", "; ".join(cell["outcome"] for cell in cells)]
@@ -95,7 +95,7 @@ def matrix(site: Data) -> Lines:
                     words.append(f"expected: {cell['expected']}")
                 elif cell["expected"] != "agrees":
                     words.append("as expected")
-            line.append(" ".join(" ".join(words).split()) if cells else "not asked")
+            line.append(" ".join(" ".join(words).split()) if cells else absent)
         lines.append([" ".join(text.split()) for text in line])
     return lines
 

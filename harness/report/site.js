@@ -66,7 +66,7 @@
     for (const cell of table.querySelectorAll(".chosen")) cell.classList.remove("chosen");
     if (!a || !b || a === b) return;
     const visible = rows.filter(row => !row.line.hidden);
-    const both = visible.filter(row => row.of(a).dataset.verdict !== "not asked" && row.of(b).dataset.verdict !== "not asked");
+    const both = visible.filter(row => row.of(a).dataset.agrees && row.of(b).dataset.agrees);
     const differing = both.filter(row => difference(row.of(a), row.of(b)));
     for (const row of rows) [row.of(a), row.of(b)].forEach(cell => cell.classList.add("chosen"));
     compared.append(element("h3", `${a} and ${b}`));

@@ -10,7 +10,8 @@ from harness.results.site import FeatureLine, Number, ShownCell, ShownColumn, Sh
 from harness.results.table import Cell, Column, Table, error_text
 from harness.verdict import gravest
 
-_NOT_ASKED = "not asked"
+# Of a mechanism every subject is asked; of a variant and of a robot's file, those that read it.
+_NOT_RUN, _NOT_ASKED = "not run", "not asked"
 
 
 def value_of(number: Number) -> float | None:
@@ -42,16 +43,17 @@ def matrix(site: Site) -> Table:
         line: list[object] = [Cell(row.name, tone="", fills=True, link=row.page, attributes={"data-row": row.name, **about})]
         for column in site.columns:
             pair = row.name, column.name
-            line.append(_matrix_cell(held.get(pair, []), {"id": places[pair], "data-column": column.name}))
+            absent = _NOT_RUN if row.kind == "mechanism" else _NOT_ASKED
+            line.append(_matrix_cell(held.get(pair, []), absent, {"id": places[pair], "data-column": column.name}))
         drawn.append(line)
     caption = "Verdict and worst backward error [data roundoffs]; of a robot, whether the engine's reading of its file explains its answer"
     return Table(["mechanism or robot", *map(head_of, site.columns)], drawn, caption, "matrix verdicts")
 
 
-def _matrix_cell(cells: Sequence[SiteCell], attributes: Mapping[str, str]) -> Cell:
+def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str, str]) -> Cell:
     """The cells of one pair, nearly always one."""
     if not cells:
-        return Cell(_NOT_ASKED, tone="empty", fills=True, attributes={**attributes, "data-verdict": _NOT_ASKED})
+        return Cell(absent, tone="empty", fills=True, attributes={**attributes, "data-verdict": absent})
     is_surprise = not all(cell.as_expected for cell in cells)
     notes = []
     for cell in cells:
