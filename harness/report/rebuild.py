@@ -23,6 +23,7 @@ Data = dict[str, Any]
 Lines = list[list[str]]
 
 SOFT = 1e-12
+TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
 ORDER = ["agrees", "unstable", "undecided", "unsupported", "disagrees", "error"]
 
 
@@ -119,9 +120,9 @@ def subjects(site: Data, engine: str) -> Lines:
     for column in site["columns"]:
         if column["engine"] == engine:
             cells = [cell for cell in site["cells"] if cell["column"] == column["name"]]
-            agreeing = [cell for cell in cells if cell["agrees"]]
+            agreeing = [cell for cell in cells if cell["verdict"] == "agrees"]
             unsupported = sum(cell["verdict"] == "unsupported" for cell in cells)
-            counts = [f"{len(agreeing):,}", f"{len(cells) - unsupported:,}", f"{unsupported:,}"]
+            counts = [f"{sum(cell['agrees'] for cell in cells):,}", f"{len(cells) - unsupported:,}", f"{unsupported:,}"]
             lines.append([column["name"], column["version"], *counts, error_text(worst_of(agreeing))])
     return [[" ".join(text.split()) for text in line] for line in lines]
 
@@ -138,13 +139,13 @@ def features(site: Data, engine: str) -> Lines:
         for column in own:
             cells = [cell for cell in site["cells"] if cell["column"] == column and feature in asked(cell)]
             if cells:
-                lines.append([feature, column, *feature_line(cells)])
+                lines.append([feature, column, *feature_line(feature, cells)])
     return [[" ".join(text.split()) for text in line] for line in lines]
 
 
-def feature_line(cells: Sequence[Data]) -> list[str]:
+def feature_line(feature: str, cells: Sequence[Data]) -> list[str]:
     agrees, worst = sum(cell["agrees"] for cell in cells), worst_of(cells)
-    distances = [float(cell["from_rigid"]) for cell in cells if cell["from_rigid"] is not None]
+    distances = [float(cell["from_rigid"]) for cell in cells if cell["from_rigid"] is not None and feature in TIES]
     soft = median(distances) if distances else None
     parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > SOFT else []
     if agrees:

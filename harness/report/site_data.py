@@ -19,8 +19,8 @@ from harness.results.site import FeatureLine, Number, Site, SiteCell, SiteColumn
 from harness.results.table import error_text
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
-# A distance from rigid that is no rounding.
-_SOFT = 1e-12
+# Features by which constraints give, and a distance from rigid ones that is no rounding.
+_TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling"), 1e-12
 OWN = "lagrange"
 
 
@@ -198,7 +198,7 @@ def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> Featu
     agrees = sum(cell.agrees for cell in cells)
     unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
     errors = [float(cell.backward_error) for cell in cells if cell.backward_error is not None]
-    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None]
+    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
     worst, soft = largest(errors), median(distances) if distances else None
     others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
     parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
@@ -250,6 +250,7 @@ def _of_case(case: RankedCase, records: Sequence[Record]) -> SiteFinding:
 
 
 def _worst_of(alike: Sequence[SiteFinding]) -> SiteFinding:
-    """The worst of findings of one kind, an answer that is not finite being worse than any other; with the rows of all."""
-    worst = max(alike, key=lambda one: math.inf if one.backward_error is None else float(one.backward_error))
+    """The worst of findings of one kind, an answer that is not finite being worse than any other, of equals the one with the shortest
+    program; with the rows of all."""
+    worst = max(alike, key=lambda one: (math.inf if one.backward_error is None else float(one.backward_error), -len(one.reproducer)))
     return SiteFinding(**{**vars(worst), "rows": sorted({row for one in alike for row in one.rows})})

@@ -88,7 +88,7 @@ def subjects(site: Site, engine: str) -> Table:
     for column in site.columns:
         if column.engine == engine:
             own = [cell for cell in site.cells if cell.column == column.name]
-            errors = [value for cell in own if (value := value_of(cell.backward_error)) is not None and cell.agrees]
+            errors = [value for cell in own if (value := value_of(cell.backward_error)) is not None and cell.verdict == "agrees"]
             unsupported = sum(cell.verdict == "unsupported" for cell in own)
             agrees = sum(cell.agrees for cell in own)
             worst = max(errors, key=lambda error: math.inf if math.isnan(error) else error, default=None)

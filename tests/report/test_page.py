@@ -11,9 +11,9 @@ from typing import Any
 
 import lxml.html
 import pytest
+from comparison.test_trends import survey
 from hypothesis import given
 from hypothesis import strategies as st
-from comparison.test_trends import survey
 from report import test_benchmark_report, test_hard_report, test_report
 from report.test_report import CARDS, CAUSE, SYSTEMS, night, run_on
 
