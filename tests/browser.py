@@ -58,11 +58,11 @@ class Browser:
 
         ``fragment`` is what its address ends with, as "#top".
         """
-        self._call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600)
-        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-        # An address that differs in its fragment alone loads nothing.
+        # An address that differs in its fragment alone loads nothing, and a page with charts loads itself again in another scheme.
         self._call("Page.navigate", url="about:blank")
         self.until("location.href == 'about:blank'")
+        self._call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600)
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self._call("Page.navigate", url=page.resolve().as_uri() + fragment)
         self.until(f"location.href != 'about:blank' && document.readyState == 'complete' && ({settled})")
 
