@@ -5,11 +5,13 @@ Chromium is spoken to in the DevTools protocol through two pipes, so that it lis
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -51,19 +53,34 @@ class Browser:
         os.close(self._answers)
         self._profile.cleanup()
 
-    def show(self, page: Path, width: int, scheme: str, settled: str = "true") -> None:
-        """Load a page in a window ``width`` pixels wide, in the scheme "light" or "dark"; wait until ``settled`` holds in it."""
+    def show(self, page: Path, width: int, scheme: str, settled: str = "true", fragment: str = "") -> None:
+        """Load a page in a window ``width`` pixels wide, in the scheme "light" or "dark"; wait until ``settled`` holds in it.
+
+        ``fragment`` is what its address ends with, as "#top".
+        """
+        # An address that differs in its fragment alone loads nothing, and a page with charts loads itself again in another scheme.
+        self._call("Page.navigate", url="about:blank")
+        self.until("location.href == 'about:blank'")
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600)
         self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-        self._call("Page.navigate", url=page.resolve().as_uri())
-        self.run(
-            f"""new Promise((resolve, reject) => {{
-                const started = Date.now();
-                const look = () => document.readyState == "complete" && ({settled}) ? resolve(true)
-                    : Date.now() - started > 60000 ? reject("the page does not settle") : setTimeout(look, 100);
-                look();
-            }})"""
-        )
+        self._call("Page.navigate", url=page.resolve().as_uri() + fragment)
+        self.until(f"location.href != 'about:blank' && document.readyState == 'complete' && ({settled})")
+
+    def until(self, script: str) -> None:
+        """Wait until an expression holds in the page, whatever it loads meanwhile."""
+        started = time.monotonic()
+        while time.monotonic() - started < 60:
+            # A page that goes away in the middle leaves no answer.
+            with contextlib.suppress(AssertionError):
+                if self._call("Runtime.evaluate", expression=f"Boolean({script})", returnByValue=True)["result"].get("value") is True:
+                    return
+            time.sleep(0.05)
+        raise TimeoutError(f"the page does not settle: {script}")
+
+    def press(self, key: str, code: int) -> None:
+        """Press and release a key, by its name and its Windows key code."""
+        for kind in ("rawKeyDown", "keyUp"):
+            self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 
     def run(self, script: str) -> Any:
         """The value of a JavaScript expression in the page, awaited where it is a promise."""

@@ -7,6 +7,7 @@ import contextlib
 import gzip
 import io
 import os
+import posixpath
 import re
 import shutil
 import signal
@@ -260,6 +261,34 @@ def charts_of(source: str) -> str:
     """The script that draws the charts of a page, unpacked."""
     packed = re.findall(r'class="packed">([^<]*)<', source)
     return "".join(gzip.decompress(base64.b64decode(script)).decode() for script in packed)
+
+
+def pages_of(files: Mapping[str, str]) -> dict[str, str]:
+    """The pages of a report by their addresses."""
+    return {name: text for name, text in files.items() if name.endswith(".html")}
+
+
+def site_of(files: Mapping[str, str]) -> Page:
+    """Everything that all pages of a report say, as if it stood on one."""
+    return Page("".join(pages_of(files).values()))
+
+
+def written_site(folder: Path) -> Page:
+    """The same of a report that was written into a folder."""
+    return Page("".join(path.read_text() for path in sorted(folder.rglob("*.html"))))
+
+
+def missing(files: Mapping[str, str]) -> list[tuple[str, str]]:
+    """What a page fetches from elsewhere, or links to and is not there: (page, address)."""
+    pages = {name: Page(text) for name, text in pages_of(files).items()}
+    found = []
+    for name, page in pages.items():
+        for address in [*page.fetched, *(link for link in page.links if not link.startswith(("http:", "https:")))]:
+            target, _, place = address.partition("#")
+            path = posixpath.normpath(posixpath.join(posixpath.dirname(name), target)) if target else name
+            if path not in files or (place and path in pages and place not in pages[path].identifiers):
+                found.append((name, address))
+    return found
 
 
 class Page(HTMLParser):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,7 @@ from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
     from harness.library import Library
+    from harness.report import Survey
     from harness.results.history import History
     from harness.results.records import Record, Run
     from harness.results.study_result import StudyResult
@@ -171,14 +173,13 @@ class Bracket:
             write_atomically(self.json_path, text)
 
     def write_page(self, number: int | None = None) -> None:
-        """Write the report of a run, by default the latest of the library, with the latest benchmark and atlas of that library.
+        """Write the report of a run, by default the latest of the library, with the latest benchmark, atlas and survey of that library.
 
-        Without a run, the page holds benchmark and atlas alone; without any of them, none is written.
+        Without a run, the pages hold the others alone; without any of them, none is written.
         """
         from harness.report import build, write
         from harness.results.atlas import Atlas
         from harness.results.benchmark import Benchmark
-        from harness.results.comparison import Comparison
         from harness.results.cross_check import CrossCheckResult
 
         history, library = self.history, self.library.name
@@ -186,13 +187,27 @@ class Bracket:
         runs = history.studies(CrossCheckResult, library)
         if number is None:
             number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
-        given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas}
+        given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas, "robots": self._survey()}
         if number is not None:
-            given["robots"] = history.latest(Comparison, library)
             given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
         if any(given.values()):
             write(self.directory, build(**given))
             say(f"report: {self.directory / 'index.html'}")
+
+    def _survey(self) -> Survey | None:
+        """The latest survey of the library, with the earlier ones of the same places; None without any."""
+        from harness.report import Survey
+        from harness.report.comparison import MOST_SURVEYS
+        from harness.results.comparison import Comparison
+
+        history, library = self.history, self.library.name
+        if (latest := history.latest(Comparison, library)) is None:
+            return None
+        run, found = latest
+        alike = Comparison, library, run.profile
+        before = next(itertools.islice(history.recent(*alike), 1, 2), None)
+        earlier = [one for _, one in itertools.islice(history.recent(*alike, "subjects"), 1, MOST_SURVEYS)]
+        return Survey(run, found.in_order(), before, earlier[::-1])
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
         """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""

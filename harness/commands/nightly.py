@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from harness.results.night_summary import NightSummary
 
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
-# Studies before this one that a page may look back to.
-_EARLIER = 12
 # Where GitHub's runner reads the summary of a step.
 STEP_SUMMARY = "GITHUB_STEP_SUMMARY"
 
@@ -81,7 +79,7 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     for stage in asked_for:
         _complete(bracket, course, stage)
     summary = _summary(course, asked_for, choice)
-    _write(bracket, course, asked_for, summary)
+    _write(bracket, course, summary)
     course.end(summary.sentence)
     _print(bracket, summary)
     bracket.finish(
@@ -151,14 +149,11 @@ def _summary(course: Course, stages: Sequence[Stage], choice: Choice) -> NightSu
     )
 
 
-def _write(bracket: Bracket, course: Course, stages: Sequence[Stage], summary: NightSummary) -> None:
+def _write(bracket: Bracket, course: Course, summary: NightSummary) -> None:
     """The page, the summary, JUnit XML and JSON."""
     from harness.report import write
     from harness.report.night import render_junit, render_summary
 
-    for stage in stages:
-        if stage.pages is not None:
-            write(bracket.directory, stage.pages(course.run, course.found(stage), course.earlier(stage, _EARLIER), course.choice))
     bracket.write_page(course.night.study_of("cross-check"))
     text = render_summary(summary)
     write(bracket.directory, {SUMMARY: text, JUNIT: render_junit(summary)})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import click
 
 from harness.commands._bracket import Bracket, computing
@@ -30,16 +28,15 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     """
     from harness.comparison.collection import find_files
     from harness.comparison.study import RobotComparison, Settings
-    from harness.report import write
-    from harness.report.comparison import MOST_SURVEYS, survey_overview, survey_page
+    from harness.report.addresses import ROBOTS
+    from harness.report.comparison import survey_overview
     from harness.results.comparison import Comparison, survey_profile
 
     study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
     profile = survey_profile(places, bracket.floating_base)
-    earlier = list(itertools.islice(bracket.history.recent(Comparison, bracket.library.name, profile), MOST_SURVEYS - 1))
-    before = next(iter(earlier), None)
+    before = bracket.history.latest(Comparison, bracket.library.name, profile)
     bracket.begin(states, profile, Comparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
-    write(bracket.directory, survey_page(bracket.run, places, found, earlier))
-    say("", f"page: {bracket.directory / 'robots.html'}")
+    bracket.write_page()
+    say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from statistics import median
 
-from harness.engines import engine_files
+from harness.crosscheck.progress import Pair, System
+from harness.engines import EQUATIONS, engine_files
 from harness.environments.folders import split_name
 from harness.equations.mechanism import Mechanism
 from harness.library import Library
+from harness.models.features import features_of
+from harness.models.model_file import ModelFile
 from harness.results.records import Run, SystemCard
 from harness.version import __version__, version_of
 
@@ -22,8 +25,9 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
     versions = {"harness": __version__, "python": platform.python_version()}
     for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
         versions[distribution] = version_of(distribution)
-    engines = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
-    versions |= {file.requires[1]: file.version for file in engines.values() if file.version is not None}
+    known = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
+    engines = {name: file for name, file in known.items() if file.version is not None}
+    versions |= {file.requires[1]: str(file.version) for file in engines.values()}
     machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
     # Of other programs: at the start none of the run's own is at work.
     machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}
@@ -36,6 +40,7 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
         states=states,
         library=library.name,
         command=shlex.join(command),
+        engines={name: str(file.version) for name, file in engines.items()},
     )
 
 
@@ -58,3 +63,12 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
         reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
         compilation_seconds=compilation_seconds,
     )
+
+
+def asked_features(system: System, pair: Pair) -> list[str]:
+    """What mechanism and model ask of the subject; of one that reads no model, what the models of the mechanism would."""
+    own = pair.subject.format
+    models = [model for name, model in system.models.items() if isinstance(model, ModelFile) and own in (name, EQUATIONS)]
+    ties = None if system.mechanism is None else system.mechanism.constraints
+    rolling = {"rolling"} if ties is not None and ties.holonomic < len(ties.rows) else set()
+    return sorted(rolling.union(*map(features_of, models)))

@@ -129,6 +129,7 @@ def judge(system: str, subject: str, evidence: Evidence, expectation: Expectatio
         expected_share=expectation.share_limit if len(sample) >= FEWEST_SAMPLED else 1.0,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
+        from_rigid=float(np.median(np.concatenate(evidence.from_rigid))) if evidence.from_rigid else None,
         representative=None if shown is None else _representative(*shown, evidence, verdict),
         origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
     )

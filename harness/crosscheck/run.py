@@ -17,7 +17,7 @@ from dataclasses import replace
 from msgspec import structs
 
 from harness.crosscheck import hypothesis_search, tasks
-from harness.crosscheck.description import describe_system
+from harness.crosscheck.description import asked_features, describe_system
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.explanation import explain
 from harness.crosscheck.judgement import LARGEST, judge
@@ -227,7 +227,7 @@ class CrossCheck(Loading):
             if self._measure(system, pair):
                 continue
             del system.pairs[str(pair.subject)]
-            record = self._record(system.name, pair)
+            record = replace(self._record(system.name, pair), features=asked_features(system, pair))
             self._found.records.append(record)
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         if not system.pairs and system.mechanism is not None:

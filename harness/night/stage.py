@@ -76,8 +76,6 @@ class Stage:
         is_timed: whether its times are compared: one unit after the other, on this machine even where there is a cluster.
         closing: what follows from all units together, once they are complete; the last thing that is stored.
         problems: of the library as a whole, which belong to no unit.
-        pages: file in the folder of the report to its text, made of the run and the results, and of the results of earlier
-            studies of the same profile, newest first.
         numbers: that have a trend from night to night.
     """
 
@@ -93,7 +91,6 @@ class Stage:
     is_timed: bool = False
     closing: Callable[[Choice, Any, Workers], StudyResult] | None = None
     problems: Callable[[Choice], Iterable[Exception]] = lambda choice: ()
-    pages: Callable[..., Mapping[str, str]] | None = None
     numbers: Numbers | None = None
 
 

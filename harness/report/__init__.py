@@ -1,34 +1,42 @@
 """Reports: a pure function of records, which runs nothing.
 
-``index.html`` is one offline page, ``report.md`` is made to be compared from night to night, and
-``report.json`` is for programs.
+A static site that needs no network, ``index.html`` with a page for each mechanism, robot and engine; ``report.md``, which is made to
+be compared from night to night; ``report.json`` for programs, and ``site.json`` with everything the pages tell.
 
 Imports nothing that computes. May use ``results`` and what is below it.
 
-Start with ``build``; ``summary`` says what the pages say, ``html`` and ``markdown`` draw it.
+Start with ``build``; ``summary`` says what the pages say, ``pages`` and ``markdown`` draw it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from harness.errors import InvalidInput
+from harness.report import site_tables
+from harness.report.badges import badge
 from harness.report.benchmarks import BenchmarkSummary
+from harness.report.figures import library
 from harness.report.hard_cases import HardSummary
-from harness.report.html import render_html
+from harness.report.html import asset
 from harness.report.markdown import render_markdown
+from harness.report.pages import Pages, Survey
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
-from harness.results.comparison import Comparison
 from harness.results.cross_check import CrossCheckResult
+from harness.results.plain_json import dumps
 from harness.results.records import Run, to_json
-from harness.results.table import counted
+from harness.results.site import schema
 from harness.storage import write_atomically
 
-__all__ = ["Earlier", "build", "write"]
+__all__ = ["Earlier", "Survey", "build", "write"]
+
+# What pages share, beside them as it stands in this folder.
+_SHARED = ("style.css", "site.js", "charts.js", "rebuild.py")
 
 
 def build(
@@ -37,20 +45,20 @@ def build(
     history: Sequence[Earlier] = (),
     benchmark: tuple[Run, Benchmark] | None = None,
     atlas: tuple[Run, Atlas] | None = None,
-    robots: tuple[Run, Comparison] | None = None,
+    robots: Survey | None = None,
 ) -> dict[str, str]:
-    """File name to text of every file of the report on a cross-check, a benchmark, an atlas, or several of them.
+    """File name to text of every file of the report on a cross-check, a benchmark, an atlas, a survey of robots, or several of them.
 
-    ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them; ``benchmark``, ``atlas``
-    and ``robots``, whose page ``robots.html`` the index links, what ``History.latest`` returns. The Markdown and the JSON
-    are the same for the same arguments; Bokeh numbers its plots anew on every call.
+    ``history`` holds earlier (run, records) pairs in any order, as ``History.earlier`` returns them; ``benchmark`` and ``atlas`` are
+    what ``History.latest`` returns. The Markdown and the JSON are the same for the same arguments; Bokeh numbers its plots anew on
+    every call.
 
     Raises:
         ValueError: there is nothing to report.
     """
     summary = Summary(run, found, history) if run and found else None
     measured, hard = BenchmarkSummary(*benchmark) if benchmark else None, HardSummary(*atlas) if atlas else None
-    run = summary.run if summary else max((part.run for part in (measured, hard) if part), key=lambda run: run.started)
+    run = summary.run if summary else max((part.run for part in (measured, hard, robots) if part), key=lambda run: run.started)
     parts: dict[str, Any] = {}
     if summary:
         parts |= {"superfluous": summary.superfluous, "differs": summary.differs}
@@ -60,10 +68,22 @@ def build(
     parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
     records, cards = (summary.records, summary.cards) if summary else ([], {})
     return {
-        "index.html": render_html(run, summary, measured, hard, f"survey of {counted(len(robots[1].files), 'robot')}" if robots else ""),
+        **_site(Pages(run, summary, measured, hard, robots)),
         "report.md": render_markdown(summary, measured, hard),
         "report.json": to_json(run, records, [card for _, card in sorted(cards.items())], **parts),
     }
+
+
+def _site(pages: Pages) -> dict[str, str]:
+    """Pages, what they share, badges, and their data."""
+    files, tables = {}, []
+    for address, drawn in pages.drawn():
+        files[address] = drawn.text
+        tables += [site_tables.shown(address, name, table) for name, table in drawn.tables.items()]
+    site = replace(pages.site, tables=tables)
+    files |= {name: asset(name) for name in _SHARED} | {"bokeh.js": library()}
+    files |= {count.badge: badge(count) for count in site.counts}
+    return files | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
 
 
 def write(directory: Path | str, files: Mapping[str, str]) -> None:
@@ -74,7 +94,8 @@ def write(directory: Path | str, files: Mapping[str, str]) -> None:
     """
     folder = Path(directory)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for place in {(folder / name).parent for name in files}:
+            place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(folder, None, f"cannot hold a report ({error.strerror}); name a folder that is writable") from error
     for name, text in files.items():

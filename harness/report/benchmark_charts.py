@@ -22,19 +22,16 @@ _AXES = {"seconds": "wall time per second of motion [s]", "evaluations": "evalua
 
 
 def plots(summary: BenchmarkSummary) -> dict[str, plotting.figure | None]:
-    """Every plot by its name; None without data.
-
-    Names are "growth cost", "growth error", and per system "accelerations NAME", "motion seconds NAME" and "motion evaluations NAME".
-    """
-    drawn: dict[str, plotting.figure | None] = {
+    """The plots over all systems by name, "growth cost" and "growth error"; None without data."""
+    return {
         "growth cost": _growth(summary, "time per state [s]", [growth.seconds_per_state for growth in summary.benchmark.growth]),
         "growth error": _growth(summary, "worst backward error", [growth.backward_errors for growth in summary.benchmark.growth]),
     }
-    for system in summary.systems:
-        drawn[f"accelerations {system}"] = _accelerations(summary, system)
-        for by in _AXES:
-            drawn[f"motion {by} {system}"] = _motion(summary, system, by)
-    return drawn
+
+
+def plots_of(summary: BenchmarkSummary, system: str) -> dict[str, plotting.figure | None]:
+    """The plots of one system by name, "accelerations", "motion seconds" and "motion evaluations"; None without data."""
+    return {"accelerations": _accelerations(summary, system)} | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
 
 
 def method_styles(summary: BenchmarkSummary) -> dict[str, Style]:

@@ -200,12 +200,12 @@ def figures(summary: BenchmarkSummary) -> Table:
     )
 
 
-def cheapest(summary: BenchmarkSummary, kind: str, anchors: Mapping[str, str] | None = None) -> Table:
-    """System by error asked for: the fastest way whose error is small enough, and its cost. ``anchors``: of systems on a page."""
+def cheapest(summary: BenchmarkSummary, kind: str, pages: Mapping[str, str] | None = None) -> Table:
+    """System by error asked for: the fastest way whose error is small enough, and its cost. ``pages``: of systems, from this page."""
     found = summary.cheapest(kind)
     heads = [f"error at most {entry.error:g}" for entry in found[0][1]] if found else []
     rows = [
-        [Cell(system, link=f"#{anchors[system]}" if anchors else "")]
+        [Cell(system, link=pages[system] if pages else "")]
         + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}{_fastest(e)}"]) if e.way else Cell("none reaches it") for e in entries]
         for system, entries in found
     ]

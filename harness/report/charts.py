@@ -43,12 +43,13 @@ def half_decades(record: Record) -> dict[int, int]:
 
 
 def plots(summary: Summary) -> dict[str, plotting.figure | None]:
-    """Every plot by its name: "overview", "trend", and per system "distribution NAME" and "cost NAME"; None without data."""
-    drawn = {"overview": _overview(summary), "trend": _trend(summary)}
-    for system in summary.systems:
-        drawn[f"distribution {system}"] = _distribution(summary, system)
-        drawn[f"cost {system}"] = _cost(summary, system)
-    return drawn
+    """The plots over all systems by name, "overview" and "trend"; None without data."""
+    return {"overview": _overview(summary), "trend": _trend(summary)}
+
+
+def plots_of(summary: Summary, system: str) -> dict[str, plotting.figure | None]:
+    """The plots of one system by name, "distribution" and "cost"; None without data."""
+    return {"distribution": _distribution(summary, system), "cost": _cost(summary, system)}
 
 
 def _overview(summary: Summary) -> plotting.figure | None:

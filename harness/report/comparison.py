@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -64,8 +64,10 @@ def pair_sections(found: Comparison) -> Iterator[Section]:
         yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
 
 
-def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = None, on_page: bool = False) -> Iterator[Section]:
-    """A table of all robots, what is not explained, and what is other than in the survey ``before``."""
+def survey_overview(
+    found: Comparison, before: tuple[Run, Comparison] | None = None, pages: Mapping[str, str] | None = None
+) -> Iterator[Section]:
+    """A table of all robots, what is not explained, and what is other than in the survey ``before``; ``pages`` of robots, by path."""
     compared = [subject for subject in found.subjects if not subject.aided]
     explained = sum(subject.explained for subject in compared)
     losing = sum(bool(subject.lost_digits) for subject in compared)
@@ -74,52 +76,45 @@ def survey_overview(found: Comparison, before: tuple[Run, Comparison] | None = N
     held = [one for one in found.equalities if one.verdict]
     agreeing = sum(one.explained for one in held)
     count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
-    yield Section("Robots and engines", [count, survey_table(found, _anchors(found) if on_page else {})])
+    yield Section("Robots and engines", [count, survey_table(found, pages or {})])
     yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
     if before is not None:
         yield Section(f"Since the survey of {before[0].started}", [*changes(before[1], found)] or ["nothing changed"])
 
 
-def _anchors(found: Comparison) -> dict[str, str]:
-    return {file.path: f"robot-{number}" for number, file in enumerate(found.files, 1)}
-
-
-def _trend_table(earlier: Sequence[Comparison], found: Comparison) -> Table:
+def _trend_table(earlier: Sequence[Comparison], found: Comparison, pages: Mapping[str, str]) -> Table:
     """A row for each robot, a line for each subject."""
-    values, names, anchors = trends(earlier, found), short_names(found), _anchors(found)
+    values, names = trends(earlier, found), short_names(found)
     columns = sorted({(subject.engine, subject.kind) for subject in found.subjects}, key=lambda column: (column[0], column[1] == "aided"))
     rows = []
     for file in found.files:
         own = {(subject.engine, subject.kind): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
         if any(own.values()):
             lines = [Sparkline(own[column]) if own.get(column) else "" for column in columns]
-            rows.append([Cell(names[file.path], link=f"#{anchors[file.path]}"), *lines])
+            rows.append([Cell(names[file.path], link=pages[file.path]), *lines])
     heads = [engine if kind == "plain" else f"{engine} aided" for engine, kind in columns]
     caption = f"The worst backward error after readings, in data roundoffs, over the last surveys, {len(earlier) + 1} with this one."
     return Table(["robot", *heads], rows, caption)
 
 
 def survey_sections(
-    found: Comparison, before: tuple[Run, Comparison] | None = None, earlier: Sequence[Comparison] = ()
+    found: Comparison, pages: Mapping[str, str], before: tuple[Run, Comparison] | None = None, earlier: Sequence[Comparison] = ()
 ) -> Iterator[Section]:
-    """The overview, the trend over the surveys ``earlier``, oldest first, then each robot."""
-    yield from survey_overview(found, before, on_page=True)
+    """The overview, and the trend over the surveys ``earlier``, oldest first; ``pages`` of robots, by path."""
+    yield from survey_overview(found, before, pages)
     if earlier:
-        yield Section("Trend", [_trend_table(earlier, found)])
-    anchors, names = _anchors(found), short_names(found)
-    for file in found.files:
-        own = found.of(file.path)
-        impossible = _impossible(Comparison(files=[file], subjects=own))
-        tables = [subjects_table(own)] if own else []
-        parts: list[str | Table] = [*_descriptions([file]), *impossible, *tables, *_readings(own), *_equalities(found, file)]
-        yield Section(names[file.path], parts, anchors[file.path])
+        yield Section("Trend", [_trend_table(earlier, found, pages)])
 
 
-def survey_page(run: Run, places: Sequence[str], found: Comparison, earlier: Sequence[tuple[Run, Comparison]]) -> dict[str, str]:
-    """File name to text of the page of a survey; ``earlier`` are those of the same places, newest first."""
-    trend = [one for _, one in earlier[: MOST_SURVEYS - 1]][::-1]
-    sections = survey_sections(found, next(iter(earlier), None), trend)
-    return {"robots.html": render(run, f"Robots of {', '.join(places)}", sections)}
+def robot_sections(found: Comparison, file: FileRecord) -> Iterator[Section]:
+    """One robot of a survey."""
+    own = found.of(file.path)
+    impossible = [*_impossible(Comparison(files=[file], subjects=own))]
+    yield Section("What the file is", [*_descriptions([file])], "file")
+    if impossible:
+        yield Section("What no body can have", impossible, "impossible")
+    if own:
+        yield Section("Engines", [subjects_table(own), *_readings(own), *_equalities(found, file)], "engines")
 
 
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:

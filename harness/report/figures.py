@@ -33,10 +33,10 @@ Style = tuple[str, str, str]
 
 
 def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
-    """Everything a page needs to show every plot that has data, in one document.
+    """Everything a page needs beside ``library()`` to show every plot that has data, in one document.
 
-    "charts" holds scripts in gzip and base64: all of BokehJS, and what fills the divs; none where there is no plot. "plots" maps
-    names to ``<div>`` elements.
+    "charts" holds the script that fills the divs in gzip and base64; none where there is no plot. "plots" maps names to ``<div>``
+    elements.
     """
     from bokeh.document import Document
     from bokeh.embed import components
@@ -50,14 +50,15 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
         for plot in drawn.values():
             document.add_root(plot)
     script, divs = components(drawn, wrap_script=False)
-    return {"charts": [_bokeh(), _packed(script)], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
+    return {"charts": [_packed(script)], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
 
 
 @functools.cache
-def _bokeh() -> str:
+def library() -> str:
+    """All of BokehJS: the script that every page with plots loads."""
     from bokeh.resources import Resources
 
-    return _packed("\n".join(Resources(mode="inline", components=["bokeh"]).js_raw))
+    return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) + "\n"
 
 
 def _packed(script: str) -> str:

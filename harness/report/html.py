@@ -1,10 +1,12 @@
-"""The report as one HTML page that fetches nothing."""
+"""Templates, and what they need to draw pages: filters, and only markup that is known to be harmless."""
 
 from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
+from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import datetime
 from html.entities import html5
 from importlib.resources import files
@@ -14,14 +16,14 @@ from xml.etree import ElementTree
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.report import benchmark_charts, benchmark_tables, charts, hard_charts, hard_tables
-from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import embed, styles
-from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changed_versions, changes_table, state_lines, states_of
+from harness.report import benchmark_tables, charts, hard_charts, hard_tables
+from harness.report.benchmarks import acceleration_front, motion_front
+from harness.report.figures import embed
+from harness.report.site_tables import error_of
+from harness.report.summary import changed_versions, changes_table, state_lines, states_of
 from harness.results.pareto import way_of
-from harness.results.records import Record, Run
-from harness.results.table import counted, error_text, seconds_text
+from harness.results.records import Record
+from harness.results.table import Table, counted, error_text, seconds_text
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -40,49 +42,37 @@ _COLOUR = re.compile("(fill|stroke):#[0-9a-f]{6}")
 _HEADING = re.compile(r'<h([23]) id="([^"]+)">(.*?)</h\1>', re.DOTALL)
 
 
-def render_html(
-    run: Run, summary: Summary | None, benchmark: BenchmarkSummary | None, hard: HardSummary | None, robots: str = ""
-) -> str:  # fmt: skip
-    """The whole ``index.html``; without a cross-check, ``run`` is the newer one of benchmark and atlas.
+@dataclass(frozen=True)
+class Drawn:
+    """A page: its text, and the tables on it in their order, each by the value of its attribute ``data-table``."""
 
-    ``robots`` names the survey whose page stands beside it, as ``robots.html``.
-    """
-    plots: dict[str, plotting.figure | None] = {}
-    about: dict[str, Any] = {}
-    if summary is not None:
-        plots |= charts.plots(summary)
-        about |= {"subject_styles": styles(summary.subjects), "anchors": _anchors(summary.systems, "system")}
-    if benchmark is not None:
-        plots |= benchmark_charts.plots(benchmark)
-        about |= {"method_styles": benchmark_charts.method_styles(benchmark), "integrator_styles": styles(benchmark.integrators)}
-        about["cost_anchors"] = _anchors(benchmark.systems, "cost")
-    if hard is not None:
-        plots |= hard_charts.plots(hard)
-        about |= {"hard_styles": styles(hard.subjects), "hard_anchors": _anchors([family.name for family in hard.families], "hard")}
-    return (
-        environment()
-        .get_template("template.html" if summary is not None else "benchmark_page.html")
-        .render(
-            **about,
-            run=run,
-            summary=summary,
-            benchmark=benchmark,
-            hard=hard,
-            robots=robots,
-            limit=AGREEMENT,
-            silent_marker=hard_charts.SILENT_MARKER[1],
-            tables=benchmark_tables,
-            hard_tables=hard_tables,
-            acceleration_front=acceleration_front,
-            motion_front=motion_front,
-            way_of=way_of,
-            counted=counted,
-            states_of=states_of,
-            changed_versions=changed_versions,
-            changes_table=changes_table,
-            **embed(plots),
-        )
-    )
+    text: str
+    tables: dict[str, Table]
+
+
+# Of the page that is being drawn; None while a page is drawn whose tables nobody asked for.
+_tables: ContextVar[dict[str, Table] | None] = ContextVar("_tables", default=None)
+
+
+def draw(template: str, page: str, plots: Mapping[str, plotting.figure | None], **about: Any) -> Drawn:
+    """A page of the site; ``page`` is its address from the index, ``about`` what its template asks for."""
+    tables: dict[str, Table] = {}
+    token = _tables.set(tables)
+    try:
+        text = environment().get_template(template).render(root="../" * page.count("/"), page=page, **about, **embed(plots))
+    finally:
+        _tables.reset(token)
+    return Drawn(text, tables)
+
+
+def _finalized(value: Any) -> Any:
+    """A table with its name on the page; all else as it is."""
+    tables = _tables.get()
+    if tables is None or not isinstance(value, Table) or not value.rows:
+        return value
+    name = f"table-{len(tables) + 1}"
+    tables[name] = value
+    return Markup(value.html(name))
 
 
 @functools.cache
@@ -93,15 +83,25 @@ def environment() -> Environment:
     """
     package = files(__package__)
     made = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_finalized,
         loader=FunctionLoader(lambda name: package.joinpath(name).read_text("utf-8")),
     )  # fmt: skip
     made.filters |= {
         "error": error_text, "seconds": seconds_text, "equations": equations, "picture": picture, "link": web_address,
-        "state": state_lines, "left_out": left_out, "moment": moment, "way": way_of, "sentence_case": sentence_case, "contents": contents,
+        "state": state_lines, "data_error": error_of, "left_out": left_out, "moment": moment, "way": way_of, "sentence_case": sentence_case,
+        "contents": contents,
     }  # fmt: skip
-    made.globals["style"] = Markup(package.joinpath("style.css").read_text("utf-8"))
+    made.globals |= {
+        "style": Markup(asset("style.css")), "limit": AGREEMENT, "counted": counted, "states_of": states_of, "way_of": way_of,
+        "changed_versions": changed_versions, "changes_table": changes_table, "tables": benchmark_tables, "hard_tables": hard_tables,
+        "acceleration_front": acceleration_front, "motion_front": motion_front, "silent_marker": hard_charts.SILENT_MARKER[1],
+    }  # fmt: skip
     return made
+
+
+def asset(name: str) -> str:
+    """A file of this folder as text."""
+    return files(__package__).joinpath(name).read_text("utf-8")
 
 
 def contents(markup: str) -> list[tuple[str, Markup, list[tuple[str, Markup]]]]:
@@ -174,11 +174,3 @@ def left_out(record: Record) -> str:
             is_below = key.removeprefix("-").isdecimal() and int(key) < charts.LEAST_SHOWN
             rest["below" if is_below else key] = rest.get("below" if is_below else key, 0) + count
     return ", ".join(f"{counted(count, 'state')} {words.get(key, f'in bin {key}')}" for key, count in sorted(rest.items()))
-
-
-def _anchors(systems: Sequence[str], prefix: str) -> dict[str, str]:
-    anchors: dict[str, str] = {}
-    for system in systems:
-        anchor = f"{prefix}-" + re.sub(r"[^A-Za-z0-9_]+", "-", system)
-        anchors[system] = anchor if anchor not in anchors.values() else f"{anchor}-{len(anchors)}"
-    return anchors

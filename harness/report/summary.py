@@ -158,10 +158,9 @@ class Summary:
                 changes.append((f"{record.system}, {record.subject}", f"{old:.3g}", f"{new:.3g}"))
         return changes
 
-    def matrix(self, anchors: Mapping[str, str] | None = None) -> Table:
-        """System by subject: verdict and worst backward error; ``anchors`` of the systems on a page."""
-        links = {system: f"#{anchors[system]}" if anchors else "" for system in self.systems}
-        cells = {pair: _verdict_cell(found, links[pair[0]]) for pair, found in self.cells.items()}
+    def matrix(self) -> Table:
+        """System by subject: verdict and worst backward error."""
+        cells = {pair: _verdict_cell(found) for pair, found in self.cells.items()}
         cells |= {pair: Cell("not run", tone="empty", fills=True) for pair in self.missing}
         not_asked = Cell("not asked", tone="empty", fills=True)
         rows = [[system, *(cells.get((system, subject), not_asked) for subject in self.subjects)] for system in self.systems]
@@ -230,7 +229,7 @@ def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     return Table([what, "before", "now"], list(changes), f"Changed {what.partition(' ')[0]}s" if " " in what else "Changes")
 
 
-def _verdict_cell(records: Sequence[Record], link: str) -> Cell:
+def _verdict_cell(records: Sequence[Record]) -> Cell:
     """The records of one pair, nearly always one."""
     notes = []
     for record in records:
@@ -239,7 +238,7 @@ def _verdict_cell(records: Sequence[Record], link: str) -> Cell:
     is_surprise = not all(record.as_expected for record in records)
     verdicts = ("✗ " if is_surprise else "") + "; ".join(record.verdict for record in records)
     tone = records[0].verdict + (" surprise" if is_surprise else "")
-    return Cell(verdicts, notes, tone, fills=True, link=link)
+    return Cell(verdicts, notes, tone, fills=True)
 
 
 def worst(records: Iterable[Record]) -> Record | None:

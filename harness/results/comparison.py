@@ -282,6 +282,15 @@ class Comparison(StudyResult):
         """The subjects of a file."""
         return [subject for subject in self.subjects if subject.path == path]
 
+    def in_order(self) -> Comparison:
+        """The same by the paths of files and the names of engines, whatever was complete first."""
+        return Comparison(
+            files=sorted(self.files, key=lambda file: file.path),
+            subjects=sorted(self.subjects, key=lambda one: (one.path, one.engine, one.aided)),
+            pairs=self.pairs,
+            equalities=sorted(self.equalities, key=lambda one: (one.path, one.engine)),
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.records.dumps``."""
         return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs, "equalities": self.equalities}

@@ -48,8 +48,8 @@ def short_names(found: Comparison) -> dict[str, str]:
     return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
 
 
-def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
-    """A row for each robot, a column for each subject; ``anchors`` are the places of the robots' comparisons on the page, by path."""
+def survey_table(found: Comparison, pages: Mapping[str, str]) -> Table:
+    """A row for each robot, a column for each subject; ``pages`` are those of the robots, by path."""
     engines = sorted({subject.engine for subject in found.subjects})
     rows = []
     names = short_names(found)
@@ -58,7 +58,7 @@ def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
         for engine in engines:
             for aided in (False, True):
                 own = next((one for one in found.of(file.path) if one.engine == engine and one.aided == aided), None)
-                cells.append(_survey_cell(own, anchors.get(file.path, "")) if own is not None else Cell(""))
+                cells.append(_survey_cell(own, pages.get(file.path, "")) if own is not None else Cell(""))
         cells += [counted(len(file.impossible), "link") if file.impossible else "", file.problem]
         rows.append(cells)
     heads = [head for engine in engines for head in (engine, f"{engine} aided")]
@@ -69,10 +69,10 @@ def survey_table(found: Comparison, anchors: Mapping[str, str]) -> Table:
     return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, caption, "matrix")
 
 
-def _survey_cell(subject: SubjectRecord, anchor: str) -> Cell:
+def _survey_cell(subject: SubjectRecord, page: str) -> Cell:
     size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
     notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(f"{subject.outcome}{size}", notes, _tone(subject), link=anchor and f"#{anchor}")
+    return Cell(f"{subject.outcome}{size}", notes, _tone(subject), link=page)
 
 
 def pair_table(pair: PairRecord) -> Table:

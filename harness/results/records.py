@@ -73,6 +73,9 @@ class Record:
             see ``harness.results.quantiles``. Empty where a sample is too small for them.
         origins: number of states that are "stored" with the system, "sampled", "searched" for, and the "simplest" failing ones
             of this run and of earlier ones, which come on top; empty for a given state.
+        features: what the subject's model file and the mechanism ask of an engine beyond hinges and slides, as "loops" or "springs".
+        from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a subject that is
+            held against what its engine declares of constraints that give; None for the others.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -109,6 +112,8 @@ class Record:
     quantity: str = ACCELERATIONS
     median_bounds: list[float] = field(default_factory=list)
     percentile_99_bounds: list[float] = field(default_factory=list)
+    features: list[str] = field(default_factory=list)
+    from_rigid: float | None = None
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -280,6 +285,7 @@ class Run:
         started: ISO 8601, UTC.
         versions, machine: name to text.
         states: number of states per system where a record says nothing else.
+        engines: name of an engine to its version.
         library: name of the library, never its path, because reports are published.
         command: how to repeat the run.
 
@@ -295,6 +301,7 @@ class Run:
     states: int
     library: str
     command: str
+    engines: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         moment = datetime.fromisoformat(self.started)

@@ -103,7 +103,7 @@ class Cell:
         value: as a bare cell has it; on a page, one with ``__html__`` is drawn by that. notes: further lines, smaller where the medium can.
         tone: classes of the page's style sheet, as "agrees" or "disagrees surprise".
         fills: whether the tone colours the whole cell of a page and not the value alone.
-        link: address on the page. hint: shown beside the pointer.
+        link: address on the page. hint: shown beside the pointer. attributes: further ones of the cell on a page, as "id".
     """
 
     value: object
@@ -112,6 +112,7 @@ class Cell:
     fills: bool = False
     link: str = ""
     hint: str = ""
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -196,8 +197,8 @@ class Table:
         lines = [[head.title for head in self.heads], ["---:" if head.is_number else "---" for head in self.heads], *self.texts()]
         return "\n".join("| " + " | ".join(map(markdown_cell, line)) + " |" for line in lines)
 
-    def html(self) -> str:
-        """A ``<table>`` in a ``<div>`` that scrolls; "" without rows."""
+    def html(self, name: str = "") -> str:
+        """A ``<table>`` in a ``<div>`` that scrolls; "" without rows. ``name`` becomes its attribute ``data-table``."""
         if not self.rows:
             return ""
         caption = f"<caption>{escape(self.caption)}</caption>\n" if self.caption else ""
@@ -205,7 +206,8 @@ class Table:
         rows = "\n".join(f"<tr>{self._html_row(row)}</tr>" for row in self.rows)
         # What scrolls must be reached by keyboard, and says its name there.
         scrolling = _attributes("wide", role="group", tabindex="0", **{"aria-label": self.caption})
-        opening = f"<div{scrolling}>\n<table{_attributes(self.style)}>\n{caption}<thead><tr>{heads}</tr></thead>"
+        about = _attributes(self.style, **{"data-table": name})
+        opening = f"<div{scrolling}>\n<table{about}>\n{caption}<thead><tr>{heads}</tr></thead>"
         return f"{opening}\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>"
 
     # For templates, which do not escape it again, and for notebooks.
@@ -251,7 +253,8 @@ def _html_cell(scope: str, head: Column, cell: object) -> str:
     elif alone or look.fills:
         inner = f"<span{_attributes(alone)}>{inner}</span>"
     tag = "th" if scope else "td"
-    return f"<{tag}{_attributes(look.tone if look.fills else _class(head), scope=scope, title=look.hint)}>{inner}</{tag}>"
+    about = _attributes(look.tone if look.fills else _class(head), scope=scope, title=look.hint, **look.attributes)
+    return f"<{tag}{about}>{inner}</{tag}>"
 
 
 def _class(head: Column) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import functools
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -76,13 +78,25 @@ def test_the_nearer_the_impedance_to_one_the_nearer_to_rigid() -> None:
         assert distance[f"mujoco batch, impedance 0.9999{exact}"] < 5e-3 * distance[f"mujoco batch, impedance 0.9{exact}"]
 
 
-@pytest.mark.costly
+# Runs a program where nothing of the harness can be imported, nor what only the harness needs.
+ALONE = """
+import sys
+sys.modules |= dict.fromkeys(["harness", "sympy", "heyoka", "flint", "lxml", "msgspec", "bokeh"])
+exec(sys.argv[1], {})
+"""
+
+
+def test_enough_findings_of_current_engines_are_listed() -> None:
+    _, found = all_measured()
+    assert len(found) >= 5 and {name.partition(" ")[0] for name in found} == {"mujoco", "pinocchio"}
+
+
 @pytest.mark.parametrize("name", sorted(WRONG - {"heyoka float32"}))
-def test_a_finding_is_reproduced_with_the_engine_alone(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_finding_is_reproduced_with_the_engine_alone(name: str) -> None:
     finding = all_measured()[1][name]
     assert len(finding.reproducer.splitlines()) == 3 and "harness" not in finding.reproducer
-    exec(finding.reproducer, {})
-    engine, certified = capsys.readouterr().out.splitlines()
+    command = [sys.executable, "-I", "-c", ALONE, finding.reproducer]
+    engine, certified = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     answer, truth = np.array(eval(engine, {"nan": math.nan})), np.array(ast.literal_eval(certified))
     assert np.isfinite(truth).all()
     assert np.isfinite(answer).all() == (finding.backward_error is not None)
@@ -96,6 +110,12 @@ def test_a_residual_that_tells_nothing_is_said_to() -> None:
     lost = found["pinocchio lcaba, mu 1e-10"].statement
     assert "the engine's own residual reads" in lost and "right" not in lost
     assert found["pinocchio constraintDynamics, default settings"].statement.startswith(f"{COUNT} of {COUNT} answers are not finite")
+
+
+def test_all_stages_leave_a_mechanism_without_gravity_as_it_is() -> None:
+    methods = select_methods(["mujoco batch", "mujoco batch, all stages on"], CONSTRAINED)
+    costs, found = acceleration_costs(scene("andrews_squeezer"), methods, COUNT, 3, 0.0, lambda text: None)
+    assert found == [] and all(cost.backward_error is not None and cost.backward_error <= AGREEMENT for cost in costs)
 
 
 def test_an_answer_to_another_problem_is_condemned() -> None:

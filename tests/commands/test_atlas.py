@@ -101,7 +101,7 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
     document = json.loads((tmp_path / "atlas.json").read_text(), parse_constant=pytest.fail)
     assert len(document["atlas"]["rows"]) == 3 and document["atlas"]["partings"][0]["rate"] == 1.1
     assert document["records"] == []
-    assert "stiff_spring" in (tmp_path / "here" / "index.html").read_text()
+    assert "stiff_spring" in (tmp_path / "here" / "hard.html").read_text()
 
 
 def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..., Result]) -> None:

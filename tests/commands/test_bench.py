@@ -224,7 +224,7 @@ def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     assert invoke("collar").exit_code == 0
     text = page.read_text()
     assert "Nothing was cross-checked yet" not in text
-    assert 'id="verdicts"' in text and 'id="cost-collar"' in text
+    assert 'id="verdicts"' in text and 'id="cost"' in (tmp_path / "reports" / "mechanisms" / "collar.html").read_text()
     document = json.loads((tmp_path / "reports" / "report.json").read_text())
     assert [entry["seconds_per_state"] for entry in document["benchmark"]["accelerations"]] == [2e-6]
     assert [record["system"] for record in document["records"]] == ["collar"]
@@ -276,7 +276,7 @@ def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     # A compiled batch against a call per state from Python: two orders of magnitude, of which one is asked for.
     assert measured["pinocchio aba"]["seconds_per_state"] > 10 * measured["heyoka float64"]["seconds_per_state"]
     assert [entry["way"] for entry in document["benchmark"]["cheapest"]] == ["heyoka float64"] * 3
-    assert "spring_damper: speed against error" in (tmp_path / "reports" / "index.html").read_text()
+    assert "spring_damper: speed against error" in (tmp_path / "reports" / "mechanisms" / "spring_damper.html").read_text()
 
 
 def test_costs_say_their_spread_their_loop_and_the_load(invoke: Callable[..., Result], measure: Callable[..., None]) -> None:

@@ -76,11 +76,16 @@ def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
     found = json.loads((tmp_path / "found.json").read_text())
     assert [bool(file["problem"]) for file in found["files"]] == [False, True, False, False]
     page = (tmp_path / "out" / "robots.html").read_text()
-    assert "mimics another for one that moves by itself" in page
     # Every cell of a robot opens its comparison: two engines, plain and aided.
-    cells = re.findall(r"<td[^>]*>(?:(?!</td>).)*?href=\"#(robot-\d+)\"", page, re.DOTALL)
-    assert {target: cells.count(target) for target in set(cells)} == {"robot-1": 4, "robot-3": 4, "robot-4": 4}
-    assert all(f'id="{target}"' in page for target in cells)
+    cells = re.findall(r"<td[^>]*>(?:(?!</td>).)*?href=\"(robots/[^\"]+)\"", page, re.DOTALL)
+    assert {target: cells.count(target) for target in set(cells)} == {
+        f"robots/{name}.urdf.html": 4 for name in ("arm", "impossible", "mimic")
+    }
+    told = (tmp_path / "out" / "robots" / "mimic.urdf.html").read_text()
+    assert "mimics another for one that moves by itself" in told and str(tmp_path) not in told
+    # The index holds the robots in its matrix, without any cross-check.
+    index = (tmp_path / "out" / "index.html").read_text()
+    assert 'href="robots/mimic.urdf.html"' in index and "survey of 4 robots" in index
 
 
 def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:

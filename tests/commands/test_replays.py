@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import Page, harness, make_library
+from support import harness, make_library, written_site
 
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep
@@ -81,7 +81,7 @@ def same(one: float | None, other: float | None) -> bool:
 @pytest.mark.costly
 def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
-    page, markdown = Page((reported / "index.html").read_text()), (reported / "report.md").read_text()
+    page, markdown = written_site(reported), (reported / "report.md").read_text()
     records = {(record["system"], record["subject"]): record for record in document["records"]}
     assert len(document["worst_cases"]) == len(records) == 12
     for case in document["worst_cases"]:
@@ -103,7 +103,7 @@ def test_every_record_gives_its_numbers_again(reported: Path) -> None:
     found = {record["subject"]: record["representative"] for record in records if record["system"] == "bar_pendulum"}
     # At rest and below every sampled rate: the simplest state that fails is another one than the worst.
     assert found["mujoco/mjcf"]["state"]["v"] == [0.0] and found["lagrange"] is None
-    page = Page((reported / "index.html").read_text()).text
+    page = written_site(reported).text
     for record in records:
         again = replayed(record["replay"], reported)
         assert same(record["backward_error"], again["backward_error"]) and same(record["relative_error"], again["relative_error"])
@@ -128,7 +128,7 @@ def test_where_states_come_from_is_said(reported: Path) -> None:
     assert (
         line.startswith("states: 500 sampled, 500 searched for by hypothesis") and "; on top 1 stored with the system, 0 simplest" in line
     )
-    for text in (Page((reported / "index.html").read_text()).text, (reported / "report.md").read_text()):
+    for text in (written_site(reported).text, (reported / "report.md").read_text()):
         assert "500 sampled" in text and "; on top 0 to 1 stored with the system" in text
     given = harness(*shlex.split(document["records"][0]["replay"])[1:], cwd=reported)
     assert "states:" not in given.stdout

@@ -289,3 +289,17 @@ def test_what_fails_while_it_is_measured_costs_the_number_alone(tmp_path: Path, 
     records, study = cross_checked(settings)
     assert [(record.verdict, record.componentwise_error) for record in records] == [("agrees", None)]
     assert study.problems == [] and study.faults == []
+
+
+def test_a_record_says_what_its_model_asks_for_and_how_far_from_rigid_it_is() -> None:
+    """Of a subject without a model, what the models of the mechanism would ask for; rolling is the mechanism's own."""
+    names = ["four_bar", "rolling_disc", "simple_pendulum.mimic"]
+    records, _ = cross_checked(Settings(library=BUILT_IN, names=names, states=20, examples=None))
+    found = {(record.system, record.subject): record for record in records}
+    assert {record.system: record.features for record in records} == {
+        "four_bar": ["loops"], "rolling_disc": ["rolling"], "simple_pendulum.mimic": ["mimic joints"],
+    }  # fmt: skip
+    assert found["four_bar", "lagrange"].features == ["loops"] and found["four_bar", "lagrange"].from_rigid is None
+    soft = found["four_bar", "mujoco/mjcf"].from_rigid
+    assert soft is not None and 1e-4 < soft < 1.0 and f"{soft:.2g} of their size" in found["four_bar", "mujoco/mjcf"].message
+    assert found["four_bar", "pinocchio/urdf"].from_rigid is None

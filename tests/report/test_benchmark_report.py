@@ -11,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support import Page, charts_of
+from support import Page, charts_of, missing, pages_of, site_of
 
 from harness.report import build
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
@@ -120,7 +120,7 @@ def files() -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def page(files: dict[str, str]) -> Page:
-    return Page(files["index.html"])
+    return site_of(files)
 
 
 def test_every_measurement_has_its_place(page: Page, files: dict[str, str]) -> None:
@@ -141,14 +141,15 @@ def test_every_measurement_has_its_place(page: Page, files: dict[str, str]) -> N
 
 
 def test_the_page_fetches_nothing_and_leads_where_its_links_say(page: Page, files: dict[str, str]) -> None:
-    assert not page.fetched
-    assert "default-src 'none'" in files["index.html"] and "link" not in page.tags
-    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
-    assert len(set(page.identifiers)) == len(page.identifiers)
+    assert not missing(files)
+    for text in pages_of(files).values():
+        assert "default-src 'none'" in text
+        assert len(set(Page(text).identifiers)) == len(Page(text).identifiers)
 
 
 def test_two_charts_per_system_and_their_fronts_are_named(files: dict[str, str]) -> None:
-    captions = re.findall(r"<figcaption>(.*?)</figcaption>", files["index.html"], re.DOTALL)
+    source = "".join(pages_of(files).values())
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", source, re.DOTALL)
     assert len([caption for caption in captions if caption.startswith("Accelerations:")]) == len(SYSTEMS)
     assert len([caption for caption in captions if caption.startswith("Motion:")]) == 2 * len(SYSTEMS)
     named = [re.findall(r"<strong>(.*?)</strong>", caption) for caption in captions if caption.startswith("Accelerations:")]
@@ -156,7 +157,9 @@ def test_two_charts_per_system_and_their_fronts_are_named(files: dict[str, str])
     by_time = next(caption for caption in captions if caption.startswith("Motion: wall time"))
     assert "pinocchio RK4, step 0.001 s" in by_time and "mujoco Euler, step" not in by_time
     for told in ("method", "time per state", "worst error", "way", "error of the end state", "energy"):
-        assert f"@{{{told}}}" in charts_of(files["index.html"])
+        assert f"@{{{told}}}" in charts_of(source)
+    fronts = re.search(r"<caption>Pareto front of each system</caption>.*?</table>", files["benchmark.html"], re.DOTALL)
+    assert fronts and fronts[0].count("heyoka float32; heyoka float64; certified balls") == len(SYSTEMS)
 
 
 def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
@@ -165,13 +168,13 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
         worst_state=None, seconds_per_state=1e-6, message="",
     )  # fmt: skip
     built = build(RUN, CrossCheckResult(records=[record]), benchmark=(RUN, sample()))
-    page = Page(built["index.html"])
+    page = site_of(built)
     assert "The pair of system" not in page.words and "1 pair of system and subject" in page.words
-    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
-    assert "#cost-collar" in page.links and "The cheapest way to an error" in page.words
+    assert not missing(built)
+    assert "mechanisms/collar.html#cost" in page.links and "benchmark.html" in page.links and "The cheapest way to an error" in page.words
     assert "benchmark" in json.loads(built["report.json"])
     without = build(RUN, CrossCheckResult(records=[record]))
-    assert "Speed against error" not in Page(without["index.html"]).words and "benchmark" not in json.loads(without["report.json"])
+    assert "Speed against error" not in site_of(without).words and "benchmark" not in json.loads(without["report.json"])
 
 
 @pytest.mark.usefixtures("without_charts")
@@ -190,14 +193,15 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
 
 def test_text_is_escaped() -> None:
     evil = "</script><script>alert(1)</script>"
-    plain = Page(build(benchmark=(RUN, sample()))["index.html"])
     spoilt = sample()
     spoilt.accelerations[0] = replace(spoilt.accelerations[0], system=evil, method=evil, note=evil)
     spoilt.motion[0] = replace(spoilt.motion[0], system=evil, integrator=evil, note=evil)
     spoilt.orders[0] = replace(spoilt.orders[0], system=evil, explanation=evil)
     spoilt.figures[0] = replace(spoilt.figures[0], what=evil, remark=evil)
     spoilt.problems = [evil]
-    assert Page(build(benchmark=(RUN, spoilt))["index.html"]).tags.count("script") == plain.tags.count("script")
+    built = build(benchmark=(RUN, spoilt))
+    assert not missing(built) and not any("<script>" in text for text in pages_of(built).values())
+    assert evil in site_of(built).words
 
 
 def test_front_keeps_what_nothing_beats() -> None:
@@ -242,7 +246,7 @@ def test_fronts_of_a_system() -> None:
 def test_what_misses_by_the_whole_motion_is_on_no_front() -> None:
     lost = [replace(motion("arm_2r", "mujoco Euler", step), state_error=1.5) for step in STEPS]
     assert motion_front(lost, "seconds") == []
-    words = Page(build(benchmark=(RUN, Benchmark(motion=lost)))["index.html"]).words
+    words = site_of(build(benchmark=(RUN, Benchmark(motion=lost)))).words
     assert "the Pareto front: empty." in words and "none reaches it" in words
 
 
@@ -288,6 +292,6 @@ def any_benchmark() -> st.SearchStrategy[Benchmark]:
 def test_a_report_of_any_benchmark_can_be_built(benchmark: Benchmark) -> None:
     built = build(benchmark=(RUN, benchmark))
     json.loads(built["report.json"], parse_constant=pytest.fail)
-    page = Page(built["index.html"])
-    assert not page.fetched
-    assert len(set(page.identifiers)) == len(page.identifiers)
+    assert not missing(built)
+    for text in pages_of(built).values():
+        assert len(set(Page(text).identifiers)) == len(Page(text).identifiers)

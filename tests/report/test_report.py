@@ -15,7 +15,7 @@ import pytest
 from catalogue import IN_CI
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support import Page
+from support import Page, missing, pages_of, site_of
 
 from harness import report
 from harness.errors import InvalidInput
@@ -93,23 +93,25 @@ def files() -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def page(files: dict[str, str]) -> Page:
-    return Page(files["index.html"])
+    return site_of(files)
 
 
 def test_the_page_fetches_nothing(files: dict[str, str], page: Page) -> None:
-    assert not page.fetched
-    assert not re.search(r"@import|url\(", page.styles)
-    assert "default-src 'none'" in files["index.html"]
-    assert "link" not in page.tags and "iframe" not in page.tags
+    assert not missing(files)
+    assert not re.search(r"@import|url\(", page.styles + files["style.css"])
+    assert all("default-src 'none'" in text for text in pages_of(files).values())
+    assert "iframe" not in page.tags
 
 
 def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
-    table = re.search(r'<table class="matrix">(.*?)</table>', files["index.html"], re.DOTALL)
+    table = re.search(r'<table class="matrix verdicts"[^>]*>(.*?)</table>', files["index.html"], re.DOTALL)
     assert table and table[1].count("<td") == len(SYSTEMS) * len(SUBJECTS)
     for system in SYSTEMS:
-        assert f"system-{system}" in page.identifiers
-        assert table[1].count(f'href="#system-{system}"') == len(SUBJECTS)
-    assert {link.removeprefix("#") for link in page.links if link.startswith("#")} <= set(page.identifiers)
+        own = Page(files[f"mechanisms/{system}.html"]).identifiers
+        for subject in SUBJECTS:
+            place = subject.replace("/", "-")
+            assert place in own and table[1].count(f'href="mechanisms/{system}.html#{place}"') == 1
+            assert f'id="cell-{system}--{place}"' in table[1]
     for entry in night(3):
         assert entry.replay in page.text
         assert f"| {entry.subject} | {entry.verdict} " in files["report.md"]
@@ -135,7 +137,7 @@ def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     )
     entries = [record("collar", subject) for subject in SUBJECTS]
     built = build(run_on(0), CARDS, entries, superfluous=[finding])
-    page = Page(built["index.html"])
+    page = site_of(built)
     for text in (page.words, built["report.md"]):
         assert "All 3 pairs of system and subject are as expected; 1 part of the models is superfluous." in text
         assert "mjcf/collar.xml:7: " in text and "somebody" not in text
@@ -155,7 +157,7 @@ def test_differences_after_loading_are_told_everywhere_and_spoil_the_result() ->
     )
     entries = [record("collar", subject) for subject in SUBJECTS]
     built = build(run_on(0), CARDS, entries, differs=[finding])
-    page = Page(built["index.html"])
+    page = site_of(built)
     for text in (page.words, built["report.md"]):
         assert "All 3 pairs of system and subject are as expected; 1 difference after loading is not expected." in text
         assert "mass of rod is 1, but 2; mjcf/collar.xml:7" in text and "somebody" not in text
@@ -174,18 +176,19 @@ def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page)
 def test_text_is_escaped() -> None:
     evil = "</script><script>alert(1)</script>"
     entry = record(evil, evil, message=evil, expected="error", expected_reason=evil, expected_link="javascript:alert(1)", replay=evil)
-    plain = Page(build(run_on(0), [], [record("a", "b")])["index.html"])
-    found = Page(build(run_on(0), [replace(card(evil), equations_mathml=evil, description=evil)], [entry])["index.html"])
-    assert found.tags.count("script") == plain.tags.count("script")
+    built = build(run_on(0), [replace(card(evil), equations_mathml=evil, description=evil)], [entry])
+    found = site_of(built)
+    assert not missing(built) and not any("<script>" in text for text in pages_of(built).values())
     assert evil in found.words
     assert not any(link.startswith("javascript") for link in found.links)
 
 
-def test_changes_and_trend_need_history(page: Page) -> None:
+def test_changes_and_trend_need_history(files: dict[str, str]) -> None:
+    page = Page(files["index.html"])
     assert "Changed since the last run" in page.text
-    changed = page.text.rpartition("Changed since the last run")[2].partition("Systems")[0]
+    changed = page.text.rpartition("Changed since the last run")[2].partition("This run")[0]
     assert "4.0.0" in changed and "4.1.0" in changed
-    alone = Page(build(run_on(0), CARDS, night(0))["index.html"])
+    alone = site_of(build(run_on(0), CARDS, night(0)))
     assert "Changed since the last run" not in alone.words
 
 
@@ -225,7 +228,7 @@ def test_json_holds_everything(files: dict[str, str]) -> None:
 
 
 def test_an_empty_run_is_no_success() -> None:
-    page = Page(build(run_on(0), [], [])["index.html"])
+    page = site_of(build(run_on(0), [], []))
     assert "Nothing was compared" in page.text
     assert 'class="result good"' not in build(run_on(0), CARDS, [])["index.html"]
 
@@ -240,7 +243,7 @@ def test_only_mathml_passes_as_mathml() -> None:
 def test_writing(tmp_path: Path, files: dict[str, str]) -> None:
     folder = tmp_path / "new" / "reports"
     write(folder, files)
-    assert sorted(path.name for path in folder.iterdir()) == ["index.html", "report.json", "report.md"]
+    assert {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} == set(files)
     with pytest.raises(InvalidInput):
         write(folder / "index.html", files)
 
@@ -276,9 +279,10 @@ any_cards = st.lists(
 def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Sequence[SystemCard], earlier: Sequence[Record]) -> None:
     built = build(run_on(1), cards, records, [(run_on(0), earlier)])
     assert len(json.loads(built["report.json"], parse_constant=pytest.fail)["records"]) == len(records)
-    page = Page(built["index.html"])
-    assert not page.fetched
-    assert len(set(page.identifiers)) == len(page.identifiers)
+    assert not missing(built)
+    for text in pages_of(built).values():
+        page = Page(text)
+        assert len(set(page.identifiers)) == len(page.identifiers)
 
 
 FOLDER = "/somewhere/library/"
@@ -293,7 +297,7 @@ def test_a_wrong_record_carries_its_diagnosis_without_the_folders_of_this_machin
     causes = [CAUSE, replace(CAUSE, subject="pinocchio/mjcf")]
     wrong = [record("collar", cause.subject, verdict="disagrees", backward_error=1e9) for cause in causes]
     files = build(run_on(0), [card("collar")], wrong, causes=causes)
-    page = Page(files["index.html"])
+    page = site_of(files)
     for text in (page.words, files["report.md"]):
         assert "the mjcf model is at fault" in text
         assert "reads the same file" in text

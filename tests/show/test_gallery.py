@@ -47,7 +47,7 @@ def test_the_report_shows_pictures(tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["spring_damper"], {"another": DYING})
     done = harness("report", "--library", str(library), "--out", "out", cwd=tmp_path)
     assert "Traceback" not in done.stderr
-    page = lxml.html.fromstring((tmp_path / "out" / "index.html").read_text())
+    page = lxml.html.fromstring((tmp_path / "out" / "mechanisms" / "spring_damper.html").read_text())
     [drawing] = page.xpath("//main//section//*[local-name()='svg'][@class='mechanism']")
     assert "slide" in drawing[0].text_content()
     with History(tmp_path / "out" / "history.sqlite") as history:

@@ -52,7 +52,9 @@ def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     loaded: MujocoModel = scene.load("mujoco", "mjcf")
     model = copy.copy(loaded.model)
     if all_stages:
-        model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        # Gravity is no stage: a file that switches it off describes a mechanism that feels none.
+        kept = loaded.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        model.opt.disableflags = kept | mujoco.mjtDisableBit.mjDSBL_AUTORESET
         if model.opt.disableflags == loaded.model.opt.disableflags:
             raise Unsupported("the model switches no stage off")
     runs = mujoco.batch.Batch(model, nsim=len(states), nthread=1)
@@ -73,7 +75,9 @@ def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
         source = repr(compact(scene.models["mjcf"].text))
         return loaded.reproducer(source, states.q[state], states.v[state], states.tau[state], certified)
 
-    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene), reproducer=reproducer)
+    # A program reads the file, which has stages off.
+    alone = None if all_stages else reproducer
+    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene), reproducer=alone)
 
 
 def declared_truth(scene: Scene) -> Truth | None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from harness.comparison.collection import find_files
 from harness.comparison.study import RobotComparison, Settings
 from harness.night.stage import Choice, Found, Stage, Steps
-from harness.report.comparison import subject_lines, survey_page
+from harness.report.comparison import subject_lines
 from harness.results.comparison import Comparison, survey_profile
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, Case
-from harness.results.records import Run
 from harness.verdict import Verdict
 
 NAME = "survey"
@@ -49,15 +48,6 @@ def _replay(path: str) -> str:
     return shlex.join(["harness", "compare", path])
 
 
-def _pages(run: Run, found: Comparison, earlier: Sequence[tuple[Run, Comparison]], choice: Choice) -> Mapping[str, str]:
-    ordered = Comparison(
-        files=sorted(found.files, key=lambda file: file.path),
-        subjects=sorted(found.subjects, key=lambda one: (one.path, one.engine, one.aided)),
-        equalities=sorted(found.equalities, key=lambda one: (one.path, one.engine)),
-    )
-    return survey_page(run, choice.settings.survey, ordered, earlier)
-
-
 STAGE = Stage(
     name=NAME,
     place=3,
@@ -68,5 +58,4 @@ STAGE = Stage(
     cases=_cases,
     profile=lambda choice: survey_profile(choice.settings.survey),
     states=lambda choice: STATES,
-    pages=_pages,
 )

@@ -1,0 +1,256 @@
+"""The data of the pages, ``harness.results.site``, out of the results of studies: plain functions from one to the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from statistics import median
+
+from harness.report import addresses, upstream
+from harness.report.benchmarks import BenchmarkSummary
+from harness.report.hard_cases import HardSummary
+from harness.report.summary import Summary
+from harness.results.comparison import Comparison, SubjectRecord
+from harness.results.comparison_tables import short_names
+from harness.results.hard_states import RankedCase
+from harness.results.records import Record, Run
+from harness.results.site import FeatureLine, Number, Site, SiteCell, SiteColumn, SiteCount, SiteFinding, SiteRow
+from harness.results.table import error_text
+from harness.verdict import AGREEMENT, SEVERITY, Verdict
+
+# Features by which constraints give, and a distance from rigid ones that is no rounding.
+_TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling"), 1e-12
+OWN = "lagrange"
+
+
+def collect(
+    run: Run, summary: Summary | None = None, measured: BenchmarkSummary | None = None, hard: HardSummary | None = None,
+    robots: Comparison | None = None,
+) -> Site:  # fmt: skip
+    """Everything but the tables, which pages add as they are drawn."""
+    subjects = {*(summary.subjects if summary else ()), *(hard.subjects if hard else ())}
+    subjects |= {subject.subject for subject in robots.subjects} if robots else set()
+    columns = _columns(run, sorted(subjects))
+    rows = [*_mechanisms(summary, measured), *_robots(robots)]
+    pages = {(row.kind == "robot", row.name): row.page for row in rows}
+    cells = [*_cells(summary, pages), *_robot_cells(robots, pages)]
+    about = {name: value for name, value in asdict(run).items() if isinstance(value, str | int)}
+    return Site(
+        run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
+        counts=[*_counts(columns, cells)], features=[*_features(columns, cells)], findings=[*_findings(summary, measured)],
+    )  # fmt: skip
+
+
+def split(subject: str) -> tuple[str, str, str]:
+    """Engine, version and format of "mujoco@3.13.0/mjcf"; "" for what it does not say."""
+    asked, _, model_format = subject.partition("/")
+    engine, _, version = asked.partition("@")
+    return engine, version, model_format
+
+
+def _columns(run: Run, subjects: Sequence[str]) -> list[SiteColumn]:
+    engines = addresses.pages("engines", dict.fromkeys(split(subject)[0] for subject in subjects))
+    found = []
+    for subject in subjects:
+        engine, version, model_format = split(subject)
+        version = version or run.engines.get(engine) or run.versions.get(engine, "")
+        found.append(SiteColumn(name=subject, engine=engine, version=version, format=model_format, page=engines[engine]))
+    return found
+
+
+def _mechanisms(summary: Summary | None, measured: BenchmarkSummary | None) -> Iterator[SiteRow]:
+    systems = sorted({*(summary.systems if summary else ()), *(measured.systems if measured else ())})
+    places = addresses.pages("mechanisms", systems)
+    for system in systems:
+        records = summary.of_system(system) if summary else []
+        card = summary.cards.get(system) if summary else None
+        stem = system.partition(".")[0]
+        is_variant = card is None and stem != system and stem in systems
+        yield SiteRow(
+            name=system,
+            kind="variant" if is_variant else "mechanism",
+            description=card.description if card else "",
+            features=sorted({feature for record in records for feature in record.features}),
+            page=places[system],
+        )
+
+
+def _robots(robots: Comparison | None) -> Iterator[SiteRow]:
+    if robots is None:
+        return
+    names = short_names(robots)
+    places = addresses.pages("robots", names.values())
+    for file in robots.files:
+        name = names[file.path]
+        kind = f"{file.format.upper()}, {file.degrees_of_freedom} degrees of freedom" if not file.problem else file.problem
+        yield SiteRow(name=name, kind="robot", description=kind, features=[], page=places[name])
+
+
+def _cells(summary: Summary | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
+    if summary is None:
+        return
+    programs = {(case.system, case.subject): case.reproducer for cases in summary.worst_cases.values() for case in cases}
+    places = addresses.slugs(summary.subjects)
+    for record in summary.records:
+        pair = record.system, record.subject
+        cause = summary.causes.get(pair)
+        yield SiteCell(
+            row=record.system,
+            column=record.subject,
+            verdict=record.verdict,
+            expected=record.expected,
+            as_expected=record.as_expected,
+            outcome=record.verdict,
+            agrees=record.verdict == Verdict.AGREES,
+            quantity=record.quantity,
+            features=list(record.features),
+            states=record.states,
+            **_numbers(record),
+            reason=record.expected_reason,
+            link=record.expected_link,
+            message=record.message,
+            diagnosis=[] if cause is None else [cause.inference, *cause.terms, *(line for side in cause.sides for line in side)],
+            replay=record.replay,
+            reproducer=programs.get(pair, ""),
+            page=f"{pages[False, record.system]}#{places[record.subject]}",
+        )
+
+
+def _numbers(record: Record) -> dict[str, Number]:
+    names = ("backward_error", "median_backward_error", "relative_error", "from_rigid", "seconds_per_state")
+    return {name: number(getattr(record, name)) for name in names}
+
+
+def number(value: float | None) -> Number:
+    """A number as the JSON has it."""
+    if value is None or math.isfinite(value):
+        return value
+    return "nan" if math.isnan(value) else "inf" if value > 0 else "-inf"
+
+
+def _robot_cells(robots: Comparison | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
+    if robots is None:
+        return
+    names = short_names(robots)
+    for subject in robots.subjects:
+        if not subject.aided:
+            yield _robot_cell(names[subject.path], subject, pages)
+
+
+def _robot_cell(name: str, subject: SubjectRecord, pages: Mapping[tuple[bool, str], str]) -> SiteCell:
+    reasons = [reading.sentence for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0))]
+    return SiteCell(
+        row=name,
+        column=subject.subject,
+        verdict=subject.verdict,
+        expected=Verdict.AGREES.value,
+        as_expected=subject.explained,
+        outcome=subject.outcome,
+        agrees=subject.explained and subject.verdict in (Verdict.AGREES, Verdict.DISAGREES),
+        quantity="accelerations",
+        features=[],
+        states=0,
+        backward_error=number(subject.backward_error),
+        median_backward_error=None,
+        relative_error=number(subject.relative_error),
+        from_rigid=None,
+        seconds_per_state=None,
+        reason="; ".join(reasons),
+        link="",
+        message=subject.message,
+        diagnosis=list(subject.rest),
+        replay=f"harness compare {name}",
+        reproducer="",
+        page=pages[True, name],
+    )
+
+
+def _counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
+    """Of each engine and version, over its formats."""
+    versions = sorted({(column.engine, column.version) for column in columns})
+    badges = addresses.slugs(f"{engine}-{version}".removesuffix("-") for engine, version in versions)
+    for engine, version in versions:
+        own = {column.name for column in columns if (column.engine, column.version) == (engine, version)}
+        verdicts = [cell for cell in cells if cell.column in own]
+        unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in verdicts)
+        badge = f"badges/{badges[f'{engine}-{version}'.removesuffix('-')]}.svg"
+        agrees = sum(cell.agrees for cell in verdicts)
+        asked = len(verdicts) - unsupported
+        yield SiteCount(engine=engine, version=version, agrees=agrees, asked=asked, unsupported=unsupported, badge=badge)
+
+
+def _features(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[FeatureLine]:
+    """By feature, then by column."""
+    for feature in sorted({name for cell in cells for name in asked_of(cell)}):
+        for column in columns:
+            own = [cell for cell in cells if cell.column == column.name and feature in asked_of(cell)]
+            if own:
+                yield _feature_line(feature, column.name, own)
+
+
+def asked_of(cell: SiteCell) -> list[str]:
+    """The features of a cell; what is compared is one where it is not the accelerations."""
+    return [*cell.features, *([cell.quantity] if cell.quantity != "accelerations" else [])]
+
+
+def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:
+    agrees = sum(cell.agrees for cell in cells)
+    unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
+    errors = [float(cell.backward_error) for cell in cells if cell.backward_error is not None]
+    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
+    worst, soft = largest(errors), median(distances) if distances else None
+    others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
+    parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
+    if agrees:
+        what = "agrees with what its engine documents" if parts else "agrees"
+        parts.append(f"{what} on {agrees} of {len(cells)}, worst {error_text(worst)}")
+    parts += [f"{verdict} on {count} of {len(cells)}" for verdict, count in others.items() if count]
+    reasons = list(dict.fromkeys(cell.reason for cell in cells if not cell.agrees and cell.reason))
+    line = "; ".join(parts) + (f": {reasons[0]}" if len(reasons) == 1 else "")
+    return FeatureLine(
+        feature=feature, column=column, asked=len(cells), agrees=agrees, unsupported=unsupported, worst=number(worst),
+        from_rigid=number(soft), line=line,
+    )  # fmt: skip
+
+
+def largest(errors: Iterable[float]) -> float | None:
+    """The largest, NaN counting as infinite; None of none."""
+    return max((math.inf if math.isnan(error) else error for error in errors), default=None)
+
+
+def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Iterator[SiteFinding]:
+    """What engines get wrong: ways of asking that a benchmark found, then subjects of the cross-check, each kind of error once."""
+    groups: dict[tuple[str, str], list[SiteFinding]] = {}
+    for found in measured.benchmark.findings if measured else ():
+        engine, _, way = found.method.partition(" ")
+        finding = SiteFinding(
+            engine=engine, way=way, row=found.system, rows=[found.system], statement=found.statement,
+            backward_error=number(found.backward_error), reproducer=found.reproducer, upstream=upstream.of_way(engine, way),
+        )  # fmt: skip
+        groups.setdefault((engine, way), []).append(finding)
+    for subject, cases in (summary.worst_cases if summary else {}).items():
+        for case in cases:
+            if summary and case.verdict != Verdict.AGREES and case.reproducer:
+                finding = _of_case(case, summary.cells[case.system, subject])
+                groups.setdefault((subject, finding.statement), []).append(finding)
+    for alike in groups.values():
+        yield _worst_of(alike)
+
+
+def _of_case(case: RankedCase, records: Sequence[Record]) -> SiteFinding:
+    engine = split(case.subject)[0]
+    reason = next((record.expected_reason for record in records if record.expected_reason), "")
+    features = sorted({name for record in records for name in record.features})
+    return SiteFinding(
+        engine=engine, way=case.subject, row=case.system, rows=[case.system], statement=reason or case.statement,
+        backward_error=number(case.backward_error), reproducer=case.reproducer,
+        upstream=[issue for name in features for issue in upstream.of_feature(engine, name)],
+    )  # fmt: skip
+
+
+def _worst_of(alike: Sequence[SiteFinding]) -> SiteFinding:
+    """The worst of findings of one kind, an answer that is not finite being worse than any other, of equals the one with the shortest
+    program; with the rows of all."""
+    worst = max(alike, key=lambda one: (math.inf if one.backward_error is None else float(one.backward_error), -len(one.reproducer)))
+    return SiteFinding(**{**vars(worst), "rows": sorted({row for one in alike for row in one.rows})})

@@ -1,0 +1,206 @@
+"""What the pages of a report are made of, as one document of plain data: ``site.json``, with a JSON Schema.
+
+JSON has no infinities: a number that is not finite is the text "inf", "-inf" or "nan".
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import msgspec
+
+Number = float | Literal["inf", "-inf", "nan"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteColumn:
+    """A column of the matrix: an engine of one version with the format that it reads.
+
+    Attributes:
+        name: of the subject, as "mujoco/mjcf" or "mujoco@3.13.0/mjcf".
+        version: "" where the run does not say it. page: its engine's page.
+    """
+
+    name: str
+    engine: str
+    version: str
+    format: str
+    page: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteRow:
+    """A row of the matrix.
+
+    Attributes:
+        kind: "mechanism", "variant" of a mechanism's models, or "robot". features: what it asks of an engine beyond hinges and slides.
+    """
+
+    name: str
+    kind: str
+    description: str
+    features: list[str]
+    page: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteCell:
+    """One subject on one row; a pair without a cell was not asked.
+
+    Attributes:
+        verdict, expected: values of ``harness.verdict.Verdict``. outcome: what the cell says: the verdict, and of a robot whether
+            the engine's documented reading of the file explains it.
+        agrees: whether the answer is right, or what the engine documents that it makes of the file.
+        quantity: what was compared. features: what this subject's file of the row asks of it.
+        backward_error: the worst [data roundoffs]; median_backward_error, relative_error, from_rigid, seconds_per_state: as of ``Record``.
+        reason, link: why another verdict than agreement is expected. message: what was said of it.
+        diagnosis: lines. replay: shell command. reproducer: program that needs the engine alone; "" where there is none.
+        page: where all of this is told.
+    """
+
+    row: str
+    column: str
+    verdict: str
+    expected: str
+    as_expected: bool
+    outcome: str
+    agrees: bool
+    quantity: str
+    features: list[str]
+    states: int
+    backward_error: Number
+    median_backward_error: Number
+    relative_error: Number
+    from_rigid: Number
+    seconds_per_state: Number
+    reason: str
+    link: str
+    message: str
+    diagnosis: list[str]
+    replay: str
+    reproducer: str
+    page: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureLine:
+    """What one subject makes of one feature, over all rows that have it.
+
+    Attributes:
+        asked: number of rows; agrees, unsupported: of them.
+        worst: largest backward error of those that were compared [data roundoffs].
+        from_rigid: median over the rows of how far constraints that give are from rigid ones; None where they do not give.
+        line: the same in words.
+    """
+
+    feature: str
+    column: str
+    asked: int
+    agrees: int
+    unsupported: int
+    worst: Number
+    from_rigid: Number
+    line: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Upstream:
+    """An issue of an engine's own tracker.
+
+    Attributes:
+        state: "open", "closed" or "merged" on the day ``seen``, ISO 8601.
+    """
+
+    title: str
+    link: str
+    state: str
+    seen: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteFinding:
+    """What an engine gets wrong, in one way of being asked.
+
+    Attributes:
+        way: the function and settings, or the subject. rows: mechanisms on which it does. row: of the statement and the reproducer.
+        reproducer: a program that needs the engine alone and prints its answer, and below it the certified one.
+    """
+
+    engine: str
+    way: str
+    row: str
+    rows: list[str]
+    statement: str
+    backward_error: Number
+    reproducer: str
+    upstream: list[Upstream]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteCount:
+    """How many cells of an engine's version agree: of those where it gave an answer, ``unsupported`` ones aside; with its badge."""
+
+    engine: str
+    version: str
+    agrees: int
+    asked: int
+    unsupported: int
+    badge: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownColumn:
+    """A column of a table; ``kind`` and ``unit`` as of ``harness.results.table.Column``."""
+
+    title: str
+    kind: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownCell:
+    """``value`` is what the column's kind writes; ``notes`` are lines below it."""
+
+    value: float | int | str | None
+    notes: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownTable:
+    """A table of a page: the element whose ``data-table`` is ``name``."""
+
+    page: str
+    name: str
+    caption: str
+    columns: list[ShownColumn]
+    rows: list[list[ShownCell]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """Everything that the pages tell.
+
+    Attributes:
+        run: what was run, as of ``harness.results.records.Run``; versions: distribution to version; limit: backward error up to which
+            an answer agrees [data roundoffs].
+        tables: every table of every page, with its numbers in full.
+    """
+
+    run: dict[str, str | int]
+    versions: dict[str, str]
+    limit: float
+    columns: list[SiteColumn] = field(default_factory=list)
+    rows: list[SiteRow] = field(default_factory=list)
+    cells: list[SiteCell] = field(default_factory=list)
+    counts: list[SiteCount] = field(default_factory=list)
+    features: list[FeatureLine] = field(default_factory=list)
+    findings: list[SiteFinding] = field(default_factory=list)
+    tables: list[ShownTable] = field(default_factory=list)
+
+
+def schema() -> str:
+    """The JSON Schema of ``site.json``, draft 2020-12."""
+    document: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Site)}
+    return json.dumps(document, indent=2, sort_keys=True) + "\n"

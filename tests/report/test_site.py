@@ -1,0 +1,218 @@
+"""The site's data: open, with a schema that holds, and enough to compute the pages again."""
+
+from __future__ import annotations
+
+import bisect
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import lxml.html
+import msgspec
+import pytest
+from report.test_hard_report import CASE
+from report.test_page import whole
+from report.test_report import build, card, night, record, run_on
+from support import pages_of
+
+from harness.report import upstream, write
+from harness.report.addresses import slugs
+from harness.report.badges import badge
+from harness.report.benchmarks import BenchmarkSummary
+from harness.report.site_data import collect
+from harness.report.summary import Summary
+from harness.results.benchmark import Benchmark, EngineFinding
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record, Run
+from harness.results.site import Site, SiteCount, schema
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    write(folder, whole())
+    return folder
+
+
+def site_of(records: list[Record], run: Run | None = None, **parts: Any) -> Site:
+    run = run or replace(run_on(0), engines={"mujoco": "4.0.0", "pinocchio": "4.1.0"})
+    return collect(run, Summary(run, CrossCheckResult(records=records, **parts)))
+
+
+def rebuild(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """The script as a reader runs it: no package of the harness, and none of its requirements, can be imported."""
+    command = [sys.executable, "-I", "-S", str(folder / "rebuild.py"), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_data_have_the_types_of_their_schema() -> None:
+    site = msgspec.json.decode(whole()["site.json"], type=Site)
+    assert len(site.cells) > 9 and {row.kind for row in site.rows} == {"mechanism", "robot"}
+    assert json.loads(whole()["site.json"], parse_constant=pytest.fail)
+
+
+def test_the_schema_names_every_field_and_what_numbers_may_be() -> None:
+    found = json.loads(schema())
+    assert found["$schema"].endswith("2020-12/schema") and found["$ref"] == "#/$defs/Site"
+    document = json.loads(whole()["site.json"])
+    assert set(found["$defs"]["Site"]["properties"]) == set(document)
+    assert set(found["$defs"]["SiteCell"]["properties"]) == set(document["cells"][0])
+    options = found["$defs"]["SiteCell"]["properties"]["backward_error"]["anyOf"]
+    assert {"type": "number"} in options and {"enum": ["-inf", "inf", "nan"]} in options and {"type": "null"} in options
+
+
+def test_the_script_computes_every_number_of_every_table_of_every_page_again(written: Path) -> None:
+    done = rebuild(written, "--json")
+    assert done.returncode == 0, done.stderr
+    computed = json.loads(done.stdout)
+    shown = 0
+    for name, text in pages_of(whole()).items():
+        for table in lxml.html.fromstring(text).xpath("//table"):
+            rows = [[" ".join(cell.text_content().split()) for cell in row] for row in table.xpath("./tbody/tr")]
+            assert computed[name][table.get("data-table")] == rows
+            shown += sum(bool(re.search(r"\d", cell)) for row in rows for cell in row)
+    assert shown > 400 and f"{shown} cells with numbers" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "instead"),
+    [
+        ("index.html", "654", "655"),
+        ("index.html", "1 of 3", "2 of 3"),
+        ("engines/mujoco.html", "1.30", "1.31"),
+        ("mechanisms/collar.html", "1.30", "1.03"),
+        ("hard.html", "2.001", "2.002"),
+        ("badges/lagrange.svg", "3 of 3", "2 of 3"),
+    ],
+)
+def test_the_script_finds_a_number_that_a_page_has_wrong(tmp_path: Path, name: str, said: str, instead: str) -> None:
+    write(tmp_path, whole())
+    page = tmp_path / name
+    text = page.read_text()
+    body = text.index("<tbody>") if "<tbody>" in text else 0
+    assert said in text[body:]
+    page.write_text(text[:body] + text[body:].replace(said, instead))
+    done = rebuild(tmp_path)
+    assert done.returncode == 1 and name in done.stderr
+
+
+def test_the_script_computes_verdicts_from_cells_alone(tmp_path: Path) -> None:
+    write(tmp_path, whole())
+    data = json.loads((tmp_path / "site.json").read_text())
+    cell = next(cell for cell in data["cells"] if cell["verdict"] == "agrees" and cell["column"] == "lagrange")
+    cell |= {"verdict": "disagrees", "outcome": "disagrees", "agrees": False}
+    (tmp_path / "site.json").write_text(json.dumps(data))
+    told = rebuild(tmp_path).stderr
+    assert "index.html: table-1" in told and "engines/lagrange.html" in told and "badges/lagrange.svg" in told
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def test_every_other_number_of_a_page_stands_in_the_data_or_in_its_template() -> None:
+    """What stands in no table: states, replay commands, programs, messages. Errors are rounded to three digits; counts are left out."""
+    files = whole()
+    templates = Path(upstream.__file__).parent.glob("*.html")
+    known = files["site.json"] + files["report.json"] + "".join(path.read_text() for path in templates)
+    numbers = sorted({float(word) for word in NUMBER.findall(known.replace("\\n", " "))})
+    for name in ("index.html", "engines/mujoco.html", "mechanisms/collar.html", "robots/arm.urdf.html"):
+        page = lxml.html.fromstring(files[name])
+        for drawn in page.xpath("//table | //script | //*[local-name()='svg'] | //figure"):
+            drawn.drop_tree()
+        for word in NUMBER.findall(page.text_content()):
+            place = bisect.bisect_left(numbers, float(word) * (1 - 5e-3))
+            assert float(word) < 1000 or numbers[place] <= float(word) * (1 + 5e-3), word
+
+
+def test_versions_of_an_engine_are_columns_and_badges_of_their_own() -> None:
+    names = ["mujoco/mjcf", "mujoco/urdf", "mujoco@3.13.0/mjcf"]
+    records = [record("collar", name) for name in names]
+    records[2] = replace(records[2], verdict="disagrees", backward_error=1e9)
+    site = site_of(records)
+    columns = {column.name: column for column in site.columns}
+    assert [(columns[name].engine, columns[name].version, columns[name].format) for name in names] == [
+        ("mujoco", "4.0.0", "mjcf"), ("mujoco", "4.0.0", "urdf"), ("mujoco", "3.13.0", "mjcf"),
+    ]  # fmt: skip
+    assert {column.page for column in site.columns} == {"engines/mujoco.html"}
+    counts = {count.badge: (count.agrees, count.asked) for count in site.counts}
+    assert counts == {"badges/mujoco-4.0.0.svg": (2, 2), "badges/mujoco-3.13.0.svg": (0, 1)}
+
+
+def test_a_badge_says_its_counts_to_everybody() -> None:
+    drawn = badge(SiteCount(engine="a<b", version="1.0", agrees=2, asked=3, unsupported=1, badge="badges/x.svg"))
+    root = lxml.html.fromstring(drawn)
+    assert root.get("role") == "img" and root.get("aria-label") == "a<b 1.0: 2 of 3 agree"
+    assert "a<b 1.0" in root.text_content() and "2 of 3 agree" in root.text_content()
+
+
+def lines_of(*records: Record) -> dict[tuple[str, str], str]:
+    return {(line.feature, line.column): line.line for line in site_of(list(records)).features}
+
+
+def test_a_feature_has_a_line_for_each_subject_from_its_records() -> None:
+    soft = [record(name, "mujoco/mjcf", features=["loops", "springs"], from_rigid=size) for name, size in (("a", 0.01), ("b", 0.018))]
+    refused = record("c", "pinocchio/mjcf", features=["loops"], verdict="unsupported", expected="unsupported", backward_error=None,
+                     expected_reason="no loops here")  # fmt: skip
+    assert lines_of(*soft, refused, record("d", "lagrange")) == {
+        ("loops", "mujoco/mjcf"): "soft, 1.4e-02 from rigid at the file's settings; agrees with what its engine documents on 2 of 2, "
+        "worst 1.30",
+        ("springs", "mujoco/mjcf"): "agrees on 2 of 2, worst 1.30",
+        ("loops", "pinocchio/mjcf"): "unsupported on 1 of 1: no loops here",
+    }  # fmt: skip
+
+
+def test_another_quantity_is_a_feature() -> None:
+    assert lines_of(record("a", "mujoco/mjcf", quantity="reactions")) == {("reactions", "mujoco/mjcf"): "agrees on 1 of 1, worst 1.30"}
+
+
+def finding(system: str, error: float | None, program: str) -> EngineFinding:
+    return EngineFinding(system=system, method="pinocchio lcaba", statement=f"on {system}", backward_error=error, reproducer=program)
+
+
+def test_a_finding_is_told_once_by_its_worst_and_shortest_program() -> None:
+    run = run_on(0)
+    measured = BenchmarkSummary(run, Benchmark(findings=[finding("a", 1e5, "aa"), finding("b", None, "bbb"), finding("c", None, "cc")]))
+    [told] = collect(run, None, measured).findings
+    assert (told.engine, told.way, told.row, told.rows, told.reproducer) == ("pinocchio", "lcaba", "c", ["a", "b", "c"], "cc")
+
+
+def test_a_red_cell_carries_its_reason_its_replay_and_its_program() -> None:
+    wrong = record("collar", "mujoco/mjcf", verdict="unstable", expected="unstable", expected_reason="small pivots", backward_error=4.5e3)
+    site = site_of([wrong], worst_cases=[CASE])
+    [cell] = site.cells
+    assert (cell.reason, cell.replay, cell.reproducer, cell.page) == (
+        "small pivots", wrong.replay, CASE.reproducer, "mechanisms/collar.html#mujoco-mjcf"
+    )  # fmt: skip
+    [told] = site.findings
+    assert told.statement == "small pivots" and told.reproducer == CASE.reproducer
+    files = build(run_on(0), [card("collar")], [wrong], worst_cases=[CASE])
+    for name in ("mechanisms/collar.html", "engines/mujoco.html"):
+        assert CASE.reproducer.splitlines()[0] in files[name] and "mall pivots" in files[name]
+
+
+def test_what_trackers_say_is_dated_and_has_a_state() -> None:
+    assert upstream.declared()
+    for one in upstream.declared():
+        assert one.state in ("open", "closed", "merged") and re.fullmatch(r"\d{4}-\d\d-\d\d", one.seen)
+        assert re.fullmatch(r"https://github\.com/[\w-]+/[\w-]+/(issues|pull)/\d+", one.link) and one.title
+        assert bool(one.feature) != bool(one.way)
+    assert upstream.of_feature("pinocchio", "mimic joints") and not upstream.of_feature("lagrange", "mimic joints")
+
+
+def test_issues_stand_where_a_cell_is_red_and_on_the_page_of_its_engine() -> None:
+    [issue] = upstream.of_feature("pinocchio", "mimic joints")
+    about = {"verdict": "unsupported", "expected": "unsupported", "backward_error": None, "features": ["mimic joints"]}
+    files = build(run_on(0), [], [record("collar", "pinocchio/urdf", **about), *night(0)[:3]])
+    assert issue.link in files["mechanisms/collar.html"] and issue.link in files["engines/pinocchio.html"]
+    assert issue.link not in files["mechanisms/arm_2r.html"] and issue.link not in files["engines/mujoco.html"]
+
+
+def test_addresses_differ_whatever_a_file_system_makes_of_case() -> None:
+    found = slugs(["a/b", "a b", "A-B", "", "..", "mujoco@3.13.0/mjcf"])
+    words = [word.casefold() for word in found.values()]
+    assert len(set(words)) == len(words) and found["mujoco@3.13.0/mjcf"] == "mujoco@3.13.0-mjcf"
+    assert all(re.fullmatch(r"[A-Za-z0-9_@-][A-Za-z0-9_.@-]*", word) for word in found.values())
