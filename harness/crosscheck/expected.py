@@ -3,7 +3,8 @@
 ``expected_verdicts.toml`` of a library holds ``[[expected]]`` tables with ``system``, ``subject``,
 ``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with the verdict
 ``unstable`` also bounds what the reason explains of the sampled states: the ``median_backward_error``, and the ``share`` of them that
-is unstable. An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
+is unstable. One with the verdict ``disagrees`` may bound the median, where what it explains shows at few states.
+An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
 An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
 for anything. One with ``versions``, a specifier as "<3.7", is about those versions of the subject's engine alone, asked by name as
 ``engine@version``. A list in place of a system or subject stands for a table for each of them.
@@ -37,6 +38,11 @@ Text = Annotated[str, msgspec.Meta(min_length=1)]
 TABLES = ("expected", "differs")
 # Fields of an entry that are no texts.
 _NUMBERS = ("backward_error", "median_backward_error", "share")
+# Which of the last two an entry with a verdict has.
+_BOUNDS: Mapping[str, Sequence[list[str]]] = {
+    Verdict.UNSTABLE: ([*_NUMBERS[1:]],),
+    Verdict.DISAGREES: ([], ["median_backward_error"]),
+}
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -130,9 +136,10 @@ def read_entries(
         if (entry.backward_error is None) == (entry.verdict in compared):
             rest = "a backward_error" if entry.backward_error is None else f"no backward_error, for what is {entry.verdict} is not compared"
             raise InvalidInput(path, None, f"{where} must have {rest}")
-        bounds, wanted = [name for name in _NUMBERS[1:] if getattr(entry, name) is not None], entry.verdict == Verdict.UNSTABLE
-        if len(bounds) != (len(_NUMBERS) - 1) * wanted:
-            rest = f"{' and '.join(_NUMBERS[1:])}, for it is" if wanted else f"no {bounds[0]}, for it is not"
+        bounds = [name for name in _NUMBERS[1:] if getattr(entry, name) is not None]
+        allowed = _BOUNDS.get(entry.verdict, ([],))
+        if bounds not in allowed:
+            rest = f"{' and '.join(allowed[0])}, for it is" if allowed[0] else f"no {bounds[-1]}, for it is not"
             raise InvalidInput(path, None, f"{where} must have {rest} about lost digits")
         identity = tuple(getattr(entry, name) for name in key)
         if identity in entries:

@@ -244,7 +244,9 @@ def is_native(library: Library, subject: Subject) -> bool:
 
 
 def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:
-    """The subjects called ``names``; for none all of them, or those that are native.
+    """The subjects called ``names``; for none all of them, or those that are native and beside the harness.
+
+    What is found of an engine does not depend on which environments there are, therefore; what is asked of them is asked by name.
 
     Raises:
         InvalidRequest: a name no subject has; the message gives the nearest one, or how to make its environment.
@@ -257,7 +259,9 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
                 environment_of(engine, version)
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
     chosen = [known[name] for name in dict.fromkeys(names)]
-    return chosen or [subject for subject in subjects(library) if not native_only or is_native(library, subject)]
+    if chosen or not native_only:
+        return chosen or subjects(library)
+    return [one for one in subjects(library) if is_native(library, one) and not engine_files(library)[one.engine].elsewhere]
 
 
 def require_model(source: Any, engine: str) -> ModelFile:

@@ -142,6 +142,7 @@ class _Process:
     def __init__(self) -> None:
         self.run: _Run | None = None
         self.deadline = 0.0
+        self._waited: dict[int, float] = {}
         self._mark = os.environ.get(program.MARK, "") + secrets.token_hex(16)
         with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
             self._mail, self._notes, self._errors = (ours.enter_context(tempfile.TemporaryFile(buffering=0)).fileno() for _ in range(3))
@@ -167,8 +168,14 @@ class _Process:
         return self._popen.poll() is None
 
     def clock(self) -> float:
-        """Seconds of this process, computing or idle; those it waited for a processor count only where /proc does not tell them."""
-        return time.monotonic() - _seconds_without_processor(self._popen.pid)
+        """Seconds of this process, computing or idle; those it waited for a processor count only where /proc does not tell them.
+
+        What its children waited does not count either: an engine in an interpreter of its own is one.
+        """
+        for process in (self._popen.pid, *_children(self._popen.pid)):
+            # A child that is gone by now has waited all the same.
+            self._waited[process] = max(self._waited.get(process, 0.0), _seconds_without_processor(process))
+        return time.monotonic() - sum(self._waited.values())
 
     def start(self, run: _Run, task: Task, content: bytes, time_limit: float) -> None:
         self.run, self._task = run, task
@@ -260,6 +267,14 @@ def _seconds_without_processor(process: int) -> float:
         return int(Path(f"/proc/{process}/schedstat").read_bytes().split()[1]) * 1e-9
     except (OSError, IndexError):
         return 0.0
+
+
+def _children(process: int) -> list[int]:
+    """What the main thread of a process has started and is alive; nothing where /proc does not tell it."""
+    try:
+        return list(map(int, Path(f"/proc/{process}/task/{process}/children").read_bytes().split()))
+    except (OSError, ValueError):
+        return []
 
 
 def _descendants(process: subprocess.Popen[bytes]) -> set[int]:

@@ -260,7 +260,8 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
 
 @pytest.mark.costly
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="only the kernel knows how long a process waited")
-def test_time_spent_waiting_for_a_processor_is_not_the_tasks() -> None:
+@pytest.mark.parametrize("compute", [work.compute, work.let_compute])
+def test_time_spent_waiting_for_a_processor_is_not_the_tasks(compute: Callable[..., None]) -> None:
     processor = min(os.sched_getaffinity(0))
     busy = f"import os\nos.sched_setaffinity(0, [{processor}])\nprint(flush=True)\nwhile True: pass"
     # Linux shares a processor among sessions first.
@@ -271,7 +272,7 @@ def test_time_spent_waiting_for_a_processor_is_not_the_tasks() -> None:
             other.stdout.readline()
         with Workers(1, time_limit=1) as workers:
             started = time.monotonic()
-            [outcome] = workers.run([Task(0, work.compute, (0.5, processor))])
+            [outcome] = workers.run([Task(0, compute, (0.5, processor))])
             waited = time.monotonic() - started
         assert outcome.crash is None
         assert waited > 1.5, "the others did not take the processor"
