@@ -24,7 +24,7 @@ _SPECIFICATION = re.compile(r"(?P<name>[A-Za-z0-9][\w.-]*?)(?:==(?P<version>[\w.
 @click.argument("names", nargs=-1, metavar="[ENGINE[==VERSION]...]")
 @computing(seed=False)
 def command(bracket: Bracket, action: str, names: tuple[str, ...]) -> None:
-    """List engines and their versions; add or remove environments of other versions.
+    """List engines; add or remove other versions.
 
     An engine that is added gets a Python environment of its own: by uv where it is installed, else by venv and pip, from the package
     indexes that you have configured. Nothing that is installed beside the harness changes. A version is then called

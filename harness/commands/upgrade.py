@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 @states_option
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
 def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | None, states: int) -> None:
-    """Say what changed between two versions of an engine, and nothing else.
+    """Say what changed between two versions of an engine.
+
+    Nothing else is printed.
 
     Both versions are asked about the same mechanisms, or robots' FILEs, at the same states: verdicts, errors, refusals, what is read
     from a file, terms of the equations, and cost. A version that is not installed beside the harness is one of `harness engines add`.

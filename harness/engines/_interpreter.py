@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from harness.arrays import Array
-from harness.engines import _server
 from harness.engines._transport import dumps, loads
 from harness.environments.folders import Environment
 from harness.workers.program import is_worker
 
+# Never imported here: it is a program of the environment's interpreter.
+_SERVER = Path(__file__).with_name("_server.py")
 # They would put packages before those of the environment.
 _LEFT_OUT = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV")
 
@@ -44,7 +45,7 @@ class Interpreter:
         variables = {name: value for name, value in os.environ.items() if name not in _LEFT_OUT}
         with theirs:
             self._process = subprocess.Popen(
-                [environment.interpreter, "-P", "-s", _server.__file__, str(theirs.fileno())],
+                [environment.interpreter, "-P", "-s", _SERVER, str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 stdout=2,
                 pass_fds=[theirs.fileno()],
