@@ -71,8 +71,8 @@ class Bracket:
         from harness.engines import LOADING_SECONDS, describe_engines
         from harness.workers import Workers
 
-        workers = Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS)
-        describe_engines(library or self.library, lambda: workers)
+        # Made only where a library has engine files of its own.
+        describe_engines(library or self.library, lambda: Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS))
 
     @property
     def replay_options(self) -> list[str]:

@@ -131,7 +131,9 @@ def _configured(listing: str) -> Mapping[str, str]:
 
 
 def _output(command: Sequence[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    # What is listed is read here, however quiet the user's own pip is.
+    variables = {name: value for name, value in os.environ.items() if name != "PIP_QUIET"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, env=variables)
     if done.returncode:
         said = "\n".join(line for line in done.stderr.splitlines() if not line.startswith(("WARNING", "DEPRECATION"))).strip()
         raise InvalidRequest(f"{Path(command[0]).name} cannot do it: {said or done.stdout.strip() or f'exit status {done.returncode}'}")

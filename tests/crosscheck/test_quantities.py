@@ -121,7 +121,7 @@ def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
         library.expected_verdicts.write_text(ENTRY.format(quantity=quantity))
         records, _ = checked(library, subjects=["turned/mjcf"])
         assert records["turned/mjcf"].as_expected == is_expected
-        assert (("bar_pendulum", "turned/mjcf") in load_expectations(library)) != is_expected
+        assert (("bar_pendulum", "turned/mjcf") in load_expectations(library).entries) != is_expected
     library.expected_verdicts.write_text(ENTRY.format(quantity='quantity = "reaction"'))
     with pytest.raises(InvalidInput, match=r"names quantity 'reaction', which does not exist; did you mean 'reactions'"):
         load_expectations(library)

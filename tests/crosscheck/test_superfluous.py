@@ -32,7 +32,7 @@ PAIRS = [
     for subject in subjects(LIBRARY)
     if subject.format == model_format and is_native(LIBRARY, subject)
     # A model that no engine reads is felt by none.
-    if (name, str(subject)) not in EXPECTATIONS or EXPECTATIONS[name, str(subject)].verdict != Verdict.UNSUPPORTED
+    if EXPECTATIONS.of(name, subject).verdict != Verdict.UNSUPPORTED
 ]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 

@@ -165,7 +165,7 @@ def test_a_file_stands_in_for_a_variant_s_own_and_for_one_that_is_missing(root: 
 def test_an_entry_names_a_variant_and_is_refused_with_it(root: Path) -> None:
     entry = f'[[expected]]\nsystem = "{VARIANT}"\nsubject = "mujoco/mjcf"\nverdict = "unsupported"\nreason = "none"\nlink = "none"\n'
     (root / "expected_verdicts.toml").write_text(entry)
-    assert (VARIANT, "mujoco/mjcf") in load_expectations(Library.at(root))
+    assert (VARIANT, "mujoco/mjcf") in load_expectations(Library.at(root)).entries
     record = checked(root, VARIANT)[VARIANT, "mujoco/mjcf"]
     assert (record.verdict, record.expected, record.as_expected) == ("agrees", "unsupported", False)
     (root / "mjcf" / f"{VARIANT}.xml").unlink()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import xml.etree.ElementTree as ElementTree
-from functools import partial
 from pathlib import Path
 
 import lxml.html
@@ -14,7 +13,7 @@ import pytest
 from support import harness
 
 from harness.commands._scaffold import write_example
-from harness.engines import engine_paths, load_engine
+from harness.engines import load_engine
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
@@ -36,7 +35,7 @@ def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
     library = Library.built_in()
     model = read_model(library.model_path(name, model_format), model_format)
     mechanism = load_mechanism(library, name)
-    engine = next(engine for engine in map(partial(load_engine, library), engine_paths(library)) if engine.formats[0] == model_format)
+    engine = load_engine(library, {"mjcf": "mujoco", "urdf": "pinocchio"}[model_format])
     placed = place(engine.load(model, mechanism.joints, mechanism.gravity), mechanism)
     assert placed is not None
     return placed
