@@ -9,8 +9,11 @@ import os
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from support import make_library
 
 from harness.environments.folders import Environment, interpreter_in, this_python
@@ -65,9 +68,14 @@ ENGINE = Engine()
 """
 
 
-def toy_library(root: Path) -> Path:
-    """A library of the bar with the toy engine's file."""
-    return make_library(root, ["bar_pendulum"], {"toy": ADAPTER})
+@contextmanager
+def planted(root: Path, versions: Mapping[str, str]) -> Iterator[Path]:
+    """A library of the bar with the toy engine's file, and a cache with environments of these versions, while the context lasts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(root / "cache"))
+        for version, source in versions.items():
+            plant(version, source)
+        yield make_library(root / "library", ["bar_pendulum"], {"toy": ADAPTER})
 
 
 def module_text(source: str, version: str) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from statistics import median
 
 from harness.report import addresses, upstream
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
+from harness.report.known_findings import known_findings
 from harness.report.summary import Summary
 from harness.results.comparison import Comparison, SubjectRecord
 from harness.results.comparison_tables import short_names
@@ -38,7 +39,8 @@ def collect(
     about = {name: value for name, value in asdict(run).items() if isinstance(value, str | int)}
     return Site(
         run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
-        counts=[*_counts(columns, cells)], features=[*_features(columns, cells)], findings=[*_findings(summary, measured)],
+        counts=[*_counts(columns, cells)], features=[*_features(columns, cells)],
+        findings=[*_findings(summary, measured), *_known({column.engine for column in columns})],
     )  # fmt: skip
 
 
@@ -236,6 +238,16 @@ def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Ite
                 groups.setdefault((subject, finding.statement), []).append(finding)
     for alike in groups.values():
         yield _worst_of(alike)
+
+
+def _known(engines: Collection[str]) -> Iterator[SiteFinding]:
+    """What is known of the engines of the site beside the mechanisms."""
+    for one in known_findings():
+        if one.engine in engines:
+            yield SiteFinding(
+                engine=one.engine, way=f"{one.engine} {one.version}", row="", rows=[], statement=one.title, backward_error=None,
+                reproducer=one.reproducer.strip() + "\n", upstream=[], link=one.link,
+            )  # fmt: skip
 
 
 def _of_case(case: RankedCase, records: Sequence[Record]) -> SiteFinding:

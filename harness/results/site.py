@@ -124,7 +124,8 @@ class SiteFinding:
     """What an engine gets wrong, in one way of being asked.
 
     Attributes:
-        way: the function and settings, or the subject. rows: mechanisms on which it does. row: of the statement and the reproducer.
+        way: the function and settings, the subject, or the version. rows: mechanisms on which it does, none for what is known beside
+            them. row: of the statement and the reproducer. link: where the engine's source or tracker says so.
         reproducer: a program that needs the engine alone and prints its answer, and below it the certified one.
     """
 
@@ -136,6 +137,7 @@ class SiteFinding:
     backward_error: Number
     reproducer: str
     upstream: list[Upstream]
+    link: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,11 +15,8 @@ from harness.environments.folders import find_environments
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    root = tmp_path_factory.mktemp("toy")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        toy_engine.plant("1.0")
-        yield toy_engine.toy_library(root / "library")
+    with toy_engine.planted(tmp_path_factory.mktemp("toy"), {"1.0": toy_engine.RIGHT}) as root:
+        yield root
 
 
 def test_the_list_says_versions_places_and_what_is_known(library: Path) -> None:

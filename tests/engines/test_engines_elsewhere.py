@@ -35,12 +35,8 @@ VERSIONS = {
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Library]:
-    root = tmp_path_factory.mktemp("toy")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        for version, source in VERSIONS.items():
-            toy_engine.plant(version, source)
-        found = Library.at(toy_engine.toy_library(root / "library"))
+    with toy_engine.planted(tmp_path_factory.mktemp("toy"), VERSIONS) as root:
+        found = Library.at(root)
         describe_engines(found, Workers)
         yield found
 

@@ -4,39 +4,37 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
-import harness.engines
 from harness.engines import load_engine
 from harness.environments.folders import find_environments
 from harness.library import Library
+from harness.report.known_findings import KnownFinding, known_findings
 
-FINDINGS = tomllib.loads(Path(harness.engines.__file__).with_name("findings.toml").read_text(encoding="utf-8"))["finding"]
-FIELDS = {"engine", "version", "title", "link", "reproducer"}
+FINDINGS = known_findings()
 
 
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one["title"])
-def test_a_finding_is_a_program_of_three_lines_of_an_engine_that_exists(finding: dict[str, str]) -> None:
-    assert set(finding) == FIELDS
-    assert load_engine(Library.built_in(), finding["engine"]).optional  # type: ignore[attr-defined]
-    assert len(finding["reproducer"].strip().splitlines()) == 3
-    assert "harness" not in finding["reproducer"]
-    compile(finding["reproducer"], finding["title"], "exec")
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.title)
+def test_a_finding_is_a_program_of_three_lines_of_an_engine_that_exists(finding: KnownFinding) -> None:
+    assert load_engine(Library.built_in(), finding.engine).optional  # type: ignore[attr-defined]
+    assert finding.link.startswith(("https://", "http://"))
+    assert len(finding.reproducer.strip().splitlines()) == 3
+    assert "harness" not in finding.reproducer
+    compile(finding.reproducer, finding.title, "exec")
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one["title"])
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.title)
 def test_what_a_finding_shows_is_still_so(
-    finding: dict[str, str], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+    finding: KnownFinding, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its last two lines are what the engine says and what is right. A version in which they are equal has mended it: take it out."""
     cache = tmp_path_factory.getbasetemp() / "environments"
     monkeypatch.setenv("HARNESS_CACHE", str(cache))
-    subprocess.run([sys.executable, "-m", "harness", "engines", "add", finding["engine"]], check=True, cwd=tmp_path)
-    interpreter = find_environments(finding["engine"])[-1].interpreter
-    done = subprocess.run([interpreter, "-c", finding["reproducer"]], capture_output=True, text=True, check=True, cwd=tmp_path)
+    subprocess.run([sys.executable, "-m", "harness", "engines", "add", finding.engine], check=True, cwd=tmp_path)
+    interpreter = find_environments(finding.engine)[-1].interpreter
+    done = subprocess.run([interpreter, "-c", finding.reproducer], capture_output=True, text=True, check=True, cwd=tmp_path)
     engine, right = done.stdout.splitlines()[-2:]
     assert engine != right

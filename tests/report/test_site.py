@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from harness.report import upstream, write
 from harness.report.addresses import slugs
 from harness.report.badges import badge
 from harness.report.benchmarks import BenchmarkSummary
+from harness.report.known_findings import known_findings
 from harness.report.site_data import collect
 from harness.report.summary import Summary
 from harness.results.benchmark import Benchmark, EngineFinding
@@ -192,6 +194,17 @@ def test_a_red_cell_carries_its_reason_its_replay_and_its_program() -> None:
     files = build(run_on(0), [card("collar")], [wrong], worst_cases=[CASE])
     for name in ("mechanisms/collar.html", "engines/mujoco.html"):
         assert CASE.reproducer.splitlines()[0] in files[name] and "mall pivots" in files[name]
+
+
+def test_what_is_known_of_an_engine_beside_the_mechanisms_is_on_its_page() -> None:
+    known = [one for one in known_findings() if one.engine == "drake"]
+    assert known
+    files = build(run_on(0), [], [record("arm_2r", "drake/urdf"), *night(0)[:3]])
+    for one in known:
+        assert one.link in files["engines/drake.html"] and escape(one.title) in files["engines/drake.html"]
+        assert one.link not in files["engines/mujoco.html"]
+    assert {one.engine for one in site_of([record("arm_2r", "drake/urdf")]).findings} == {"drake"}
+    assert site_of([record("arm_2r", "mujoco/mjcf")]).findings == []
 
 
 def test_what_trackers_say_is_dated_and_has_a_state() -> None:

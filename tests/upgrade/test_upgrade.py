@@ -29,12 +29,8 @@ VERSIONS = {
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    root = tmp_path_factory.mktemp("toy")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        for version, source in VERSIONS.items():
-            toy_engine.plant(version, source)
-        yield toy_engine.toy_library(root / "library")
+    with toy_engine.planted(tmp_path_factory.mktemp("toy"), VERSIONS) as root:
+        yield root
 
 
 def upgraded(library: Path, *arguments: str) -> tuple[Done, list[dict[str, object]]]:
