@@ -9,6 +9,7 @@ import resource
 import signal
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 
@@ -130,3 +131,18 @@ def use_heyoka(note: object) -> tuple[bool, bool]:
     import sympy
 
     return found, sympy.Symbol("x").is_Symbol
+
+
+def worker_of_the_cluster(seconds: float, note: object) -> int:
+    time.sleep(seconds)
+    return os.getppid()
+
+
+def lose_worker(lost: str, times: int, note: object) -> int:
+    """Kill the cluster's worker that asks; once there are files of so many deaths in the folder ``lost``, say how many."""
+    deaths = len(list(Path(lost).iterdir()))
+    if deaths < times:
+        Path(lost, str(deaths)).touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(1000)
+    return deaths
