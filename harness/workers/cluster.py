@@ -93,13 +93,18 @@ class Cluster:
         Tasks that no worker comes for are reported as crashed.
         """
         run = _Run(tasks)
-        last_seen = time.monotonic()
+        run.seats = self._seats()
+        last_seen = last_asked = time.monotonic()
         try:
             while run.queue or run.running:
-                seats = self._seats()
-                outcomes = list(run.collect(seats))
-                self._owners = {affinity: seat for affinity, seat in self._owners.items() if seat in seats}
-                if seats:
+                # One question to the scheduler for each answer would take it longer than the answer.
+                if time.monotonic() - last_asked > POLL_SECONDS:
+                    run.seats, last_asked = self._seats(), time.monotonic()
+                outcomes = list(run.collect())
+                # A task that is yet to be put back goes before the others of its affinity.
+                known = run.seats | set(run.running)
+                self._owners = {affinity: seat for affinity, seat in self._owners.items() if seat in known}
+                if run.seats:
                     last_seen = time.monotonic()
                 elif not run.running and time.monotonic() - last_seen > PATIENCE_SECONDS:
                     reason = f"the cluster has had no worker for {PATIENCE_SECONDS:g} s; start workers or drop --scheduler"
@@ -108,8 +113,7 @@ class Cluster:
                 for outcome in outcomes:
                     yield outcome
                     run.queue.add(further())
-                # The caller may have taken its time, and a task that is given to a worker which is gone counts as lost with it.
-                self._give_out(run, seats & self._seats() if outcomes else seats)
+                self._give_out(run)
                 run.wait()
         finally:
             for attempt in run.running.values():
@@ -118,9 +122,9 @@ class Cluster:
     def _seats(self) -> set[Seat]:
         return {(address, number) for address, threads in self._client.nthreads().items() for number in range(threads)}
 
-    def _give_out(self, run: _Run, seats: set[Seat]) -> None:
+    def _give_out(self, run: _Run) -> None:
         suspected = {seat[0] for seat, attempt in run.running.items() if attempt.task in run.asked_again}
-        for seat in sorted(seats - set(run.running), key=lambda seat: (not run.queue.owned_by(seat, self._owners), seat)):
+        for seat in sorted(run.seats - set(run.running), key=lambda seat: (not run.queue.owned_by(seat, self._owners), seat)):
             barred = run.asked_again if seat[0] in suspected else frozenset[Task]()
             if (task := run.queue.take(seat, self._owners, barred)) is not None:
                 run.running[seat] = self._submit(task, seat)
@@ -142,20 +146,24 @@ class Cluster:
 
 
 class _Run:
-    """One call of ``Cluster.run``: tasks that wait, that run, and those that wait or run for the second time."""
+    """One call of ``Cluster.run``: where tasks may run, those that wait, that run, and that wait or run for the second time."""
 
     def __init__(self, tasks: Iterable[Task]) -> None:
+        self.seats: set[Seat] = set()
         self.queue = TaskQueue(tasks)
         self.running: dict[Seat, _Attempt] = {}
         self.asked_again: set[Task] = set()
 
-    def collect(self, seats: set[Seat]) -> Iterator[Outcome]:
+    def collect(self) -> Iterator[Outcome]:
         """Outcomes of the attempts that have ended; tasks that lost their worker for the first time are put back."""
         for seat, attempt in list(self.running.items()):
-            if not attempt.arrival.done() and seat in seats:
+            if not attempt.arrival.done() and seat in self.seats:
                 continue
             del self.running[seat]
             outcome = _outcome(attempt)
+            if outcome is None:
+                # Nothing more goes there until the scheduler names it again.
+                self.seats = {other for other in self.seats if other[0] != seat[0]}
             if outcome is None and attempt.task not in self.asked_again:
                 self.asked_again.add(attempt.task)
                 self.queue.put_back(attempt.task)
