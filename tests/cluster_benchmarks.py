@@ -31,6 +31,8 @@ STATES = 1_000_000
 QUIET: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
 # Of systems with up to three degrees of freedom and five subjects: nine numbers a state go out, and a few for each subject come back.
 MOST_BYTES_OUT, MOST_BYTES_BACK = 128, 512
+# A tenth of what a state costs its worker.
+MOST_OWN_SECONDS = 1e-5
 # CPU seconds of the run with one worker over those of the run with several.
 LEAST_EFFICIENCY = 0.75
 # Of a task's time.
@@ -80,6 +82,22 @@ def test_bytes_of_a_state() -> None:
     out, back = blocks.bytes_out / blocks.states, blocks.bytes_back / blocks.states
     print(f"\na state has {out:.0f} bytes on its way out and {back:.0f} on its way back, pickled in blocks of {BLOCK}")
     assert out <= MOST_BYTES_OUT and back <= MOST_BYTES_BACK
+
+
+def test_the_harness_own_cost_of_a_state() -> None:
+    """Of samples, messages and judgements, which are made in one process for all workers: what more states cost more."""
+    few, many = len(SYSTEMS) * 3 * BLOCK, len(SYSTEMS) * 8 * BLOCK
+    seconds = []
+    with Workers(1) as workers:
+        # Points of the sample that the cache does not have are drawn once, by a part of SciPy that takes a second to import.
+        cross_check(workers, many)
+        for states in (few, many):
+            started = time.process_time()
+            cross_check(workers, states)
+            seconds.append(time.process_time() - started)
+    own = (seconds[1] - seconds[0]) / (many - few)
+    print(f"\n{1e6 * own:.1f} us of the harness' own process a state, {1 / own:,.0f} states a second whatever the number of workers")
+    assert own <= MOST_OWN_SECONDS
 
 
 def test_a_million_states_over_one_two_and_four_workers() -> None:
