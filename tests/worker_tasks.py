@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 
@@ -137,3 +138,28 @@ def use_heyoka(note: object) -> tuple[bool, bool]:
     import sympy
 
     return found, sympy.Symbol("x").is_Symbol
+
+
+def worker_of_the_cluster(seconds: float, note: object) -> int:
+    time.sleep(seconds)
+    return os.getppid()
+
+
+def lose_worker(lost: str, times: int, note: object) -> int:
+    """Kill the cluster's worker that asks; once there are files of so many deaths in the folder ``lost``, say how many."""
+    deaths = len(list(Path(lost).iterdir()))
+    if deaths < times:
+        Path(lost, str(deaths)).touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(1000)
+    return deaths
+
+
+def sleep_and_answer(seconds: float, sent: bytes, size: int, note: object) -> bytes:
+    time.sleep(seconds)
+    return bytes(size)
+
+
+def run_in_thread(session: str, number: int, time_limit: float, task: Any) -> tuple[Any, None, None]:
+    """Instead of the way through a process of its own."""
+    return task.function(*task.arguments, print), None, None

@@ -76,7 +76,7 @@ class Evidence:
         self.counts.update(comparison.verdicts.tolist())
         self.granted += int(comparison.granted.sum())
         self.in_balls += int(comparison.in_balls.sum())
-        self.distribution.update(map(half_decade, backward.tolist()))
+        self.distribution.update(distribution_of(backward))
         self.backward.append(backward)
         self.sampled.append(comparison[sampled].known("backward_error"))
         self.sampled_verdicts.update(comparison[sampled].verdicts.tolist())
@@ -85,6 +85,18 @@ class Evidence:
         comparison = Comparison.concatenate([*(known for _, known in before), comparison])
         places = [comparison.worst, comparison.largest]
         self.shown = states[places], comparison[places]
+
+
+def distribution_of(backward: Array) -> dict[str, int]:
+    """How many errors are in each half decade, in the order in which the half decades come first.
+
+    ``half_decade`` of each error by itself takes 0.4 us, which the process that serves all workers has to spend on each subject.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bins = np.where(np.isfinite(backward), np.floor(2 * np.log10(backward)), np.inf)
+    _, first, counts = np.unique(bins, return_index=True, return_counts=True)
+    order = np.argsort(first)
+    return {half_decade(float(backward[index])): int(count) for index, count in zip(first[order], counts[order], strict=True)}
 
 
 def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:

@@ -2,17 +2,21 @@
 
 Each task runs in a local worker process of the machine it comes to. A crash of an engine costs no worker of the cluster,
 and is described as it is locally. Who can reach the scheduler can run code as the user of its workers.
+
+A worker of the cluster that is lost is not its task's fault at first: the task is asked again, once.
 """
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import contextlib
 import logging
 import secrets
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidRequest
@@ -22,11 +26,23 @@ from harness.workers.tasks import Crash, Outcome, Task, TaskQueue
 if TYPE_CHECKING:
     from harness.workers import Scheduler
 
+    _Answer = tuple[Any, BaseException | None, Crash | None]
+
 # After as long without any worker, none will come.
 PATIENCE_SECONDS = 120.0
 CONNECT_SECONDS = 10.0
 # A thread of a worker of the cluster: the worker's address, and a number.
 Seat = tuple[str, int]
+LOST = "lost its worker of the cluster, and another one when it was asked again"
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A task on its way: Dask's future to cancel it by, and what comes of it once it has been brought here."""
+
+    task: Task
+    future: Any
+    arrival: concurrent.futures.Future[_Answer]
 
 
 class Cluster:
@@ -70,59 +86,114 @@ class Cluster:
         return len(self._seats())
 
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
-        """Outcomes as the tasks end; tasks that no worker comes for are reported as crashed."""
-        from distributed import wait
+        """Outcomes as the tasks end.
 
-        queue = TaskQueue(tasks)
-        running: dict[Seat, tuple[Task, Any]] = {}
-        last_seen = time.monotonic()
+        A task whose worker is lost is asked again before those that wait, and reported as crashed if that worker is lost too.
+        A worker has one such task at a time, so that where one kills its workers the other is not taken for the culprit.
+        Tasks that no worker comes for are reported as crashed.
+        """
+        run = _Run(tasks)
+        run.seats = self._seats()
+        last_seen = last_asked = time.monotonic()
         try:
-            while queue or running:
-                seats = self._seats()
-                self._owners = {affinity: seat for affinity, seat in self._owners.items() if seat in seats}
-                idle = sorted(seats - set(running), key=lambda seat: (not queue.owned_by(seat, self._owners), seat))
-                for seat in idle:
-                    if (task := queue.take(seat, self._owners)) is not None:
-                        running[seat] = task, self._submit(task, seat)
-                if seats:
+            while run.queue or run.running:
+                # One question to the scheduler for each answer would take it longer than the answer.
+                if time.monotonic() - last_asked > POLL_SECONDS:
+                    run.seats, last_asked = self._seats(), time.monotonic()
+                outcomes = list(run.collect())
+                # A task that is yet to be put back goes before the others of its affinity.
+                known = run.seats | set(run.running)
+                self._owners = {affinity: seat for affinity, seat in self._owners.items() if seat in known}
+                if run.seats:
                     last_seen = time.monotonic()
-                elif not running and time.monotonic() - last_seen > PATIENCE_SECONDS:
+                elif not run.running and time.monotonic() - last_seen > PATIENCE_SECONDS:
                     reason = f"the cluster has had no worker for {PATIENCE_SECONDS:g} s; start workers or drop --scheduler"
-                    while (task := queue.take(None, {})) is not None:
-                        yield Outcome(task, crash=Crash(reason, "", ""))
-                    return
-                if running:
-                    with contextlib.suppress(TimeoutError):
-                        wait([future for _, future in running.values()], timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
-                else:
-                    time.sleep(POLL_SECONDS)
-                for seat, (task, future) in list(running.items()):
-                    if future.done() or seat not in seats:
-                        del running[seat]
-                        yield self._outcome(task, future)
-                        queue.add(further())
+                    while (task := run.queue.take(None, {})) is not None:
+                        outcomes.append(Outcome(task, crash=Crash(reason, "", "")))
+                for outcome in outcomes:
+                    yield outcome
+                    run.queue.add(further())
+                self._give_out(run)
+                run.wait()
         finally:
-            for _, future in running.values():
-                future.cancel()
+            for attempt in run.running.values():
+                attempt.future.cancel()
 
     def _seats(self) -> set[Seat]:
         return {(address, number) for address, threads in self._client.nthreads().items() for number in range(threads)}
 
-    def _submit(self, task: Task, seat: Seat) -> Any:
+    def _give_out(self, run: _Run) -> None:
+        suspected = {seat[0] for seat, attempt in run.running.items() if attempt.task in run.asked_again}
+        for seat in sorted(run.seats - set(run.running), key=lambda seat: (not run.queue.owned_by(seat, self._owners), seat)):
+            barred = run.asked_again if seat[0] in suspected else frozenset[Task]()
+            if (task := run.queue.take(seat, self._owners, barred)) is not None:
+                run.running[seat] = self._submit(task, seat)
+                suspected |= {seat[0]} if task in run.asked_again else set()
+
+    def _submit(self, task: Task, seat: Seat) -> _Attempt:
         if task.affinity is not None:
             self._owners[task.affinity] = seat
         # The key is the caller's own, and need not be picklable.
         call = (self._session, seat[1], self._time_limit, replace(task, key=None))
-        return self._client.submit(_run_here, *call, workers=[seat[0]], pure=False, retries=0, allow_other_workers=False)
+        future = self._client.submit(_run_here, *call, workers=[seat[0]], pure=False, retries=0, allow_other_workers=False)
 
-    def _outcome(self, task: Task, future: Any) -> Outcome:
-        if future.status == "finished":
-            value, exception, crash = future.result()
-            return Outcome(task, value, exception, crash)
-        if future.status == "error":
-            return Outcome(task, exception=future.exception())
-        future.cancel()
-        return Outcome(task, crash=Crash("lost its worker of the cluster", "", ""))
+        async def arrive() -> _Answer:
+            answer: _Answer = await future
+            return answer
+
+        # An answer stays with its worker until it is asked for. Whoever waits for one whose worker is gone waits forever.
+        return _Attempt(task, future, asyncio.run_coroutine_threadsafe(arrive(), self._client.loop.asyncio_loop))
+
+
+class _Run:
+    """One call of ``Cluster.run``: where tasks may run, those that wait, that run, and that wait or run for the second time."""
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self.seats: set[Seat] = set()
+        self.queue = TaskQueue(tasks)
+        self.running: dict[Seat, _Attempt] = {}
+        self.asked_again: set[Task] = set()
+
+    def collect(self) -> Iterator[Outcome]:
+        """Outcomes of the attempts that have ended; tasks that lost their worker for the first time are put back."""
+        for seat, attempt in list(self.running.items()):
+            if not attempt.arrival.done() and seat in self.seats:
+                continue
+            del self.running[seat]
+            outcome = _outcome(attempt)
+            if outcome is None:
+                # Nothing more goes there until the scheduler names it again.
+                self.seats = {other for other in self.seats if other[0] != seat[0]}
+            if outcome is None and attempt.task not in self.asked_again:
+                self.asked_again.add(attempt.task)
+                self.queue.put_back(attempt.task)
+            else:
+                self.asked_again.discard(attempt.task)
+                yield outcome or Outcome(attempt.task, crash=Crash(LOST, "", ""))
+
+    def wait(self) -> None:
+        """Until an attempt has ended, or for a moment."""
+        if self.running:
+            arrivals = [attempt.arrival for attempt in self.running.values()]
+            concurrent.futures.wait(arrivals, timeout=POLL_SECONDS, return_when=concurrent.futures.FIRST_COMPLETED)
+        elif self.queue:
+            time.sleep(POLL_SECONDS)
+
+
+def _outcome(attempt: _Attempt) -> Outcome | None:
+    """The outcome of an attempt that has arrived; None where its worker was lost, which ends the attempt."""
+    from distributed import KilledWorker
+
+    if not attempt.arrival.done():
+        attempt.future.cancel()
+        return None
+    try:
+        return Outcome(attempt.task, *attempt.arrival.result())
+    # The scheduler has started anew, or its limit of workers that a task may lose is lower.
+    except (concurrent.futures.CancelledError, asyncio.CancelledError, KilledWorker):
+        return None
+    except Exception as error:
+        return Outcome(attempt.task, exception=error)
 
 
 # On a worker of the cluster: the pools that are idle, by session and number, and sessions that have ended.
@@ -131,7 +202,7 @@ _ended: set[str] = set()
 _lock = threading.Lock()
 
 
-def _run_here(session: str, number: int, time_limit: float, task: Task) -> tuple[Any, BaseException | None, Crash | None]:
+def _run_here(session: str, number: int, time_limit: float, task: Task) -> _Answer:
     """On a worker of the cluster: run the task in the process of this session and number."""
     with _lock:
         pool = _idle.pop((session, number), None) or LocalPool(1, time_limit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,6 +67,10 @@ class TaskQueue:
         for task in tasks:
             self._waiting.setdefault(task.affinity, deque()).append((next(self._count), task))
 
+    def put_back(self, task: Task) -> None:
+        """Let a task that was taken wait again, before all others."""
+        self._waiting.setdefault(task.affinity, deque()).appendleft((-next(self._count), task))
+
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
@@ -74,13 +78,18 @@ class TaskQueue:
         """True where a task waits whose affinity belongs to ``worker``."""
         return any(owners.get(affinity) == worker for affinity in self._waiting)
 
-    def take(self, worker: object | None, owners: Mapping[Hashable, object]) -> Task | None:
+    def take(self, worker: object | None, owners: Mapping[Hashable, object], barred: Collection[Task] = ()) -> Task | None:
         """The first task that an idle ``worker`` may run, or None; ``worker`` is None for one that is yet to be started.
 
         Its own affinities go first. Tasks without affinity, or of an affinity that nobody owns, come next. An affinity
-        that another worker owns is taken over only while none of its tasks has been given out.
+        that another worker owns is taken over only while none of its tasks has been given out. A task that is ``barred`` waits,
+        and those of its affinity behind it.
         """
-        ranked = ((self._kind(affinity, worker, owners), first[0][0], affinity) for affinity, first in self._waiting.items())
+        ranked = (
+            (self._kind(affinity, worker, owners), waiting[0][0], affinity)
+            for affinity, waiting in self._waiting.items()
+            if waiting[0][1] not in barred
+        )
         kind, _, affinity = min(ranked, default=(_NOT_FOR_IT, 0, None))
         if kind == _NOT_FOR_IT:
             return None
