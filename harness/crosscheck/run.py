@@ -107,6 +107,8 @@ class CrossCheck(Loading):
     # Holding: what engines hold after loading, which their accelerations need not feel.
 
     def _hold(self, system: System, readers: Pairs) -> None:
+        # What other versions read otherwise, and optional engines, is told by ``harness upgrade`` and by their answers.
+        readers = [pair for pair in readers if not engine_files(self.settings.library)[pair.subject.engine].elsewhere]
         # The replay of one state is about that state alone.
         if self.settings.state is None and len(readers) > 1:
             self._ask(self._held, system, readers, find_differences, [pair.assignment for pair in readers])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
+from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring, Unsupported
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_versions import armature, parent_joint
 from harness.models.model_file import JointDamper, JointSpring
@@ -26,6 +26,8 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
     import pinocchio
 
     elements, places, data = added.elements, added.places, model.createData()
+    if not hasattr(data, "joints"):
+        raise Unsupported(f"Pinocchio {pinocchio.__version__} does not show how its joints move")
     configuration, velocity = pinocchio.neutral(model), np.zeros(model.nv)
     for name, value in positions.items():
         configuration[places[name].idx_q] = value

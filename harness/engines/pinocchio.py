@@ -164,7 +164,7 @@ class PinocchioModel:
         import pinocchio
 
         model, velocities = self.model, self.addresses[1]
-        weightless = pinocchio.Model(model)
+        weightless = model.copy()
         weightless.gravity.linear = np.zeros(3)
         data, without_gravity = model.createData(), weightless.createData()
         configuration, velocity, force = self.columns(q, v, tau)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.tasks import Assignment, load_audited, may_lose_digits, reference_kernel_of
 from harness.diagnosis.terms import TermTruth, compare_terms
+from harness.engines import HeldModel, Unsupported
 from harness.results.run_changes import READING, TERMS, RunChange
 from harness.verdict import SEVERITY
 
@@ -26,7 +28,12 @@ def explain_changes(before: Assignment, after: Assignment, seed: int, note: Call
 
 
 def _readings(before: Assignment, after: Assignment) -> Iterator[RunChange]:
-    held = {str(one.subject): holding for one in (before, after) if (holding := held_by(load_audited(one))) is not None}
+    held: dict[str, HeldModel] = {}
+    for one in (before, after):
+        # A version may have no interface for it.
+        with contextlib.suppress(Unsupported):
+            holding = held_by(load_audited(one))
+            held |= {} if holding is None else {str(one.subject): holding}
     models = {one.model.format: one.model for one in (after,) if one.model is not None}
     if len(held) < 2:
         return
