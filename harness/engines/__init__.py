@@ -218,6 +218,11 @@ def subjects(library: Library) -> list[Subject]:
     return [one for one in known_subjects(library) if one.engine not in missing]
 
 
+def subjects_beside(library: Library) -> list[Subject]:
+    """Those of ``subjects`` whose engine is beside the harness: what is found by them does not depend on which environments there are."""
+    return [one for one in subjects(library) if not engine_files(library)[one.engine].elsewhere]
+
+
 def known_subjects(library: Library) -> list[Subject]:
     """Every subject of every engine, installed or not, sorted; not those of versions."""
     return [subject for subject in _all_subjects(library) if not split_name(subject.engine)[1]]
@@ -261,7 +266,7 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
     chosen = [known[name] for name in dict.fromkeys(names)]
     if chosen or not native_only:
         return chosen or subjects(library)
-    return [one for one in subjects(library) if is_native(library, one) and not engine_files(library)[one.engine].elsewhere]
+    return [one for one in subjects_beside(library) if is_native(library, one)]
 
 
 def require_model(source: Any, engine: str) -> ModelFile:

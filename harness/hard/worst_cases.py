@@ -27,7 +27,7 @@ def ranked(library: Library, records: Sequence[Record], workers: Workers, most: 
     where the engine crashes, keeps its own words.
     """
     cases = worst_cases(records, most)
-    subjects = {str(subject): subject for subject in select_subjects(library, [])}
+    subjects = {str(subject): subject for subject in select_subjects(library, sorted({case.subject for case in cases}))}
     work = [
         Task((index, function), function, (library, case.system, subjects[case.subject], case.state))
         for index, case in enumerate(cases)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 
-from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects
+from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects_beside
 from harness.equations.derivation import load_mechanism
 from harness.library import Library
 from harness.models.model_file import read_model
@@ -26,7 +26,7 @@ class Gallery(Rounds):
     def __init__(self, library: Library, names: Sequence[str], crashes: Collection[tuple[str, str | None]] = ()) -> None:
         super().__init__()
         self._found = CrossCheckResult()
-        native = [subject for subject in subjects(library) if subject.format != EQUATIONS and is_native(library, subject)]
+        native = [subject for subject in subjects_beside(library) if subject.format != EQUATIONS and is_native(library, subject)]
         # A variant looks like its system.
         for name in (name for name in names if not library.is_variant(name)):
             sound = [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))]

@@ -11,12 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import toy_engine
-from support import harness, harness_in_a_process
+from support import InThisProcess, cross_checked, harness, harness_in_a_process
 
-from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects
+from harness.crosscheck.settings import Settings
+from harness.diagnosis.faults.bench import FaultBench
+from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects, subjects_beside
 from harness.engines._interpreter import EngineDied
 from harness.engines._transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
+from harness.hard.worst_cases import ranked
 from harness.library import Library
 from harness.models.model_file import ModelFile, read_model
 from harness.workers import Workers
@@ -62,6 +65,20 @@ def test_what_is_not_beside_the_harness_is_its_newest_environment(library: Libra
     assert load_engine(library, "toy").environment.version == "3.0"  # type: ignore[attr-defined]
     assert runs_elsewhere(load_engine(library, "toy@1.0"))
     assert not runs_elsewhere(load_engine(library, "mujoco"))
+
+
+def test_what_is_asked_by_default_of_faults_and_worst_cases_is_no_environment_s(library: Library) -> None:
+    beside = {str(one) for one in subjects_beside(library)}
+    assert "toy/urdf" not in beside and {"mujoco/urdf", "pinocchio/urdf"} <= beside
+    assert "toy/urdf" not in map(str, select_subjects(library, [], native_only=True))
+    readers = {str(reader.subject) for reader in FaultBench(library, "bar_pendulum", "urdf", 20, 0).readers}
+    assert readers and not any(one.startswith("toy") for one in readers)
+
+
+def test_the_worst_cases_of_a_version_are_ranked(library: Library) -> None:
+    records, _ = cross_checked(Settings(library=library, subjects=("toy@1.1/urdf",), states=20, examples=None))
+    [case] = ranked(library, records, InThisProcess())
+    assert case.subject == "toy@1.1/urdf" and case.verdict == "disagrees"
 
 
 def test_its_model_answers_as_one_in_this_process(library: Library, bar: ModelFile) -> None:

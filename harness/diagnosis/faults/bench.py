@@ -33,6 +33,7 @@ from harness.engines import (
     factorises_mass_matrix,
     load_engine,
     select_subjects,
+    subjects_beside,
 )
 from harness.engines._audit import audit
 from harness.equations.derivation import load_mechanism
@@ -101,7 +102,8 @@ class FaultBench:
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
         self.readers: list[Reader] = []
         self.others: dict[str, str] = {}
-        unsupported = [reason for subject in select_subjects(library, subjects) if (reason := self._join(subject))]
+        asked = select_subjects(library, subjects) if subjects else subjects_beside(library)
+        unsupported = [reason for subject in asked if (reason := self._join(subject))]
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 

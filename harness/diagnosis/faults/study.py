@@ -8,7 +8,7 @@ from typing import Any
 from harness.crosscheck.expected import load_expectations
 from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
 from harness.diagnosis.faults.summary import Fault, SmallestChange, broken_bars
-from harness.engines import EQUATIONS, Subject, engine_files, select_subjects
+from harness.engines import EQUATIONS, Subject, engine_files, select_subjects, subjects_beside
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.study import Part, Rounds
@@ -107,7 +107,7 @@ def select_pairs(
 
 def select_models(library: Library, names: Sequence[str]) -> tuple[list[tuple[str, str]], dict[tuple[str, str], str]]:
     """(system, format) of every model that some subject reads, and the reasons of those that none does; raises as above."""
-    pairs, excused = select_pairs(library, names, select_subjects(library, ()))
+    pairs, excused = select_pairs(library, names, subjects_beside(library))
     models = sorted({(name, subject.format) for name, subject in pairs})
     reasons = {(name, subject.format): reason for (name, subject), reason in reversed(excused.items())}
     return models, {model: reasons[model] for model in sorted(reasons) if model not in models}
