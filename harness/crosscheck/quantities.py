@@ -16,7 +16,7 @@ from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
-from harness.crosscheck.quantity_truth import truth_of
+from harness.crosscheck.quantity_truth import declared_model, truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
@@ -97,9 +97,9 @@ def compare_quantity(
 def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States, known: Known) -> Answers:
     """One subject's answers, timed and compared with the truth."""
     model = load_audited(assignment)
-    if assignment.model is None:
-        raise NotOffered(f"{assignment.subject} reads no model file, whose {quantity.name} these are")
-    truth = truth_of(quantity, system, assignment, assignment.model)
+    # Equations have the coordinates of the file whose numbers are the truth.
+    read = declared_model(assignment.library, system) if assignment.model is None else assignment.model
+    truth = truth_of(quantity, system, assignment, read)
     if truth.key not in known:
         started = time.perf_counter()
         certified = truth.evaluate(states)
