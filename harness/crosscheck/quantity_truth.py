@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.crosscheck.tasks import Assignment, frame_of
 from harness.crosscheck.truth import softened, softness_of
-from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine
+from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine, step_rules
 from harness.engines._audit import require_constraints
 from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -22,14 +22,16 @@ def truth_of(quantity: Quantity, system: str, assignment: Assignment, read: Mode
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
     """
     mechanism, declared, softening = assignment.mechanism, declared_model(assignment.library, system), None
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    rules = step_rules(engine, read)
     laws: Mapping[str, ConstraintLaw] = {}
     if mechanism.constraints is not None:
         require_constraints(declared, mechanism)
         require_constraints(read, mechanism)
-        laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), read)
+        laws = constraint_laws(engine, read)
         softening = _softening(laws, read) if laws else None
-    key = quantity.name, mechanism.key, declared.text, read.text, frame_of(assignment), tuple(laws.items())
-    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, frame_of(assignment), softening)))
+    key = quantity.name, mechanism.key, declared.text, read.text, frame_of(assignment), tuple(laws.items()), rules
+    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, frame_of(assignment), softening, rules)))
 
 
 def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:

@@ -18,6 +18,7 @@ from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
+from harness.models.step_rule import StepRule
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Question:
     read: ModelFile
     linear_velocity_in_body: bool
     softened: Callable[[Mechanism], Mechanism] | None = None
+    step_rules: tuple[StepRule, ...] = ()
 
 
 class Truth(Protocol):
