@@ -220,6 +220,10 @@ class Caller(Protocol):
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+
+    One of an engine with integrators has ``step_rules(root, model_format) -> Sequence[StepRule]``, those of a file with this root
+    element; what it loads has ``advanced(q, v, rule, steps)``, q and v after so many steps without applied forces, of the joints of
+    the request, (nq,) and (nv,).
     """
 
     engine: str

@@ -19,6 +19,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
 from harness.models.mjcf_forces import is_on
@@ -36,7 +37,11 @@ _DAMPERS = frozenset({Part.JOINT_DAMPERS, Part.LINE_DAMPERS})
 
 def step_rules(file: ModelFile) -> tuple[StepRule, ...]:
     """The rules of all integrators at the step length of a file."""
-    root = parse_document(file.path, file.text, ROOT_TAGS[file.format]).root
+    return rules_in(parse_document(file.path, file.text, ROOT_TAGS[file.format]).root)
+
+
+def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
+    """The rules of all integrators by the options of a file with this root element."""
     written = [option.get("timestep") for option in root.iterfind("option[@timestep]")]
     length = float(written[-1]) if written else _TIMESTEP
     euler = frozenset({Part.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
@@ -50,9 +55,16 @@ def step_rules(file: ModelFile) -> tuple[StepRule, ...]:
 
 
 def step(
-    model: Any, addresses: tuple[Sequence[int], Sequence[int]], q: Array, v: Array, tau: Array, length: float, integrator: str
+    model: Any,
+    addresses: tuple[Sequence[int], Sequence[int]],
+    q: Array,
+    v: Array,
+    tau: Array,
+    length: float,
+    integrator: str,
+    steps: int = 1,
 ) -> Array:
-    """See ``harness.engines._answers``; ``addresses`` of positions and velocities in MuJoCo's own order.
+    """See ``harness.engines._answers``; ``addresses`` of positions and velocities in MuJoCo's own order. The model's options change.
 
     ``discrete`` solves with springs and dampers on lengths by iteration, here until nothing improves. By the default tolerance of 1e-8 it
     leaves velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s).
@@ -67,6 +79,6 @@ def step(
     for state in range(len(q)):
         mujoco.mj_resetData(model, data)
         data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
-        mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, nstep=steps)
         after[state] = [*data.qpos[positions], *data.qvel[velocities]]
     return after
