@@ -100,7 +100,7 @@ def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequ
     for cause, weighted in exchanges.items():
         mean = np.sum([weight * change for weight, change in weighted], axis=0)
         found.append(norm.share(cause, mean, gap, [change for _, change in weighted]))
-    found += [norm.share(f"rounding of the {which} engine", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
+    found += [norm.share(f"{which} engine beside its rule", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
     speed = norm.sizes(np.concatenate([np.zeros(len(v)), [float(ball) for ball in origin[1]]]))[1]
     return Shares(tuple(found), *norm.sizes(gap), moved=norm.sizes(travelled)[0], speed=speed)
 

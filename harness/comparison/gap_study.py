@@ -16,7 +16,7 @@ from harness.comparison.callers import find_callers
 from harness.comparison.gap import Motion, shares_of
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.meshes import compiled_meshes
-from harness.comparison.own_steps import OWN_RULES, advanced
+from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
 from harness.comparison.questions import Refused
 from harness.comparison.readings import find_readings
 from harness.comparison.same_states import SameStates
@@ -152,6 +152,10 @@ def _prepare(settings: Settings, note: Callable[[str], None]) -> tuple[tuple[_Ca
         raise InvalidRequest(f"the files are not one robot: {matching.problem}")
     robots[1] = renamed_to(robots[1], {other: one for one, other in matching.names.items()})
     rules = [_rule(robot, by) for robot, by in zip(robots, settings.by, strict=True)]
+    if any(rule in OWN_RULES for rule in rules) and not any(by.length for by in settings.by):
+        # One's own steps are as long as those of the other.
+        length = next((rule.length for rule in rules if rule not in OWN_RULES), LENGTH)
+        rules = [replace(rule, length=length) for rule in rules]
     counts = (settings.steps, _as_long(settings.steps, rules[0].length, rules[1].length))
     cases = tuple(_case(*each) for each in zip(robots, settings.by, rules, counts, strict=True))
     mechanism = mechanism_of(cases[0].read)
