@@ -48,6 +48,7 @@ class StepRule:
         length: of a step [s], which the model file states, or the engine's default.
         implicit: the parts that D and K hold the derivatives of.
         along_branches: whether D leaves out what one velocity does to another that moves none of the same bodies.
+        with_old_velocities: whether positions follow with v in the place of v', as in the explicit Euler method.
         stages, weights: of an explicit Runge-Kutta method, of each stage but the first the weights of those before it; () for rules of
             one stage.
     """
@@ -56,9 +57,11 @@ class StepRule:
     length: float
     implicit: frozenset[Part] = frozenset()
     along_branches: bool = False
+    with_old_velocities: bool = False
     stages: tuple[tuple[Fraction, ...], ...] = ()
     weights: tuple[Fraction, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.stages and (self.implicit or len(self.weights) != len(self.stages) + 1):
-            raise InvalidRequest(f"the rule {self.name!r} has stages; expected one weight each, and no implicit part")
+        one_stage = self.implicit or self.along_branches or self.with_old_velocities
+        if self.stages and (one_stage or len(self.weights) != len(self.stages) + 1):
+            raise InvalidRequest(f"the rule {self.name!r} has stages; expected a weight for each and the start, and nothing else")

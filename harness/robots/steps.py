@@ -99,7 +99,7 @@ class _Writer(ProgramWriter):
         ahead = [self.product(length, self.dot(row, v)) for row in stiff]
         accelerations = self.solved(matrix, [self.difference(*pair) for pair in zip(force, ahead, strict=True)])
         after = self._moved(v, length, accelerations)
-        return self._turned(q, length, after), after
+        return self._turned(q, length, v if rule.with_old_velocities else after), after
 
     def _by_stages(self, rule: StepRule, length: int) -> tuple[list[int], list[int]]:
         q, v = self._start

@@ -13,6 +13,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.certify.quantities import Question
+from harness.certify.quantities._step_mistakes import _product, describe
 from harness.certify.quantities.steps import StepTruth
 from harness.certify.quantity import farthest_block, judge_answers
 from harness.certify.sampling import generic_sample, sample
@@ -69,10 +70,10 @@ class Setting:
         self.truth = StepTruth(Question(self.mechanism, file, file, False, step_rules=tuple(map(rules, step_rules(MUJOCO, file)))))
         self.model = MUJOCO.load(file, self.mechanism.joints, 9.81)
 
-    def judged(self, model: Model | None = None, states: States | None = None) -> tuple[set[str], float, str]:
+    def judged(self, states: States | None = None) -> tuple[set[str], float, str]:
         """Verdicts, the largest backward error, and the block that is farthest off."""
         states = generic_sample(self.mechanism, STATES, SEED) if states is None else states
-        certified, answers = self.truth.evaluate(states), self.truth.answers(model or self.model, states)
+        certified, answers = self.truth.evaluate(states), self.truth.answers(self.model, states)
         found = judge_answers(certified, answers)
         return set(found.verdicts.tolist()), float(found.backward_error.max()), self.truth.blocks[farthest_block(certified, answers)]
 
@@ -143,7 +144,7 @@ class Spoiled:
         elif self._mistake == "velocities not advanced" and integrator == "Euler":
             after[:, q.shape[1] :] = v
         elif self._mistake == "turned about the world's axes" and integrator == "implicit":
-            after[:, :4] = product(product(conjugate(q), after[:, :4]), q)
+            after[:, :4] = _product(_product(conjugate(q), after[:, :4]), q)
         elif self._mistake == "scalar last" and integrator == "RK4":
             after[:, :4] = after[:, [1, 2, 3, 0]]
         elif self._mistake == "a rounding too many" and integrator == "discrete":
@@ -155,30 +156,40 @@ def conjugate(q: Array) -> Array:
     return q * [1.0, -1.0, -1.0, -1.0]
 
 
-def product(a: Array, b: Array) -> Array:
-    scalar = a[:, :1] * b[:, :1] - (a[:, 1:] * b[:, 1:]).sum(axis=1, keepdims=True)
-    return np.concatenate([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])], axis=1)
-
-
-# Each on a mechanism that feels it, with the block that is then farthest off.
+# Each on a mechanism that feels it, with the block that is then farthest off, and what is said of it.
 MISTAKES = {
-    "dampers explicit in Euler": ("double_pendulum", "velocities after a step by Euler"),
-    "velocity terms explicit in implicit": ("double_pendulum", "velocities after a step by implicit"),
-    "springs explicit in discrete": ("coupled_oscillators", "velocities after a step by discrete"),
-    "positions by the old velocities": ("arm_3r", "positions after a step by Euler"),
-    "velocities not advanced": ("arm_3r", "velocities after a step by Euler"),
-    "turned about the world's axes": ("heavy_top", "positions after a step by implicit"),
-    "scalar last": ("heavy_top", "positions after a step by RK4"),
-    "a rounding too many": ("arm_3r", "positions after a step by discrete"),
+    "dampers explicit in Euler": ("double_pendulum", "velocities", "Euler", "it takes joint dampers explicitly, which are implicit"),
+    "velocity terms explicit in implicit": (
+        "double_pendulum",
+        "velocities",
+        "implicit",
+        "the step is that by Euler and implicitfast and discrete",
+    ),
+    "springs explicit in discrete": (
+        "coupled_oscillators",
+        "velocities",
+        "discrete",
+        "the step is that by Euler and implicit and implicitfast",
+    ),
+    "positions by the old velocities": ("arm_3r", "positions", "Euler", "positions follow with the velocities before the step"),
+    "velocities not advanced": ("arm_3r", "velocities", "Euler", ""),
+    "turned about the world's axes": ("heavy_top", "positions", "implicit", "rotations turn about the world's axes"),
+    "scalar last": ("heavy_top", "positions", "RK4", "quaternions have their scalar last"),
+    "a rounding too many": ("arm_3r", "positions", "discrete", ""),
 }
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_in_a_step_disagrees_and_its_block_is_named(mistake: str) -> None:
-    name, block = MISTAKES[mistake]
+def test_a_mistake_in_a_step_disagrees_and_is_named(mistake: str) -> None:
+    name, what, integrator, sentence = MISTAKES[mistake]
     setting = Setting(damped(model_of(name), DAMPING))
-    verdicts, worst, farthest = setting.judged(Spoiled(setting.model, mistake))  # type: ignore[arg-type]
-    assert (verdicts, farthest) == ({"disagrees"}, block) and worst > 2 * AGREEMENT
+    states = generic_sample(setting.mechanism, STATES, SEED)
+    certified = setting.truth.evaluate(states)
+    answers = setting.truth.answers(Spoiled(setting.model, mistake), states)  # type: ignore[arg-type]
+    found = judge_answers(certified, answers)
+    assert set(found.verdicts.tolist()) == {"disagrees"} and found.backward_error.max() > 2 * AGREEMENT
+    expected = "; ".join(filter(None, [f"Farthest off are the {what} after a step by {integrator}", sentence]))
+    assert describe(setting.truth, states, certified, answers) == expected
 
 
 PARTS = {

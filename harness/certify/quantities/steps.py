@@ -12,7 +12,7 @@ Source: that of ``harness.models.step_rule``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,14 +21,16 @@ from harness.arrays import Array
 from harness.certify.forward_mode import values
 from harness.certify.quantities import Quantity, Question
 from harness.certify.quantities._declared_file import hold_against_energies
+from harness.certify.quantities._step_mistakes import describe
 from harness.certify.quantity import Certified, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.states import States
+from harness.models.step_rule import StepRule
 from harness.robots.robot import robot_of
 from harness.robots.step_forces import step_forces
-from harness.robots.steps import positions, steps_program, velocities
+from harness.robots.steps import Steps, positions, steps_program, velocities
 
 
 class StepTruth:
@@ -42,15 +44,16 @@ class StepTruth:
             raise NotOffered("steps under constraints have no declared map here")
         if question.linear_velocity_in_body and mechanism.charts_in_body:
             raise NotOffered("the linear velocity of a free joint is in the body's frame, in which no rule is written")
-        self._question, self._rules = question, question.step_rules
+        self.question, self.rules = question, question.step_rules
         robot = replace(robot_of(declared, mechanism.gravity), joints=tuple(dict.fromkeys(mechanism.joints)))
-        self._steps = steps_program(step_forces(robot.tree, robot.joints), mechanism.attitudes, self._rules)
+        self._forces = step_forces(robot.tree, robot.joints)
+        self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
         self._energies, self._reference = ReferenceKernel(mechanism), RobotReference(robot)
-        self.blocks = [name(rule) for rule in self._rules for name in (velocities, positions)]
+        self.blocks = [name(rule) for rule in self.rules for name in (velocities, positions)]
         nv, nq = mechanism.nv, mechanism.nq
         # A block holds velocities and then positions, of which it has either, and zeros in place of the other.
-        nothing, blocks = len(self._rules) * (nq + nv), list[list[int]]()
-        for number in range(len(self._rules)):
+        nothing, blocks = len(self.rules) * (nq + nv), list[list[int]]()
+        for number in range(len(self.rules)):
             first = number * (nq + nv)
             blocks += [[*range(first + nq, first + nq + nv), *[nothing] * nq], [*[nothing] * nv, *range(first, first + nq)]]
         self._kernel = QuantityKernel(self._steps.program, blocks)
@@ -58,7 +61,7 @@ class StepTruth:
     @property
     def key(self) -> Hashable:
         """See ``Truth``."""
-        return self._question.declared.text, self._steps.program.key, self._rules
+        return self.question.declared.text, self._steps.program.key, self.rules
 
     def evaluate(self, states: States) -> Certified:
         """The states after each step, (n, 2 rules, nv + nq): velocities and then zeros, zeros and then positions.
@@ -67,11 +70,11 @@ class StepTruth:
             InvalidModel: the accelerations of the declared file are not those of the energies.
         """
         reference = self._reference.evaluate(states)
-        hold_against_energies(self._question.declared, self._energies, states, reference)
-        inputs = self._inputs(states)
+        hold_against_energies(self.question.declared, self._energies, states, reference)
+        inputs = _inputs(self._steps, self.rules, states)
         after = values(self._steps.program, np.ascontiguousarray(inputs.T))
         # All rules lead to nearly the same positions.
-        tangents = self._tangents(after[positions(self._rules[0])].T)
+        tangents = self._tangents(after[positions(self.rules[0])].T)
         norm_factor = np.concatenate([reference.norm_factor, reference.norm_factor @ tangents], axis=2)
         certified = self._kernel.evaluate(inputs, norm_factor=norm_factor)
         return replace(certified, sizes=self._share_of_the_motion(states, reference), certified=certified.certified & reference.certified)
@@ -79,20 +82,23 @@ class StepTruth:
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
         n, nv, nq = len(states), states.v.shape[1], states.q.shape[1]
-        found = np.zeros((n, 2 * len(self._rules), nv + nq))
-        for number, rule in enumerate(self._rules):
+        found = np.zeros((n, 2 * len(self.rules), nv + nq))
+        for number, rule in enumerate(self.rules):
             after = answer_of(model, "step", (states.q, states.v, states.tau, rule.length, rule.name), (n, nq + nv))
             found[:, 2 * number + 1, nv:], found[:, 2 * number, :nv] = after[:, :nq], after[:, nq:]
         return found
 
-    def _inputs(self, states: States) -> Array:
-        fixed = [*map(float, self._steps.parameters), *(rule.length for rule in self._rules)]
-        moving = [states.q, states.v, states.tau, states.time[:, None]]
-        return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
+    def by(self, rule: StepRule, states: States) -> Array:
+        """The state after a step by another rule, in float64, (n, 2, nv + nq), as of ``evaluate``."""
+        steps = steps_program(self._forces, self.question.mechanism.attitudes, (rule,))
+        after = values(steps.program, np.ascontiguousarray(_inputs(steps, (rule,), states).T))
+        nv, found = states.v.shape[1], np.zeros((len(states), 2, states.v.shape[1] + states.q.shape[1]))
+        found[:, 0, :nv], found[:, 1, nv:] = after[velocities(rule)].T, after[positions(rule)].T
+        return found
 
     def _tangents(self, q: Array) -> Array:
         """(n, nv, nq), from differences of positions at q, (n, nq), to the velocities that make them in a second."""
-        mechanism = self._question.mechanism
+        mechanism = self.question.mechanism
         found = np.zeros((len(q), mechanism.nv, mechanism.nq))
         row = column = 0
         while row < mechanism.nv:
@@ -109,14 +115,21 @@ class StepTruth:
     def _share_of_the_motion(self, states: States, reference: Reference) -> Array:
         """(n, 2 rules), what twice the kinetic energy as a torque on each rotating coordinate does in a step."""
         factor = reference.norm_factor
-        rotating = np.array(self._question.mechanism.rotating)
+        rotating = np.array(self.question.mechanism.rotating)
         twice_the_energy = (np.einsum("nij,nj->ni", factor, states.v) ** 2).sum(axis=1)
         sound = np.where(reference.certified[:, None, None], factor, np.eye(states.v.shape[1]))
         # |M^-1 e|_M of a unit torque e is the length of a row of the inverse of the factor.
         of_torques = np.linalg.norm(np.linalg.inv(sound), axis=2)[:, rotating].sum(axis=1)
         share = twice_the_energy * of_torques
-        lengths = np.array([power for rule in self._rules for power in (rule.length, rule.length**2)])
+        lengths = np.array([power for rule in self.rules for power in (rule.length, rule.length**2)])
         return np.asarray(share[:, None] * lengths)
 
 
-STEPS = Quantity("steps", StepTruth)
+def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
+    """Inputs of the program, (n, inputs)."""
+    fixed = [*map(float, steps.parameters), *(rule.length for rule in rules)]
+    moving = [states.q, states.v, states.tau, states.time[:, None]]
+    return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
+
+
+STEPS = Quantity("steps", StepTruth, describe)
