@@ -5,13 +5,14 @@ Precision rises until every number of the end is known to ``SOUGHT_RADIUS``: eac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.models.step_rule import StepRule
 from harness.robots.step_forces import StepForces
-from harness.robots.steps import steps_program
+from harness.robots.steps import LARGEST_TURN, steps_program
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
 # Relative to a number's size, and at least to 1.
@@ -22,14 +23,15 @@ class DeclaredMotion:
     """Steps of one rule on the forces of one tree; ``attitudes`` as of ``steps_program``."""
 
     def __init__(self, forces: StepForces, attitudes: Sequence[int], rule: StepRule) -> None:
-        self._steps, self._length = steps_program(forces, attitudes, (rule,)), rule.length
+        self._steps, self._length, self._attitudes = steps_program(forces, attitudes, (rule,)), rule.length, attitudes
         self._kernel = BallKernel(self._steps.program, len(self._steps.parameters) + 1)
 
     def end(self, q: Sequence[float], v: Sequence[float], steps: int) -> tuple[list[Any], list[Any]]:
         """q and v after so many steps, as ``arb``.
 
         Raises:
-            ValueError: the last precision does not give it, as where the motion breaks down.
+            ValueError: the last precision does not give it, as where the motion breaks down, or a rotation turns by more than
+                ``LARGEST_TURN`` in a step.
         """
         import flint
 
@@ -47,4 +49,8 @@ class DeclaredMotion:
             *state, _ = evaluate(*state, *still)
             if not all(ball.is_finite() for ball in state):
                 break
+            for place in self._attitudes:
+                turn = self._length * math.hypot(*map(float, state[nq + place : nq + place + 3]))
+                if turn > LARGEST_TURN:
+                    raise ValueError(f"a rotation turns by {turn:.3g} rad in a step of {self._length:g} s; expected up to {LARGEST_TURN:g}")
         return state

@@ -22,6 +22,7 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
+from harness.engines._answers import NotOffered
 from harness.models.mjcf_forces import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.step_rule import Part, StepRule
@@ -68,12 +69,17 @@ def step(
 
     ``discrete`` solves with springs and dampers on lengths by iteration, here until nothing improves. By the default tolerance of 1e-8 it
     leaves velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s).
+
+    Raises:
+        NotOffered: this version has no such integrator.
     """
     import mujoco
 
     positions, velocities = addresses
-    model.opt.tolerance = 0.0
-    model.opt.timestep, model.opt.integrator = length, getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)
+    if number is None:
+        raise NotOffered(f"MuJoCo {mujoco.mj_versionString()} has no integrator {integrator}")
+    model.opt.timestep, model.opt.integrator, model.opt.tolerance = length, number, 0.0
     data = mujoco.MjData(model)
     after: Array = np.empty((len(q), q.shape[1] + v.shape[1]))
     for state in range(len(q)):

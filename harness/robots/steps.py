@@ -1,7 +1,7 @@
 """The state after one step by a rule, as one program of the state before it, the step length and the numbers of a file.
 
 Linear equations are solved within the program, by elimination without pivots from the last unknown to the first, which on a tree fills
-nothing in. Functions of turns are polynomials: what they leave out is below 2^-210 for turns up to two radians in a step.
+nothing in. Functions of turns are polynomials, which leave nothing out that is felt up to ``LARGEST_TURN``.
 
 Sources: Featherstone, Rigid Body Dynamics Algorithms, section 6.5 (factorisation along branches); Iserles, Munthe-Kaas, Norsett, Zanna,
 Lie-group methods, Acta Numerica 9 (2000), sections 3 (Runge-Kutta methods in the coordinates of the exponential map) and B.2 (the
@@ -24,6 +24,8 @@ from harness.robots.tree import Given
 
 # Of the cosine of half a turn in a step, and of its sine over it, in the square.
 _TERMS = 25
+# Of a step [rad], up to which what the polynomials leave out is below 2^-210.
+LARGEST_TURN = 2.0
 
 NOTHING = "nothing"
 

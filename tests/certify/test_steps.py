@@ -105,6 +105,22 @@ def test_a_step_of_any_length_is_an_input(name: str, length: float) -> None:
     assert verdicts == {"agrees"}, (worst, block)
 
 
+def test_a_turn_that_is_too_large_for_a_step_is_undecided() -> None:
+    setting = Setting(model_of("free_body"), lambda rule: replace(rule, length=0.2))
+    states = generic_sample(setting.mechanism, 2, SEED)
+    states.v[0], states.v[1, 3:], states.tau[:] = 0.0, 20.0, 0.0
+    assert setting.truth.evaluate(states).certified.tolist() == [True, False]
+
+
+def test_a_version_without_an_integrator_does_not_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    import mujoco
+
+    setting = Setting(model_of("double_pendulum"))
+    monkeypatch.delattr(mujoco.mjtIntegrator, "mjINT_DISCRETE")
+    with pytest.raises(NotOffered, match=r"MuJoCo \S+ has no integrator discrete"):
+        setting.truth.answers(setting.model, generic_sample(setting.mechanism, 1, SEED))
+
+
 def test_a_step_from_rest_is_certified() -> None:
     """Where nothing turns, the exponential of a rotation divides zero by zero in closed form."""
     setting = Setting(model_of("free_body"))

@@ -218,6 +218,9 @@ def test_files_that_no_rule_moves_are_refused(two_links: Path) -> None:
         gap_of(two_links, model("heavy_top"), "mujoco/RK4")
     with pytest.raises(InvalidRequest, match="the start has 1 positions and 2 velocities; expected 2 and 2"):
         gap_of(two_links, two_links, "mujoco/RK4", start='{"q": [0], "v": [0, 0]}')
+    with pytest.raises(InvalidRequest, match=r"a rotation turns by .* rad in a step of 0.5 s; expected up to 2"):
+        spinning = '{"q": [0, 0, 0, 1, 0, 0, 0], "v": [0, 0, 0, 0, 0, 9]}'
+        gap_of(model("free_body"), model("free_body"), "mujoco/RK4@0.5", "mujoco/Euler@0.5", steps=2, start=spinning)
     with pytest.raises(InvalidRequest, match="hinges and slides alone"):
         gap_of(model("heavy_top"), model("heavy_top"), "mujoco/RK4", "pinocchio/RK4")
 

@@ -12,7 +12,7 @@ Source: that of ``harness.models.step_rule``.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,14 +23,14 @@ from harness.certify.quantities import Quantity, Question
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantities._step_mistakes import describe
 from harness.certify.quantity import Certified, QuantityKernel
-from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.reference import Flags, Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.states import States
 from harness.models.step_rule import StepRule
 from harness.robots.robot import robot_of
 from harness.robots.step_forces import step_forces
-from harness.robots.steps import Steps, positions, steps_program, velocities
+from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
 
 
 class StepTruth:
@@ -77,7 +77,8 @@ class StepTruth:
         tangents = self._tangents(after[positions(self.rules[0])].T)
         norm_factor = np.concatenate([reference.norm_factor, reference.norm_factor @ tangents], axis=2)
         certified = self._kernel.evaluate(inputs, norm_factor=norm_factor)
-        return replace(certified, sizes=self._share_of_the_motion(states, reference), certified=certified.certified & reference.certified)
+        known = certified.certified & reference.certified & self._turn_little(states, after)
+        return replace(certified, sizes=self._share_of_the_motion(states, reference), certified=known)
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
@@ -111,6 +112,14 @@ class StepTruth:
             found[:, row : row + 3, column : column + 4] = 2.0 * np.array(rows).transpose(2, 0, 1)
             row, column = row + 3, column + 4
         return found
+
+    def _turn_little(self, states: States, after: Mapping[str, Array]) -> Flags:
+        """(n,), whether no rotation turns by more than ``LARGEST_TURN`` in a step, before it and after."""
+        turns = [np.zeros(len(states))]
+        for rule in self.rules:
+            for rates in (states.v, after[velocities(rule)].T):
+                turns += [rule.length * np.linalg.norm(rates[:, place : place + 3], axis=1) for place in self.question.mechanism.attitudes]
+        return np.asarray(np.max(turns, axis=0) <= LARGEST_TURN)
 
     def _share_of_the_motion(self, states: States, reference: Reference) -> Array:
         """(n, 2 rules), what twice the kinetic energy as a torque on each rotating coordinate does in a step."""
