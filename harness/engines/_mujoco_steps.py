@@ -28,6 +28,8 @@ from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.step_rule import Part, StepRule
 from harness.models.xml import parse_document
 
+# Of an iteration, relative.
+_TOLERANCE = 2.0**-53
 # Of a file that does not say [s].
 _TIMESTEP = 0.002
 _HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
@@ -67,8 +69,9 @@ def step(
 ) -> Array:
     """See ``harness.engines._answers``; ``addresses`` of positions and velocities in MuJoCo's own order. The model's options change.
 
-    ``discrete`` solves with springs and dampers on lengths by iteration, here until nothing improves. By the default tolerance of 1e-8 it
-    leaves velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s).
+    ``discrete`` solves with springs and dampers on lengths by iteration, here to rounding. By the default tolerance of 1e-8 it leaves
+    velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s); by one of 0 it goes on until it divides zero by
+    zero, and velocities are not finite at 1 % of the governor's states (MuJoCo 4.0).
 
     Raises:
         NotOffered: this version has no such integrator.
@@ -79,7 +82,7 @@ def step(
     number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)
     if number is None:
         raise NotOffered(f"MuJoCo {mujoco.mj_versionString()} has no integrator {integrator}")
-    model.opt.timestep, model.opt.integrator, model.opt.tolerance = length, number, 0.0
+    model.opt.timestep, model.opt.integrator, model.opt.tolerance = length, number, _TOLERANCE
     data = mujoco.MjData(model)
     after: Array = np.empty((len(q), q.shape[1] + v.shape[1]))
     for state in range(len(q)):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, Terms, Unsupported, require_model
+from harness.engines import LoadedModel, NotOffered, Part, StepRule, Terms, Unsupported, require_model
 from harness.engines._drake_files import armatures_passed_over, floating_bodies, refuse, refused_warnings, springs_at_world, text_for_parser
 from harness.engines._rotations import BALL, FREE, Columns
 from harness.models.model_file import JointSpring, ModelFile, PointSpring
@@ -24,6 +24,8 @@ from harness.models.model_file import JointSpring, ModelFile, PointSpring
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
 
+# Of a discrete plant [s]; no file of a mechanism says it.
+_TIME_STEP = 0.001
 _SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "ball_rpy": BALL, "quaternion_floating": FREE}
 
 
@@ -111,6 +113,25 @@ class DrakeModel:
                 found[state, place] = *(turn @ force.translational()), *(turn @ force.rotational())
         return found
 
+    def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
+        """See ``harness.engines._answers``: the periodic update of the plant that is made with this time step.
+
+        Raises:
+            NotOffered: a joint turns about a point, which Drake steps in other coordinates.
+        """
+        if {BALL, FREE} & {_SIZES[joint.type_name()] for joint in self.joints.values()}:
+            raise NotOffered("Drake steps rotations about a point by the rates of their coordinates, of which no rule is declared")
+        # With sampled outputs the update is not one of the discrete state alone.
+        plant = self._build(self._building.replace(_CONTINUOUS, f"MultibodyPlant({length!r}); p.SetUseSampledOutputPorts(False)"))
+        context, nq, found = plant.CreateDefaultContext(), plant.num_positions(), np.empty((len(q), q.shape[1] + v.shape[1]))
+        positions = [self.joints[name].position_start() for name in self._order]
+        velocities = [self.joints[name].velocity_start() for name in self._order]
+        for state, (*own, _) in enumerate(self._states(q, v, tau)):
+            self._set(plant, context, *own)
+            after = plant.EvalUniquePeriodicDiscreteUpdate(context).value()
+            found[state] = [*after[positions], *after[nq:][velocities]]
+        return found
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as Drake computes them: the mass matrix with reflected inertias, the bias term, gravity, force elements and dampers.
 
@@ -157,6 +178,10 @@ class DrakeEngine:
     formats = ("urdf", "mjcf")
     optional = True
 
+    def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
+        """Source: Drake documentation, ``MultibodyPlant``, discrete systems: joint damping is implicit, all other forces are explicit."""
+        return (StepRule("discrete", _TIME_STEP, frozenset({Part.JOINT_DAMPERS})),)
+
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DrakeModel:
         file = require_model(source, "drake")
         refuse(file)
@@ -173,7 +198,7 @@ def _building(file: ModelFile) -> Iterator[str]:
     """Python statements that read the text ``x`` into the plant ``p``, and add what the parser passes over."""
     yield "from pydrake.multibody.plant import MultibodyPlant; from pydrake.multibody.parsing import Parser"
     yield "import pydrake.multibody.tree as t"
-    yield f"p = MultibodyPlant(0.0); Parser(p).AddModelsFromString(x, {'urdf' if file.format == 'urdf' else 'xml'!r})"
+    yield f"p = {_CONTINUOUS}; Parser(p).AddModelsFromString(x, {'urdf' if file.format == 'urdf' else 'xml'!r})"
     read = set() if file.format == "mjcf" else {id(one) for one in file.force_elements if isinstance(one, PointSpring)}
     read -= {id(one) for one in springs_at_world(file)}
     for name, inertia in armatures_passed_over(file).items():
@@ -194,4 +219,6 @@ def _instances(plant: Any) -> Iterator[Any]:
     yield from (ModelInstanceIndex(number) for number in range(plant.num_model_instances()))
 
 
+# Of a plant without a time step.
+_CONTINUOUS = "MultibodyPlant(0.0)"
 ENGINE = DrakeEngine()

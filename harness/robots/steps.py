@@ -28,6 +28,7 @@ _TERMS = 25
 LARGEST_TURN = 2.0
 
 NOTHING = "nothing"
+_VELOCITY_TERMS = {Part.VELOCITY_TERMS, Part.VELOCITY_TERMS_OF_FREE_BODIES}
 
 Matrix = list[list[int]]
 
@@ -58,17 +59,13 @@ def positions(rule: StepRule) -> str:
 
 def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[StepRule]) -> Steps:
     """One step by each of ``rules``; ``attitudes`` are the places in v of what is of a rotation, as of a ``Mechanism``."""
-    outputs = [name for name, of in _DIFFERENTIATED.items() if any(of & rule.implicit for rule in rules)]
     nv = len(forces.program.outputs["velocity"])
     first = forces.program.inputs.index("t") - 2 * nv
-    program = differentiate(forces.program, outputs, range(first, first + nv))
+    slopes = ["velocity"] if any(_VELOCITY_TERMS & rule.implicit for rule in rules) else []
+    program = differentiate(forces.program, slopes, range(first, first + nv))
     lengths = tuple(f"h{place}" for place in range(len(rules)))
     program = replace(program, inputs=(*program.inputs, *lengths))
     return _Writer(program, forces, attitudes).written(rules)
-
-
-# What must be known of which output by the velocities.
-_DIFFERENTIATED = {"velocity": {Part.VELOCITY_TERMS, Part.VELOCITY_TERMS_OF_FREE_BODIES}}
 
 
 class _Writer(ProgramWriter):
