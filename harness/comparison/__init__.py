@@ -6,4 +6,6 @@ Start with ``study``, which asks everything of a file in worker processes. ``que
 the engines as their users call them, ``readings`` what their readers make of an element, ``judgement`` explains an answer by readings,
 which ``accounting`` takes together; ``sameness`` compares files, at the same states (``same_states``). ``robot_library`` makes files a
 library, whose engines are the callers ``aided``, so that a cross-check, a search and a benchmark take them.
+
+``gap`` divides the difference of two motions among equations, integrator and step length; ``gap_study`` asks for it.
 """

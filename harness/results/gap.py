@@ -78,9 +78,7 @@ class Gap:
         found = [f"gap: {' and '.join(sizes)}, by the kinetic-energy norm"]
         varying = max(self.shares, key=lambda one: one.by_order, default=None)
         if varying is not None and varying.by_order > 0.01:
-            found.append(
-                f"causes act together: in another order the share of {varying.name} is another by up to {_percent(varying.by_order)}"
-            )
+            found.append(f"causes act together: the share of {varying.name} differs by up to {_percent(varying.by_order)} with their order")
         return found
 
 

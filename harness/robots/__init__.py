@@ -13,6 +13,7 @@ on mechanisms, and ``accelerations`` evaluates it in balls.
 
 ``free_bodies`` and ``reactions`` write other programs of the same tree, from the bodies as ``world_motion`` has them in the world: every
 body kept free, and what each joint transmits. ``constraints`` has the rows of what the file ties beside its joints.
+``steps`` writes the state after one step of an integrator by its rule, of the forces of ``step_forces``.
 
 Certified accelerations at states are those of ``harness.certify.robot_reference``.
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from harness.engines import Model, NotOffered, load_engine, step_rules
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidModel
+from harness.errors import InvalidModel, InvalidRequest
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.models.step_rule import Part, StepRule
 from harness.robots.mechanism import mechanism_of
@@ -272,3 +273,11 @@ def test_what_has_no_declared_map_is_not_offered() -> None:
     for reason, question in cases.items():
         with pytest.raises(NotOffered, match=reason):
             StepTruth(question)
+
+
+def test_a_rule_with_stages_has_a_weight_for_each_and_nothing_implicit() -> None:
+    half = Fraction(1, 2)
+    assert StepRule("midpoint", 0.1, stages=((half,),), weights=(Fraction(0), Fraction(1)))
+    for wrong in ({"weights": (Fraction(1),)}, {"implicit": frozenset({Part.JOINT_DAMPERS})}, {"with_old_velocities": True}):
+        with pytest.raises(InvalidRequest, match="'wrong' has stages; expected a weight for each and the start, and nothing else"):
+            StepRule("wrong", 0.1, **{"stages": ((half,),), "weights": (Fraction(0), Fraction(1)), **wrong})  # type: ignore[arg-type]

@@ -132,7 +132,7 @@ def test_two_causes_share_the_gap_alike_from_either_side(two_links: Path, heavie
         # The coordinates at either end differ by what the gap itself bends.
         assert shares(forth)[name] == pytest.approx(shares(back)[name], abs=ONE_PERCENT)
     assert max(share.by_order for share in forth.shares) > ONE_PERCENT
-    assert any("in another order" in remark for remark in forth.remarks)
+    assert any("with their order" in remark for remark in forth.remarks)
 
 
 def test_no_gap_has_no_shares(two_links: Path) -> None:
