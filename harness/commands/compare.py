@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._options import subjects_option
 from harness.commands._robots import compare_robots
 from harness.commands._terminal import say
 
@@ -18,8 +19,11 @@ from harness.commands._terminal import say
 )
 @click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
+@subjects_option
 @computing(time_limit=300.0, library=False, floating_base=True)
-def command(bracket: Bracket, files: tuple[Path, ...], renamed: tuple[str, ...], states: int, html_path: str | None) -> None:
+def command(
+    bracket: Bracket, files: tuple[Path, ...], renamed: tuple[str, ...], subjects: tuple[str, ...], states: int, html_path: str | None
+) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
     FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
@@ -31,13 +35,16 @@ def command(bracket: Bracket, files: tuple[Path, ...], renamed: tuple[str, ...],
     Examples:
       harness compare robot.urdf
       harness compare robot.urdf robot.xml --map shoulder=joint1
+      harness compare robot.urdf --subject drake/urdf --subject mujoco@3.13.0/urdf
       harness compare robot.urdf --floating-base --html robot.html
     """
     from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import render, sections
     from harness.storage import write_atomically
 
-    settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)))
+    settings = Settings(
+        tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)), subjects=subjects
+    )
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
     bracket.begin(states, "compare")

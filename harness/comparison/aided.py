@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.questions import Caller, Loaded, Refused, Run
+from harness.comparison.questions import Answers, Caller, Loaded, Question, Refused, Run, ask
 from harness.comparison.states import request_of, spread
 from harness.engines import Unsupported
 from harness.equations.mechanism import Mechanism
@@ -48,7 +48,10 @@ class AidedModel:
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         run = self.prepare(q, v, tau)
-        run.compute()
+        try:
+            run.compute()
+        except Refused as refusal:
+            raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
         return self.accelerations(run)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> Run:
@@ -86,7 +89,11 @@ class AidedEngine:
 
     def __init__(self, caller: Caller) -> None:
         self._caller = caller
-        self.requires, self.formats = caller.requires, caller.formats
+        self.requires, self.formats, self.optional = caller.requires, caller.formats, caller.optional
+
+    def ask(self, question: Question) -> Answers:
+        """See ``harness.comparison.questions.ask``; the engine is plain where nothing is supplied."""
+        return ask(self._caller, question)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> AidedModel:
         if not isinstance(source, RobotMechanism):

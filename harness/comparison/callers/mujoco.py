@@ -19,7 +19,7 @@ from lxml import etree
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
-from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
+from harness.comparison.questions import Aid, Asked, BodyInertia, Caller, Refused, Request, by_joint, projected
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
 from harness.engines._mujoco_versions import fill_mass_matrix
@@ -35,7 +35,7 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 _PARTS = {"planar": 3}
 
 
-class MujocoCaller:
+class MujocoCaller(Caller):
     engine = "mujoco"
     formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("mujoco", "mujoco")

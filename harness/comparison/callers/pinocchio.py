@@ -15,17 +15,15 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
-from harness.comparison.questions import Asked, Refused, Request, projected
+from harness.comparison.questions import Asked, Caller, Refused, Request, projected
 from harness.engines._pinocchio_versions import set_armature
 from harness.engines._standard_error import captured_standard_error
-from harness.models.constraint_law import ConstraintLaw
-from harness.models.constraints import ModelConstraint
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
-class PinocchioCaller:
+class PinocchioCaller(Caller):
     engine = "pinocchio"
     formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("pinocchio", "pin")
@@ -33,18 +31,11 @@ class PinocchioCaller:
     supplied: Mapping[str, str] = dict.fromkeys(
         formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
     )
-    takes_inertias_about_tree = False
     why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
     }
-
-    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
-        return {}
-
-    def fuses(self, root: Any, model_format: str) -> bool:
-        return False
 
     def load(self, request: Request) -> LoadedRobot:
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
