@@ -192,6 +192,9 @@ class Run(Protocol):
 class Loaded(Protocol):
     """A file in an engine.
 
+    One that is asked for more than accelerations has ``quantities(names)``: an object with methods of ``harness.engines._answers``, whose
+    q and v are of the joints of these names.
+
     Attributes:
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
         notes: what had to be taken out of the file before the engine read it, a sentence each.

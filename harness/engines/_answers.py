@@ -33,6 +33,19 @@ from harness.arrays import Array
 if TYPE_CHECKING:
     from harness.engines import Model
 
+METHODS = (
+    "mass_matrix",
+    "gravity",
+    "bias",
+    "inverse_dynamics",
+    "energies",
+    "momenta",
+    "positions",
+    "velocities",
+    "jacobians",
+    "reactions",
+)
+
 
 class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""

@@ -8,20 +8,30 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines._pinocchio_forces import ForceElements
+
+
+class Supplied(Protocol):
+    """What is supplied to a model of its file, in its own order."""
+
+    def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
+        """(nv, n) [N or N m] at configurations (nq, n) and velocities (nv, n)."""
+
+    def potential_energy(self, configuration: Array) -> float:
+        """Of the springs [J], at one configuration (nq,)."""
 
 
 class PinocchioQuantities:
     """The methods of a ``pinocchio.Model`` whose joints have places in q and v."""
 
     model: Any
-    force_elements: ForceElements
+    force_elements: Supplied
+    # Of the joint of the model that each joint is, or a part of.
+    numbers: Sequence[int]
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]
     _data: Any
@@ -94,10 +104,10 @@ class PinocchioQuantities:
         """``forwardKinematics``, ``data.oMi``."""
         import pinocchio
 
-        found = np.empty((len(q), len(self._numbers), 12))
+        found = np.empty((len(q), len(self.numbers), 12))
         for state, position in enumerate(self._configurations(q)):
             pinocchio.forwardKinematics(self.model, self._data, position)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 pose = self._data.oMi[number]
                 found[state, place] = *pose.translation, *pose.rotation.ravel()
         return found
@@ -107,10 +117,10 @@ class PinocchioQuantities:
         import pinocchio
 
         configuration, velocity, _ = self.columns(q, v, v)
-        found = np.empty((len(q), len(self._numbers), 6))
+        found = np.empty((len(q), len(self.numbers), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, strict=True)):
             pinocchio.forwardKinematics(self.model, self._data, *inputs)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 found[state, place] = pinocchio.getVelocity(self.model, self._data, number, pinocchio.LOCAL_WORLD_ALIGNED).vector
         return found
 
@@ -118,19 +128,14 @@ class PinocchioQuantities:
         """``getJointJacobian`` along the world's axes."""
         import pinocchio
 
-        velocities, found = self.addresses[1], np.empty((len(q), len(self._numbers), 6, len(self.addresses[1])))
+        velocities, found = self.addresses[1], np.empty((len(q), len(self.numbers), 6, len(self.addresses[1])))
         for state, position in enumerate(self._configurations(q)):
             pinocchio.computeJointJacobians(self.model, self._data, position)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 own = pinocchio.getJointJacobian(self.model, self._data, number, pinocchio.LOCAL_WORLD_ALIGNED)
                 # A single column comes back with one axis.
                 found[state, place] = np.reshape(own, (6, -1))[:, velocities]
         return found
-
-    @cached_property
-    def _numbers(self) -> list[int]:
-        """The number of the joint of the model that each joint is, or a part of."""
-        return [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
 
     def _configurations(self, q: Array) -> Array:
         still = np.zeros((len(q), len(self.addresses[1])))

@@ -18,6 +18,8 @@ from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
+from harness.robots.mechanism import RobotMechanism
+from harness.robots.robot import Robot, robot_of
 
 
 @dataclass(frozen=True)
@@ -27,17 +29,24 @@ class Question:
     Attributes:
         mechanism: whose joints q, v and tau follow.
         declared: the model file whose numbers are the truth for all that read another of the same mechanism.
-        read: the model file that the engine reads.
+        read: the model file that the engine reads. Both are None for a robot, whose mechanism brings the robot of its one file.
         linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
         softened: makes of a mechanism under the constraints of ``declared`` the one whose constraints give as the engine declares of
             ``read``; None where it holds them rigid.
     """
 
     mechanism: Mechanism
-    declared: ModelFile
-    read: ModelFile
+    declared: ModelFile | None
+    read: ModelFile | None
     linear_velocity_in_body: bool
     softened: Callable[[Mechanism], Mechanism] | None = None
+
+    def robot_of(self, file: ModelFile | None) -> Robot:
+        """The robot of ``declared`` or of ``read``."""
+        if file is not None:
+            return robot_of(file, self.mechanism.gravity)
+        assert isinstance(self.mechanism, RobotMechanism)
+        return self.mechanism.robot
 
 
 class Truth(Protocol):

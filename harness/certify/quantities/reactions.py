@@ -42,7 +42,9 @@ class ReactionTruth:
 
     def __init__(self, question: Question) -> None:
         mechanism, declared = question.mechanism, question.declared
-        self._question = question
+        if declared is None or question.read is None:
+            raise NotOffered("reactions are those of a mechanism's file, which is held against energies; a robot's file has none")
+        self._question, self._declared = question, declared
         self._joints = tuple(dict.fromkeys(mechanism.joints))
         robot = robot_of(declared, mechanism.gravity)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
@@ -83,7 +85,7 @@ class ReactionTruth:
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self.reactions.parameters))
         law = self._reference.mechanism.key
-        return self._question.declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
+        return self._declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
 
     def evaluate(self, states: States) -> Certified:
         """Forces of all joints that transmit something, then moments, (n, 2 joints, 3) [N, N m].
@@ -110,7 +112,7 @@ class ReactionTruth:
         if (comparison.verdicts == Verdict.DISAGREES.value).any():
             worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
             problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
-            raise InvalidModel(self._question.declared.path, None, problem)
+            raise InvalidModel(self._declared.path, None, problem)
 
     def _values_between(self, states: States, reference: Reference) -> Between:
         """The accelerations and the multipliers as values between, with their derivatives by all inputs of the equations of motion."""
@@ -159,7 +161,7 @@ class ReactionTruth:
 
 def _tied(robot: Robot, question: Question) -> Tied:
     mechanism, declared = question.mechanism, question.declared
-    assert mechanism.constraints is not None
+    assert mechanism.constraints is not None and declared is not None
     try:
         return tied_mechanism(robot, declared.constraints, mechanism.constraints, sample(mechanism, _STATES, _SEED))
     except ValueError as problem:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,10 @@ from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, Caller, Refused, Request, by_joint, projected
+from harness.engines import NotOffered
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
+from harness.engines._mujoco_quantities import MujocoQuantities
 from harness.engines._mujoco_versions import fill_mass_matrix
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
@@ -226,12 +229,34 @@ class LoadedRobot:
         positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
         return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
 
+    def quantities(self, names: Sequence[str]) -> _Quantities:
+        if self.is_supplied_with_forces:
+            raise NotOffered("springs of a URDF are supplied to accelerations alone")
+        return _Quantities(self, names)
+
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
         aid = self._request.aid
         if aid is not None and self.is_supplied_with_forces:
             tau = tau + aid.forces.of_springs(q)
         q, v, tau = _in_the_world(self._request.joints, q, v, tau)
         return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
+
+
+class _Quantities(MujocoQuantities):
+    """What MuJoCo computes beside accelerations; q and v are those of joints by their names."""
+
+    def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
+        self.model, self._loaded, self._joints = loaded.model, loaded, names
+
+    @cached_property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        return self._loaded.addresses(self._joints)
+
+    @cached_property
+    def _bodies(self) -> Any:
+        # Not every joint of a file has a name there.
+        first = [self._loaded.addresses([name])[1][0] for name in self._joints]
+        return self.model.dof_bodyid[first]
 
 
 class _Run:
