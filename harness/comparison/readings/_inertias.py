@@ -25,7 +25,7 @@ def moments_of(matrix: Array) -> tuple[float, ...]:
     return tuple(matrix[_ROWS, _COLUMNS].tolist())
 
 
-def computed(value: float, body: Body, what: str) -> Fraction:
-    """A number that a reader computes for a body, and rounds as it does one of the file."""
+def computed(value: float, body: Body, what: str, index: int = 0) -> Fraction:
+    """A number that a reader computes for a body, and rounds as it does one of the file; ``index`` among those called ``what``."""
     place = body.place if body.inertia is None else body.inertia.place
-    return Fraction(value) if place is None else Given(value, place, what)
+    return Fraction(value) if place is None else Given(value, place, what, index)

@@ -35,7 +35,8 @@ def _boxes(robot: Robot) -> Tree:
             return None
         x, y, z = (4 * half**2 for half in half_extents(body))
         mass = float(body.inertia.mass) / 12
-        moments = (computed(mass * square, body, "moment of PyBullet's box") for square in (y + z, x + z, x + y))
+        squares = enumerate((y + z, x + z, x + y))
+        moments = (computed(mass * square, body, "moment of PyBullet's box", index) for index, square in squares)
         return replace(body.inertia, moments=(*moments, *_NONE))
 
     return with_inertias(robot.tree, read)
