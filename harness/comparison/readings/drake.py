@@ -16,15 +16,15 @@ _DENSITY, _MASS = 1000.0, 1.0
 # That Drake's parser of MJCF knows.
 _ACTUATORS = ("motor", "position")
 _PARSER = 'Drake documentation, "Parsing model files", MJCF; multibody/parsing/detail_mujoco_parser.cc'
-# Of the trace, by which moments may be off: RotationalInertia::CouldBePhysicallyValid.
-_ROUNDINGS = 64 * 2.0**-52
+# Of half the trace, or of 1 kg m^2 where that is more, by which moments may be off: RotationalInertia::CouldBePhysicallyValid.
+_ROUNDINGS = 16 * 2.0**-52
 
 
 def _is_possible(inertia: Inertia) -> bool:
     matrix = matrix_of(inertia)
     if not inertia.mass > 0:
         return not (inertia.mass or matrix.any())
-    moments, allowed = np.linalg.eigvalsh(matrix), _ROUNDINGS * float(np.trace(matrix)) / 2
+    moments, allowed = np.linalg.eigvalsh(matrix), _ROUNDINGS * max(1.0, float(np.trace(matrix)) / 2)
     return bool(moments[0] >= -allowed and moments[0] + moments[1] + allowed >= moments[2])
 
 
@@ -67,7 +67,33 @@ def _written_gravity(robot: Robot) -> Tree:
     )
 
 
+def _in_a_row(robot: Robot) -> Tree:
+    """Of several joints of a body, all but the last carry bodies of their own, without a pose."""
+    taken = {body.name for body in robot.tree.bodies}
+    bodies: list[Body] = []
+    for body in robot.tree.bodies:
+        parent = body.parent
+        for joint in body.joints[:-1]:
+            name = next(f"{body.name} {number}" for number in range(len(taken) + 1) if f"{body.name} {number}" not in taken)
+            taken.add(name)
+            bodies.append(Body(name, parent, (), (joint,), None, body.place))
+            parent = name
+        bodies.append(replace(body, parent=parent, joints=body.joints[-1:]))
+    return replace(robot.tree, bodies=tuple(bodies)) if len(bodies) > len(robot.tree.bodies) else robot.tree
+
+
 READINGS = (
+    Reading(
+        name="several joints of a body",
+        engine="drake",
+        formats=("mjcf",),
+        sentence="Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
+        concerns="bodies",
+        source="Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
+        tree=_in_a_row,
+        after=("frames",),
+    ),
+    _left_out.frames("drake", ("mjcf",), "Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
     Reading(
         name="settings of the compiler",
         engine="drake",
