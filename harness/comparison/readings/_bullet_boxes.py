@@ -35,7 +35,8 @@ def half_extents(body: Body) -> Array:
     for collision in collisions:
         size, (own_turn, own_origin) = _half_size(collision), _frame(collision)
         assert size is not None
-        half, centre = np.abs(turn.T @ own_turn) @ size, turn.T @ (own_origin - origin)
+        half = size if collision.find("geometry/sphere") is not None else np.abs(turn.T @ own_turn) @ size
+        centre = turn.T @ (own_origin - origin)
         is_alone = is_alone and (own_turn == turn).all() and (turn == np.eye(3)).all() and not centre.any()
         lowest, highest = np.minimum(lowest, centre - half), np.maximum(highest, centre + half)
     extents: Array = (highest - lowest) / 2
