@@ -59,15 +59,16 @@ class RobotLibrary(CallersLibrary):
             )
         (folder,) = folders.values()
         names = ", ".join(Path(path).name for path in formats)
-        return cls(
-            names,
-            folder,
-            folder,
-            cls.without_files().engines,
-            folder / "expected_verdicts.toml",
-            folder / "hard_states",
-            formats,
-            floating_base,
+        callers = cls.without_files()
+        return replace(
+            callers,
+            name=names,
+            systems=folder,
+            models=folder,
+            expected_verdicts=folder / "expected_verdicts.toml",
+            hard_states=folder / "hard_states",
+            formats=formats,
+            floating_base=floating_base,
         )
 
     def __hash__(self) -> int:

@@ -13,8 +13,9 @@ import copy
 import importlib
 import pkgutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from harness.comparison.questions import Caller
 from harness.environments.folders import split_name
@@ -36,16 +37,18 @@ def caller_of(engine: str) -> Caller:
 
 @dataclass(frozen=True)
 class CallersLibrary(Library):
-    """A library whose engines are the callers."""
+    """A library whose engines are the callers, which stand in ``folders``."""
+
+    folders: tuple[Path, ...] = field(default_factory=lambda: tuple(map(Path, __path__)))
 
     @classmethod
-    def without_files(cls) -> CallersLibrary:
+    def without_files(cls) -> Self:
         """The engines alone."""
         folder = Path(__path__[0])
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     def engine_folders(self) -> list[Path]:
-        return [Path(folder) for folder in __path__]
+        return list(self.folders)
 
     def native(self, formats: Sequence[str]) -> Sequence[str]:
         """All: a user has one file, and asks about every engine that reads it."""

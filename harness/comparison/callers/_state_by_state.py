@@ -7,7 +7,7 @@ and answers are turned between the harness's order and axes and the engine's her
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines import Unsupported
-from harness.engines._rotations import FREE, Columns, rotation
+from harness.engines._rotations import Columns, rotation
 from harness.robots.nodes import SIZES
 
 _SINGLE_AXIS = ("hinge", "slide")
@@ -165,9 +165,9 @@ class FloatingBase(StateByState):
         return self._whole_bias()[6 - self._first :]
 
 
-def refuse_joints(request: Request, engine: str, floats: bool = True) -> None:
-    """Raises Refused for joints that the harness does not ask the engine about; ``floats``: whether it is asked with a floating base."""
+def refuse_joints(request: Request, engine: str, floating: Collection[str]) -> None:
+    """Raises Refused for joints that the harness does not ask the engine about: all of several axes but the free ones ``floating``."""
     for joint in request.joints:
-        is_base = joint.name == request.floating_base and SIZES[joint.kind] == FREE
-        if joint.kind not in _SINGLE_AXIS and not (floats and is_base):
+        is_asked = joint.name in floating and joint.kind == "free" and joint.is_measured_in_the_world
+        if joint.kind not in _SINGLE_AXIS and not is_asked:
             raise Refused(f"the harness asks {engine} about no {joint.kind} joint, as {joint.name!r} is", joint.name)

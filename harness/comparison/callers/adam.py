@@ -38,7 +38,7 @@ class AdamCaller(Caller):
     def load(self, request: Request) -> Loaded:
         from adam.numpy import KinDynComputations
 
-        refuse_joints(request, "adam")
+        refuse_joints(request, "adam", [request.floating_base])
         own_joints = [joint.name for joint in request.joints if joint.name != request.floating_base]
         # It prints the elements that it does not know.
         with captured_output():

@@ -47,7 +47,7 @@ class DartCaller(Caller):
     def load(self, request: Request) -> Loaded:
         import dartpy
 
-        refuse_joints(request, "DART")
+        refuse_joints(request, "DART", [request.floating_base])
         loader, kinds = dartpy.utils.DartLoader(), dartpy.utils.DartLoaderRootJointType
         loader.setOptions(dartpy.utils.DartLoaderOptions(defaultRootJointType=kinds.FLOATING if request.floating_base else kinds.FIXED))
 

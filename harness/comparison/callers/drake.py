@@ -15,7 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import StateByState, refuse_joints
-from harness.comparison.callers._urdf import root_link
+from harness.comparison.callers._urdf import elements_of, root_link
 from harness.comparison.questions import Aid, Caller, Loaded, Refused, Request
 from harness.engines._rotations import FREE
 from harness.models.mjcf_forces import WORLD
@@ -43,7 +43,8 @@ class DrakeCaller(Caller):
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import MultibodyPlant
 
-        refuse_joints(request, "Drake")
+        floating = _floating_bodies(request)
+        refuse_joints(request, "Drake", floating.values())
         # Its warnings are the user's to read; what they say is a reading, or bears on no acceleration.
         logging.getLogger("drake").setLevel(logging.ERROR)
         plant = MultibodyPlant(0.0)
@@ -56,7 +57,7 @@ class DrakeCaller(Caller):
             plant.Finalize()
         except RuntimeError as error:
             raise Refused(" ".join(str(error).split())) from error
-        return LoadedRobot(plant, request)
+        return LoadedRobot(plant, request, floating)
 
 
 def _supply(plant: Any, request: Request, aid: Aid) -> None:
@@ -77,9 +78,9 @@ class LoadedRobot(StateByState):
     rotation_first = True
     applies_dampers = True
 
-    def __init__(self, plant: Any, request: Request) -> None:
+    def __init__(self, plant: Any, request: Request, floating: Mapping[str, str]) -> None:
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-        self._joints = {_name_in_file(joint, request): joint for joint in joints if joint.num_velocities()}
+        self._joints = {floating.get(joint.name(), joint.name()): joint for joint in joints if joint.num_velocities()}
         super().__init__(request, {name: joint.velocity_start() for name, joint in self._joints.items()}, plant.num_velocities())
         # An actuator has what the harness supplies.
         self._armature[:] = 0.0
@@ -116,10 +117,19 @@ class LoadedRobot(StateByState):
         return np.asarray(plant.CalcBiasTerm(context) - plant.CalcGeneralizedForces(context, forces))
 
 
-def _name_in_file(joint: Any, request: Request) -> str:
-    """Drake names a joint that floats after its body."""
-    floats = joint.type_name() == "quaternion_floating"
-    return request.floating_base if floats and request.floating_base else str(joint.name())
+def _floating_bodies(request: Request) -> dict[str, str]:
+    """The joints that float, by their bodies, after which Drake names them.
+
+    Raises:
+        Refused: a joint of an MJCF has no name.
+    """
+    if request.format == "urdf":
+        return {root_link(request): request.floating_base} if request.floating_base else {}
+    written = [joint for joint in elements_of(request).iterfind("worldbody//*") if joint.tag in ("joint", "freejoint")]
+    if unnamed := {joint.name for joint in request.joints} - {joint.get("name") for joint in written}:
+        raise Refused(f"the harness asks Drake about no joint without a name in this file, as {', '.join(sorted(unnamed))}")
+    kinds = {joint.name: joint.kind for joint in request.joints}
+    return {joint.getparent().get("name"): joint.get("name") for joint in written if kinds.get(joint.get("name")) == "free"}
 
 
 CALLER = DrakeCaller()

@@ -39,7 +39,7 @@ class IdyntreeCaller(Caller):
     def load(self, request: Request) -> Loaded:
         import idyntree.bindings as idyntree
 
-        refuse_joints(request, "iDynTree")
+        refuse_joints(request, "iDynTree", [request.floating_base])
         loader = idyntree.ModelLoader()
         # The reasons go to standard error alone.
         with captured_standard_error() as captured:

@@ -260,7 +260,11 @@ class _Quantities(MujocoQuantities):
 
 
 class _Run:
-    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state."""
+    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state.
+
+    Attributes:
+        rows: q, v and forces of each state. found: accelerations of each, (n, nv), or with couplings of the joints that move by themselves.
+    """
 
     def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
         import mujoco
@@ -270,16 +274,16 @@ class _Run:
         configuration = np.tile(self._data.qpos, (len(q), 1))
         velocity, force = np.zeros((len(q), model.nv)), np.zeros((len(q), model.nv))
         configuration[:, loaded.positions], velocity[:, loaded.velocities], force[:, loaded.velocities] = q, v, tau
-        self._rows = list(zip(configuration, velocity, force, strict=True))
+        self.rows = list(zip(configuration, velocity, force, strict=True))
         couplings = loaded.couplings
-        self._found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
+        self.found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
 
     def compute(self) -> None:
         import mujoco
 
-        model, data, found, couplings = self._loaded.model, self._data, self._found, self._loaded.couplings
+        model, data, found, couplings = self._loaded.model, self._data, self.found, self._loaded.couplings
         qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
-        for state, (q, v, force) in enumerate(self._rows):
+        for state, (q, v, force) in enumerate(self.rows):
             qpos[:], qvel[:], applied[:] = q, v, force
             # A solver that starts from the last answer would make this one depend on it.
             data.qacc_warmstart[:] = 0.0
@@ -287,7 +291,7 @@ class _Run:
             found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
 
     def accelerations(self) -> Array:
-        found = self._found[:, self._loaded.velocities] if self._loaded.couplings is None else self._found
+        found = self.found[:, self._loaded.velocities] if self._loaded.couplings is None else self.found
         columns = by_joint(self._loaded.joints, found)
         return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
 

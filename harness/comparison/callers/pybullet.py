@@ -46,7 +46,7 @@ class PybulletCaller(Caller):
     }
 
     def load(self, request: Request) -> Loaded:
-        refuse_joints(request, "PyBullet", floats=False)
+        refuse_joints(request, "PyBullet", ())
         if request.aid is None:
             return LoadedRobot(_read(0, text_of(without_shapes(elements_of(request), meshes_alone=True))), _notes(request), request)
         return LoadedRobot(_read(_INERTIAS_OF_FILE, _with_inertias(request)), (), request)

@@ -19,6 +19,8 @@ from harness.robots.tree import Body
 
 # gUrdfDefaultCollisionMargin [m].
 _MARGIN = 0.001
+# As btPolyhedralConvexShape and btCapsuleShape have it.
+_TWELFTH = 0.08333333
 
 
 def half_extents(body: Body) -> Array:
@@ -33,7 +35,8 @@ def half_extents(body: Body) -> Array:
     for collision in collisions:
         size, (own_turn, own_origin) = _half_size(collision), _frame(collision)
         assert size is not None
-        half, centre = np.abs(turn.T @ own_turn) @ size, turn.T @ (own_origin - origin)
+        half = size if collision.find("geometry/sphere") is not None else np.abs(turn.T @ own_turn) @ size
+        centre = turn.T @ (own_origin - origin)
         is_alone = is_alone and (own_turn == turn).all() and (turn == np.eye(3)).all() and not centre.any()
         lowest, highest = np.minimum(lowest, centre - half), np.maximum(highest, centre + half)
     extents: Array = (highest - lowest) / 2
@@ -41,12 +44,14 @@ def half_extents(body: Body) -> Array:
 
 
 def _of_single_shape(collision: etree._Element, extents: Array) -> Array:
-    """Of a shape by itself: a sphere has the moments of a cube, a cylinder its margin once more."""
+    """Of a shape by itself: a sphere has the moments of a cube, a cylinder its margin once more, and 1/12 is rounded for some."""
     shape = collision.find("geometry/*")
     if shape.tag == "sphere":
         # 2/5 m r^2 is m/12 of twice the square of this edge.
         return extents * math.sqrt(0.6)
-    return extents + _MARGIN if shape.tag == "cylinder" else extents
+    if shape.tag == "box":
+        return extents
+    return (extents + (_MARGIN if shape.tag == "cylinder" else 0.0)) * math.sqrt(12 * _TWELFTH)
 
 
 def _half_size(collision: etree._Element) -> Array | None:

@@ -10,9 +10,9 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from harness.comparison.readings import Reading, freed, with_joints
+from harness.comparison.readings import Reading, freed, with_joints, without_bodies
 from harness.robots.robot import Robot
-from harness.robots.tree import Tree
+from harness.robots.tree import Body, Joint, Solid, Tree
 
 Declare = Callable[..., Reading]
 
@@ -37,6 +37,32 @@ def _without_tendons(robot: Robot) -> Tree:
     return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
 
 
+def _is_framed(part: Body | Solid) -> bool:
+    """An element's own placement stands behind those of the frames around it."""
+    return len(part.pose) > 1
+
+
+def _has_no_frame(joint: Joint) -> bool:
+    return not joint.pose
+
+
+def _without_frames(robot: Robot) -> Tree:
+    tree = without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)])
+    if not any(joint.pose for joint in tree.joints) and not any(_is_framed(solid) for body in tree.bodies for solid in body.solids):
+        return tree
+    return replace(
+        tree,
+        bodies=tuple(
+            replace(
+                body,
+                joints=tuple(filter(_has_no_frame, body.joints)),
+                solids=tuple(solid for solid in body.solids if not _is_framed(solid)),
+            )
+            for body in tree.bodies
+        ),
+    )
+
+
 def _declaring(name: str, concerns: str, tree: Callable[[Robot], Tree], is_supplied: bool = True) -> Declare:
     def declare(engine: str, formats: Sequence[str], sentence: str, source: str, supplied: bool = is_supplied) -> Reading:
         return Reading(name, engine, tuple(formats), sentence, concerns, source, tree, supplied)
@@ -49,3 +75,4 @@ springs = _declaring("springs", "joints", _without("stiffness"))
 rotors = _declaring("rotor inertias", "joints", _without("armature"))
 mimics = _declaring("mimic joints", "joints", _without_mimics)
 tendons = _declaring("tendons", "tendons", _without_tendons, is_supplied=False)
+frames = _declaring("frames", "elements", _without_frames, is_supplied=False)

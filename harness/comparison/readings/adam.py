@@ -22,16 +22,16 @@ def _gravity(robot: Robot) -> Tree:
 
 
 READINGS = (
-    _left_out.dampers("adam", _FORMATS, "adam applies no joint damping", _PARSER),
-    _left_out.springs("adam", _FORMATS, "adam reads no springs", _PARSER),
-    _left_out.rotors("adam", _FORMATS, "adam reads no rotor inertias", _PARSER),
-    _left_out.mimics("adam", _FORMATS, "adam takes a joint that mimics another for one that moves by itself", _PARSER),
-    _left_out.tendons("adam", _FORMATS, "adam reads no springs between points", _PARSER),
+    _left_out.dampers("adam", _FORMATS, "The computations of adam apply no joint damping", _PARSER),
+    _left_out.springs("adam", _FORMATS, "The parser of adam reads no springs", _PARSER),
+    _left_out.rotors("adam", _FORMATS, "The parser of adam reads no rotor inertias", _PARSER),
+    _left_out.mimics("adam", _FORMATS, "The parser of adam takes a joint that mimics another for one that moves by itself", _PARSER),
+    _left_out.tendons("adam", _FORMATS, "The parser of adam reads no springs between points", _PARSER),
     Reading(
         name="gravity",
         engine="adam",
         formats=_FORMATS,
-        sentence="adam takes 9.80665 m/s^2 along -z for gravity, rounded to float32",
+        sentence="The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
         concerns="files",
         source="adam, src/adam/numpy/computations.py, KinDynComputations: gravity",
         tree=_gravity,

@@ -3,9 +3,10 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.comparison.readings import Reading, _left_out, with_inertias, with_joints
+from harness.comparison.readings import Reading, _left_out, with_joints
+from harness.comparison.readings._inertias import with_unit_inertias
 from harness.robots.robot import Robot
-from harness.robots.tree import WORLD, Body, Inertia, Joint, Tree
+from harness.robots.tree import Joint, Tree
 
 _FORMATS = ("urdf",)
 _LOADER = "DART, dart/utils/urdf/DartLoader.cpp, which reads links, and of joints origin, axis, limits, dynamics and mimic"
@@ -23,13 +24,7 @@ def _damped_implicitly(robot: Robot) -> Tree:
 
 
 def _with_default_inertias(robot: Robot) -> Tree:
-    def read(body: Body) -> Inertia | None:
-        if body.inertia is not None or body.name == WORLD:
-            return body.inertia
-        one = Fraction(1)
-        return Inertia((), one, (one, one, one, *[Fraction(0)] * 3), body.place)
-
-    return with_inertias(robot.tree, read)
+    return with_unit_inertias(robot.tree)
 
 
 READINGS = (

@@ -8,7 +8,7 @@ import numpy as np
 from harness.comparison.readings import Reading, _left_out, with_inertias
 from harness.comparison.readings._bullet_boxes import half_extents
 from harness.comparison.readings._bullet_matrices import diagonalized
-from harness.comparison.readings._inertias import computed, matrix_of, moments_of
+from harness.comparison.readings._inertias import computed, matrix_of, moments_of, moving, with_unit_inertias
 from harness.robots.robot import Robot
 from harness.robots.tree import Body, Inertia, Tree
 
@@ -20,22 +20,21 @@ _NONE = (Fraction(0),) * 3
 
 
 def _with_masses(robot: Robot) -> Tree:
-    def read(body: Body) -> Inertia | None:
-        one = Fraction(1)
-        return body.inertia or Inertia((), one, (one, one, one, *_NONE), body.place)
-
-    return with_inertias(robot.tree, read)
+    return with_unit_inertias(robot.tree)
 
 
 def _boxes(robot: Robot) -> Tree:
     """In the frame of the inertia; a body without mass has none."""
 
+    moved = moving(robot.tree)
+
     def read(body: Body) -> Inertia | None:
-        if body.inertia is None:
-            return None
+        if body.inertia is None or body.name not in moved:
+            return body.inertia
         x, y, z = (4 * half**2 for half in half_extents(body))
         mass = float(body.inertia.mass) / 12
-        moments = (computed(mass * square, body, "moment of PyBullet's box") for square in (y + z, x + z, x + y))
+        squares = enumerate((y + z, x + z, x + y))
+        moments = (computed(mass * square, body, "moment of PyBullet's box", index) for index, square in squares)
         return replace(body.inertia, moments=(*moments, *_NONE))
 
     return with_inertias(robot.tree, read)
@@ -69,7 +68,7 @@ READINGS = (
         name="links without inertia",
         engine="pybullet",
         formats=_FORMATS,
-        sentence="PyBullet gives a link without <inertial> 1 kg, and warns of it",
+        sentence="PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
         concerns="links",
         source="bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
         tree=_with_masses,
