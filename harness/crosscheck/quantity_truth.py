@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.crosscheck.tasks import Assignment, frame_of
 from harness.crosscheck.truth import softened, softness_of
-from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine
+from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine, step_rules
 from harness.engines._audit import require_constraints
 from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -26,14 +26,16 @@ def truth_of(quantity: Quantity, system: str, assignment: Assignment) -> Truth:
         return _TRUTHS.get((quantity.name, mechanism.key, in_body), lambda: quantity.truth(Question(mechanism, None, None, in_body)))
     declared = declared_model(assignment.library, system)
     read = declared if assignment.model is None else assignment.model
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    rules = step_rules(engine, read)
     laws: Mapping[str, ConstraintLaw] = {}
     if mechanism.constraints is not None:
         require_constraints(declared, mechanism)
         require_constraints(read, mechanism)
-        laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), read)
+        laws = constraint_laws(engine, read)
         softening = _softening(laws, read) if laws else None
-    key = quantity.name, mechanism.key, declared.text, read.text, in_body, tuple(laws.items())
-    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, in_body, softening)))
+    key = quantity.name, mechanism.key, declared.text, read.text, in_body, tuple(laws.items()), rules
+    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, in_body, softening, rules)))
 
 
 def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:

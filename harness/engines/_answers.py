@@ -17,6 +17,8 @@ was given, each once.
 - ``reactions(q, v, tau)``: what each joint transmits, (n, joints, 6): the force [N] and the moment [N m] that the parent exerts on the
   child; the moment is about the point of ``positions``. Springs between points pull from outside, and so do constraints that hold
   points or frames together; couplings of joints act through the joints. The row of a free joint is not looked at.
+- ``step(q, v, tau, length, integrator)``: q and v after one step of that length [s] by an integrator that the engine declares a rule of,
+  (n, nq + nv).
 
 Vectors are along the world's axes.
 """
@@ -59,7 +61,7 @@ class InvalidAnswer(Exception):
     """An engine returned something else than was asked for; the message says what. Verdict ``error``."""
 
 
-def answer_of(model: Model, method: str, arguments: Sequence[Array], shape: tuple[int, ...]) -> Array:
+def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[int, ...]) -> Array:
     """What a method of the model returns, which may hold numbers that are not finite.
 
     Raises:

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare
 from harness.certify.multipliers import MultiplierKernel
 from harness.certify.quantities import Quantity, Question
+from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantity import Between, Certified, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
@@ -23,7 +23,6 @@ from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidModel
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
 from harness.robots.reactions import have_same_points, reactions_program
@@ -31,7 +30,6 @@ from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot, robot_of
 from harness.robots.tied_mechanism import Tied, tied_mechanism
 from harness.robots.tree import Given
-from harness.verdict import AGREEMENT, Verdict
 
 # States at which the independent rows of constraints are found.
 _STATES, _SEED = 4, 0
@@ -94,7 +92,8 @@ class ReactionTruth:
             InvalidModel: the accelerations of the declared file are not those of the energies.
         """
         reference = self._reference.evaluate(states)
-        self._hold_against_energies(states, reference if self._rigid is self._reference else self._rigid.evaluate(states))
+        rigid = reference if self._rigid is self._reference else self._rigid.evaluate(states)
+        hold_against_energies(self._declared, self._energies, states, rigid)
         between = self._values_between(states, reference)
         inputs = np.concatenate([states.q, states.v, between.high, states.time[:, None]], axis=1)
         numbers = np.broadcast_to([float(value) for value in self.reactions.parameters], (len(states), len(self.reactions.parameters)))
@@ -105,14 +104,6 @@ class ReactionTruth:
         inputs, shape = (states.q, states.v, states.tau), (len(states), len(self._joints), 6)
         found = answer_of(model, "reactions", inputs, shape)[:, [self._joints.index(name) for name in self.reactions.joints]]
         return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
-
-    def _hold_against_energies(self, states: States, reference: Reference) -> None:
-        """Numbers are no truth for a mechanism that does not move as they say; ``reference`` holds its constraints rigid."""
-        comparison = compare(self._energies.evaluate(states), np.asarray(reference.high))
-        if (comparison.verdicts == Verdict.DISAGREES.value).any():
-            worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
-            problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
-            raise InvalidModel(self._declared.path, None, problem)
 
     def _values_between(self, states: States, reference: Reference) -> Between:
         """The accelerations and the multipliers as values between, with their derivatives by all inputs of the equations of motion."""

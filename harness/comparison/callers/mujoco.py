@@ -25,9 +25,11 @@ from harness.engines import NotOffered
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
 from harness.engines._mujoco_quantities import MujocoQuantities
+from harness.engines._mujoco_steps import rules_in, step
 from harness.engines._mujoco_versions import fill_mass_matrix
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
+from harness.models.step_rule import StepRule
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -59,6 +61,9 @@ class MujocoCaller(Caller):
 
     def fuses(self, root: Any, model_format: str) -> bool:
         return fuses(root, model_format)
+
+    def step_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
+        return rules_in(settings(root, model_format))
 
     def load(self, request: Request) -> LoadedRobot:
         import mujoco
@@ -223,6 +228,21 @@ class LoadedRobot:
     def is_supplied_with_forces(self) -> bool:
         aid = self._request.aid
         return aid is not None and self._request.format == "urdf" and bool(aid.forces.springs)
+
+    def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
+        after = step(
+            self.model,
+            (self.positions, self.velocities),
+            q[self.q_columns][None],
+            v[self.v_columns][None],
+            np.zeros((1, len(self.v_columns))),
+            rule.length,
+            rule.name,
+            steps,
+        )[0]
+        q, v = q.copy(), v.copy()
+        q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
+        return q, v
 
     def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
         own = [self._own[name] for name in names]
