@@ -111,6 +111,10 @@ def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States
     found = truth.answers(model, states)
     spent = (time.perf_counter() - started) / len(states)
     comparison = judge_answers(certified, found)
-    disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-    remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}" if disagrees else ""
+    if not (comparison.verdicts == Verdict.DISAGREES.value).any():
+        remark = ""
+    elif quantity.describe is None:
+        remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}"
+    else:
+        remark = quantity.describe(truth, states, certified, found)
     return Answers(comparison, [spent], remark=remark)

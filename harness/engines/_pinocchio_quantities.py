@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines import _pinocchio_derivatives
 from harness.engines._pinocchio_forces import ForceElements
 
 
@@ -22,6 +23,7 @@ class PinocchioQuantities:
 
     model: Any
     force_elements: ForceElements
+    constraints: Any
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]
     _data: Any
@@ -65,6 +67,14 @@ class PinocchioQuantities:
         states = zip(configuration.T, velocity.T, acceleration.T, strict=True)
         forces = [np.array(pinocchio.rnea(self.model, self._data, *state)) for state in states]
         return self._ordered([force - own for force, own in zip(forces, passive.T, strict=True)])
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """``computeABADerivatives``."""
+        return _pinocchio_derivatives.forward(self, q, v, tau)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``computeRNEADerivatives``."""
+        return _pinocchio_derivatives.inverse(self, q, v, qdd)
 
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""

@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from harness.arrays import Array
 from harness.certify.quantity import Certified
@@ -71,10 +71,13 @@ class Quantity:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
             ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
+            enough to name the block that is farthest off.
     """
 
     name: str
     truth: Callable[[Question], Truth]
+    describe: Callable[[Any, States, Certified, Array], str] | None = None
 
 
 def find_quantities() -> dict[str, Quantity]:
