@@ -26,7 +26,6 @@ class Truth(Protocol):
     """What of ``harness.certify.quantities.derivatives.DerivativeTruth`` mistakes are recognised by."""
 
     mechanism: Mechanism
-    in_body: bool
 
     # What the matrices are called, "d(qdd)/d(q)" and so on; each column; and each row.
     parts: tuple[str, str, str]
@@ -99,31 +98,27 @@ def _terms(truth: Truth, states: States, matrices: Array) -> Undone:
         for what, times in ways.items():
             for part in (_BY_POSITION, _BY_VELOCITY):
                 yield (
-                    f"In {truth.parts[part]} that of the {term} {what}",
+                    f"In {truth.parts[part]} the derivative of the {term} {what}",
                     _with(matrices, part, matrices[:, part] + times * columns[:, part]),
                 )
-            yield f"That of the {term} {what}", matrices + times * columns
+            yield f"The derivative of the {term} {what}", matrices + times * columns
     nv = matrices.shape[2]
     for term, columns in terms.items():
         for what, times in ways.items():
             for block, name in enumerate(truth.blocks[: 2 * nv]):
                 changed = matrices.copy()
                 changed[:, block // nv, block % nv] += times * columns[:, block // nv, block % nv]
-                yield f"In the {name} that of the {term} {what}", changed
+                yield f"In the {name} the derivative of the {term} {what}", changed
 
 
 def _tangents(truth: Truth, states: States, matrices: Array) -> Undone:
     mechanism, by_position = truth.mechanism, matrices[:, _BY_POSITION]
     for number, first in enumerate(mechanism.attitudes):
-        joint, turn = mechanism.joints[first], _rotations(states.q[:, first + number : first + number + 4])
+        joint, turn = mechanism.joints[first], rotations(states.q[:, first + number : first + number + 4])
         back, same = turn.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turn.shape)
         ways = {"about the axes of its parent": back, "by half its angle": 2.0 * same, "by twice its angle": 0.5 * same}
         for name, matrix in ways.items():
             yield f"{truth.parts[_BY_POSITION]} turns joint {joint!r} {name}", _with(matrices, 0, _mixed(by_position, first, matrix))
-        if mechanism.joints.index(joint) < first:
-            name, matrix = ("its parent", back) if truth.in_body else ("its body", turn)
-            undone = _with(matrices, 0, _mixed(by_position, first - 3, matrix))
-            yield f"{truth.parts[_BY_POSITION]} moves joint {joint!r} along the axes of {name}", undone
 
 
 def _mixed(columns: Array, first: int, matrix: Array) -> Array:
@@ -133,7 +128,7 @@ def _mixed(columns: Array, first: int, matrix: Array) -> Array:
     return changed
 
 
-def _rotations(quaternions: Array) -> Array:
+def rotations(quaternions: Array) -> Array:
     """The rotation matrices, (n, 3, 3), from the body's frame to the parent's, of quaternions (w, x, y, z)."""
     w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1)[:, None]).T
     rows = [

@@ -14,7 +14,7 @@ Derivatives of inverse dynamics are asked for at the accelerations that tau caus
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,27 +87,30 @@ class DerivativeTruth:
     def evaluate(self, states: States) -> Certified:
         """Columns by q, v and the third vector, (n, 3 nv, nv)."""
         reference = self._reference.evaluate(states)
-        factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.mechanism.nv))
-        if self.dynamics.is_inverse:
-            factor = np.ascontiguousarray(np.linalg.inv(factor).transpose(0, 2, 1))
-        inputs = self._inputs(states, reference)
+        factor, inputs = self._factor(reference), self._inputs(states, self._third(states, reference))
         split = list(self._charts.split(states.q))
         parts = [self._kernels[chart].evaluate(inputs[some], norm_factor=factor[some]) for chart, some in split]
-        return Certified.concatenate(parts)[np.argsort(np.concatenate([some for _, some in split]))]
+        found = Certified.concatenate(parts)[np.argsort(np.concatenate([some for _, some in split]))]
+        return replace(found, certified=found.certified & reference.certified)
+
+    def third(self, states: States) -> Array:
+        """What is given beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
+        return self._third(states, self._reference.evaluate(states)) if self.dynamics.is_inverse else states.tau
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
         nv = self.mechanism.nv
-        third = self._reference.evaluate(states).high if self.dynamics.is_inverse else states.tau
         time = (states.time,) if getattr(model, "takes_time", False) else ()
-        return by_columns(answer_of(model, self.dynamics.method, (states.q, states.v, third, *time), (len(states), 3, nv, nv)))
+        arguments = states.q, states.v, self.third(states), *time
+        return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, nv, nv)))
 
     def of_terms(self, states: States) -> dict[str, Array]:
         """What each term of the forces adds to the blocks, in float64, by its name; see ``terms_of_forces``."""
         reference, nv = self._reference.evaluate(states), self.mechanism.nv
-        inputs, found = self._inputs(states, reference, accelerations=True), dict[str, Array]()
+        inputs, found = self._inputs(states, reference.high), dict[str, Array]()
+        factor = self._factor(reference)
         # Of forward dynamics, -M^-1 times the derivatives of the forces.
-        inverse = np.linalg.inv(reference.norm_factor)
+        inverse = np.linalg.inv(factor)
         solved = np.broadcast_to(np.eye(nv), inverse.shape) if self.dynamics.is_inverse else -inverse @ inverse.transpose(0, 2, 1)
         for chart, chosen in self._charts.split(states.q):
             program = terms_of_forces(self.mechanism, self._charts.programs[chart], self.in_body)
@@ -126,12 +129,17 @@ class DerivativeTruth:
             found[chart] = QuantityKernel(self.dynamics.write(self.mechanism, program, self.in_body), blocks, sizes=sizes)
         return found
 
-    def _inputs(self, states: States, reference: Reference, accelerations: bool | None = None) -> Array:
+    def _factor(self, reference: Reference) -> Array:
+        """The factor of the norm of a column, (n, nv, nv)."""
+        factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.mechanism.nv))
+        return np.ascontiguousarray(np.linalg.inv(factor).transpose(0, 2, 1)) if self.dynamics.is_inverse else factor
+
+    def _third(self, states: States, reference: Reference) -> Array:
+        return reference.high if self.dynamics.is_inverse else states.tau
+
+    def _inputs(self, states: States, third: Array) -> Array:
         """Inputs of the programs, (n, inputs)."""
-        inputs, first = np.ascontiguousarray(self.mechanism.inputs(states).T), self.mechanism.nq + self.mechanism.nv
-        if self.dynamics.is_inverse if accelerations is None else accelerations:
-            inputs[:, first : first + self.mechanism.nv] = reference.high
-        return inputs
+        return np.ascontiguousarray(self.mechanism.inputs(replace(states, tau=third)).T)
 
 
 def coordinate_names(mechanism: Mechanism) -> Iterator[str]:
