@@ -155,7 +155,8 @@ class LoadedSystem:
         # Blocks are columns.
         matrices, bounds = (blocks.reshape(shape).transpose(0, 1, 3, 2) for blocks in (found.high, bound))
         data_roundoff = UNIT_ROUNDOFF * found.sensitivity.reshape(shape[:3])
-        return Derivatives(*(matrices[:, part] for part in range(3)), bounds, data_roundoff, found.certified)
+        by_position, by_velocity, by_force = matrices.transpose(1, 0, 2, 3)
+        return Derivatives(by_position, by_velocity, by_force, bounds, data_roundoff, found.certified)
 
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
