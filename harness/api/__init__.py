@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from harness.api.loaded_system import Accelerations as Accelerations
+from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
 from harness.library import Library
 from harness.results.records import Records

@@ -24,7 +24,7 @@ import numpy as np
 
 from harness.arrays import Array, Rows
 from harness.certify.compare import Comparison
-from harness.certify.forward_mode import jacobians, values
+from harness.certify.forward_mode import jacobians, most_at_once, values
 from harness.certify.in_balls import parts_of
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SMALLEST_SCALE, SOUGHT_RADIUS, Flags
@@ -113,6 +113,7 @@ class QuantityKernel:
         self.program, self._of_sizes, self._between = program, sizes, between
         self._blocks = np.array(blocks, dtype=np.int64)
         self._kernel = BallKernel(program, 0)
+        self._at_once = most_at_once(program)
         self._bound: dict[int, Any] = {}
 
     def evaluate(self, inputs: Array, between: Between | None = None, norm_factor: Array | None = None) -> Certified:
@@ -124,7 +125,7 @@ class QuantityKernel:
         if norm_factor is None:
             size = self._blocks.shape[1]
             norm_factor = np.broadcast_to(np.eye(size), (len(inputs), size, size))
-        rows = max(1, _ROOM // (len(self.program.instructions) * inputs.shape[1]))
+        rows = max(1, _ROOM // (self._at_once * inputs.shape[1]))
         batches = [slice(start, start + rows) for start in range(0, max(len(inputs), 1), rows)]
         with np.errstate(all="ignore"):
             return Certified.concatenate([self._evaluate(inputs[batch], between[batch], norm_factor[batch]) for batch in batches])

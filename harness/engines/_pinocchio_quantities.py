@@ -7,22 +7,32 @@ Source: Pinocchio documentation.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines import _pinocchio_derivatives
+from harness.engines._pinocchio_forces import JointPlace, Pull
 
 
 class Supplied(Protocol):
-    """What is supplied to a model of its file, in its own order."""
+    """The springs and dampers that are supplied to a model, in its own order."""
+
+    places: Mapping[str, JointPlace]
 
     def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
         """(nv, n) [N or N m] at configurations (nq, n) and velocities (nv, n)."""
 
     def potential_energy(self, configuration: Array) -> float:
         """Of the springs [J], at one configuration (nq,)."""
+
+    def stiffness_and_damping(self) -> tuple[Array, Array]:
+        """By how much the forces of those in joints fall with positions and with velocities, (nv, nv) each."""
+
+    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
+        """The springs between points at one configuration (nq,) and velocity (nv,)."""
 
 
 class PinocchioQuantities:
@@ -32,6 +42,7 @@ class PinocchioQuantities:
     force_elements: Supplied
     # Of the joint of the model that each joint is, or a part of.
     numbers: Sequence[int]
+    constraints: Any
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]
     _data: Any
@@ -75,6 +86,14 @@ class PinocchioQuantities:
         states = zip(configuration.T, velocity.T, acceleration.T, strict=True)
         forces = [np.array(pinocchio.rnea(self.model, self._data, *state)) for state in states]
         return self._ordered([force - own for force, own in zip(forces, passive.T, strict=True)])
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """``computeABADerivatives``."""
+        return _pinocchio_derivatives.forward(self, q, v, tau)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``computeRNEADerivatives``."""
+        return _pinocchio_derivatives.inverse(self, q, v, qdd)
 
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""

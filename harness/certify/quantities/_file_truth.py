@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.quantities import Question
-from harness.certify.quantity import Between, Certified, QuantityKernel
+from harness.certify.quantity import Certified, QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
 from harness.engines import Model
@@ -87,11 +87,7 @@ class FileTruth:
             _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
         n, numbers = len(states), [float(value) for value in self._written.parameters]
         given = [states.q, states.v, self._accelerations(states), states.time[:, None], np.broadcast_to(numbers, (n, len(numbers)))]
-        inputs = np.concatenate(given, axis=1)
-        nothing = np.empty((n, 0))
-        slopes, shares = np.empty((n, 0, inputs.shape[1])), np.empty((n, 0, 1))
-        between = Between(nothing, nothing, nothing, nothing, slopes, shares, np.ones(n, dtype=np.bool_))
-        return self._kernel.evaluate(inputs, between)
+        return self._kernel.evaluate(np.concatenate(given, axis=1))
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""

@@ -18,7 +18,8 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Caller, Refused, Request, projected
 from harness.engines import NotOffered
-from harness.engines._pinocchio_quantities import PinocchioQuantities
+from harness.engines._pinocchio_forces import JointPlace, Pull
+from harness.engines._pinocchio_quantities import PinocchioQuantities, Supplied
 from harness.engines._pinocchio_versions import set_armature
 from harness.engines._standard_error import captured_standard_error
 
@@ -145,7 +146,8 @@ class _Quantities(PinocchioQuantities):
     def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
         self.model, self._loaded, self._joints = loaded.model, loaded, names
         self._data = loaded.model.createData()
-        self.force_elements = _Supplied(loaded)
+        self.force_elements: Supplied = _Supplied(loaded)
+        self.constraints = None
         self.numbers = [self.model.getJointId(loaded.places[name][2]) for name in names]
 
     @cached_property
@@ -171,6 +173,8 @@ class _Supplied:
     def __init__(self, loaded: LoadedRobot) -> None:
         aid = loaded.request.aid
         self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.known]
+        self._nv = loaded.model.nv
+        self.places: Mapping[str, JointPlace] = {}
         # Place in q and in v, stiffness, and position at rest.
         self._springs: list[tuple[int, int, float, float]] = []
         for _, column, stiffness, rest in () if aid is None else aid.forces.springs:
@@ -191,6 +195,18 @@ class _Supplied:
     def potential_energy(self, configuration: Array) -> float:
         """Of the springs [J] at one configuration (nq,)."""
         return float(sum(stiffness * (configuration[position] - rest) ** 2 / 2 for position, _, stiffness, rest in self._springs))
+
+    def stiffness_and_damping(self) -> tuple[Array, Array]:
+        """See ``Supplied``."""
+        stiffness, damping = np.zeros((2, self._nv, self._nv))
+        damping[self._own, self._own] = self._damping
+        for _, column, of_spring, _ in self._springs:
+            stiffness[column, column] += of_spring
+        return stiffness, damping
+
+    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
+        """None: a robot's file has springs in joints alone."""
+        return ()
 
 
 class _Run:
