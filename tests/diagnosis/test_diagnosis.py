@@ -22,6 +22,7 @@ from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.perturbation import (
+    NUMBER,
     Column,
     Whitening,
     diagnostic_states,
@@ -36,13 +37,14 @@ from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.diagnosis.fit import fit, shortest_decimal
 from harness.diagnosis.model_side import diagnose
 from harness.diagnosis.result import Conclusion, Diagnosis
+from harness.diagnosis.search import Tried, best_first
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Watch
+from harness.models.text import Candidate, Place, Watch
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
@@ -390,6 +392,24 @@ def test_a_fit_converges_from_afar_and_halves_its_steps() -> None:
     assert value == pytest.approx(0.7, rel=1e-12)
     value = fit(lambda x: None if x < 0.5 else points * (x - 0.6), lambda x: points, 9.0, None, 1.0)
     assert value == pytest.approx(0.6)
+
+
+def tried(hypothesis: str, value: float | None, left: float, start: float | None = 0.0) -> tuple[Tried, float]:
+    """A change that explains, of scale 1, with what its fitted value leaves."""
+    place = Place(1, "body", hypothesis, None, "1")
+    return Tried(Candidate(hypothesis, "", place, lambda value: "", start), value, left, True), left
+
+
+def test_the_likeliest_of_the_changes_that_explain_is_named_first() -> None:
+    restored, elsewhere = tried(NUMBER, 0.03125, 2.0), tried(NUMBER, 0.7, 7.0)
+    moved, exchanged = tried("bodies_fused", 0.4, 3.0), tried("axis", None, 5.0)
+    by_likelihood = [one for one, _ in (exchanged, moved, elsewhere, restored)]
+    assert best_first([restored, elsewhere, moved, exchanged]) == by_likelihood
+    # What merely agrees beside one that leaves nothing, and a structure that is wrong by next to nothing, come behind a number.
+    slight, agreeing = tried("bodies_fused", 7e-12, 2.0), tried(NUMBER, 0.5, 56.0)
+    assert best_first([slight, agreeing, restored]) == [restored[0], slight[0], agreeing[0]]
+    # Where all merely agree, none does so by chance.
+    assert best_first([tried(NUMBER, 0.25, 30.0), agreeing])[0] == agreeing[0]
 
 
 def test_the_shortest_decimal_is_taken() -> None:
