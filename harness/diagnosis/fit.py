@@ -26,8 +26,8 @@ MOST_STEPS = 20
 SHORTENED, MOST_SHORTENED = 0.3, 6
 # No step is longer than this times the larger of the value and its scale.
 LONGEST = 4.0
-# The secant of a shorter step, relative to the value, is rounding.
-SHORTEST_SECANT = 1e-7
+# The secant between residuals that differ by less, in data roundoffs, is rounding.
+LEAST_DIFFERENCE = 1e3
 # Where nothing is left in the end every full step gains much; one that leaves more than this share of the residual ends the fit.
 LEAST_GAIN = 0.9
 # Another value explains as well as a fitted one up to this residual, or this many times the fitted one's own.
@@ -71,7 +71,7 @@ def fit(
         stalled = taken is None
         if taken is not None:
             reached, there, smaller = taken
-            if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
+            if float(np.linalg.norm(there - here)) > LEAST_DIFFERENCE:
                 slope, fresh = (there - here) / (reached - value), False
             stalled = smaller > LEAST_GAIN * size and abs(step) < longest
             value, here, size = taken

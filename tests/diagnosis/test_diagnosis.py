@@ -44,7 +44,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Candidate, Place, Watch
+from harness.models.text import Candidate, Place, Watch, find_numbers, with_values
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
@@ -215,6 +215,23 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, factorises=True)
     assert diagnosis.conclusion == Conclusion.UNSTABLE
     assert "the digits are the engine's" in diagnosis.first_line
+
+
+@pytest.mark.costly
+def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() -> None:
+    """A proximal iteration feels a length that holds redundant rows apart by its square, and from 1e-7 on in full."""
+    own, right = case("arm_2r", "urdf"), 0.5
+    sound = own.watch().answer
+
+    def answer(model: ModelFile) -> Array:
+        length = [number for number in find_numbers(model.text, "urdf") if number.element == "origin"][-3]
+        wrong = 1e14 * (length.value - right) ** 2
+        mended = parse_model(model.path, with_values(model.text, {length: right}), "urdf")
+        return sound(mended) * (1 + 1e-3 * wrong / (1 + wrong) * np.sin(own.reference.high))
+
+    wrong = parse_model(own.model.path, own.replaced(('xyz="0.5 0 0"', 'xyz="0.5000000001 0 0"')), "urdf")
+    first = diagnose(Watch(wrong, answer), own.reference).tried[0]
+    assert first.explains and (first.place.line, first.place.index, first.value) == (36, 0, right)
 
 
 def test_an_answer_that_is_not_finite_is_told() -> None:
