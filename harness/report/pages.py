@@ -122,6 +122,7 @@ class Pages:
             picture=summary.pictures.get(row.name, "") if summary else "",
             records=records,
             verdicts=summary.verdicts_on(row.name) if summary else None,
+            trends=summary.trends_on(row.name) if summary else None,
             changes=site_trends.changes(self.site, row.name),
             differs=[finding for finding in summary.differs if finding.system == row.name] if summary else [],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},

@@ -28,7 +28,6 @@ TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
 # Change points are of logarithms; of errors with a floor, and none beyond the most.
 FLOOR, MOST = 0.1, 1e16
 MOST_SHOWN = 200
-USUAL = "accelerations"
 TRENDS = {
     "trend of the worst": "worst backward error",
     "trend of the 99 %": "99 % backward error",
@@ -219,16 +218,11 @@ def trend_text(trend: Data | None) -> str:
     return f"{low if low == high else f'{low} to {high}'} in {runs}" + (f", changed in run {', '.join(marked)}" if marked else "")
 
 
-def verdicts(site: Data, row: str, table: Data) -> Lines:
-    """The verdicts on a mechanism as they are written, with the trends from their values."""
+def trends(site: Data, row: str, table: Data) -> Lines:
+    """The trends of each subject of a mechanism, as far as its table has them."""
     found = {(one["column"], one["number"]): one for one in site["trends"] if (one["study"], one["row"]) == ("cross-check", row)}
-    titles, lines = [column["title"] for column in table["columns"]], []
-    for line in written(table):
-        texts = dict(zip(titles, line, strict=True))
-        quantity = texts.get("quantity", USUAL)
-        subject = texts["subject"] if quantity == USUAL else f"{texts['subject']} {quantity}"
-        lines.append([trend_text(found.get((subject, TRENDS[title]))) if title in TRENDS else text for title, text in texts.items()])
-    return lines
+    numbers = [TRENDS[column["title"]] for column in table["columns"][1:]]
+    return [[subject, *(trend_text(found.get((subject, number))) for number in numbers)] for subject, *_ in written(table)]
 
 
 def rebuilt(site: Data) -> dict[str, dict[str, Lines]]:
@@ -250,8 +244,8 @@ def rebuilt(site: Data) -> dict[str, dict[str, Lines]]:
         if row["kind"] != "robot":
             replace(row["page"], "Changed in the trend", changes(site, row["name"]))
             for table in site["tables"]:
-                if table["page"] == row["page"] and table["caption"].startswith("Verdicts on "):
-                    pages[row["page"]][table["name"]] = verdicts(site, row["name"], table)
+                if table["page"] == row["page"] and table["caption"].startswith("Trends of "):
+                    replace(row["page"], "Trends of ", trends(site, row["name"], table))
     for engine, page in {(column["engine"], column["page"]) for column in site["columns"]}:
         replace(page, "Verdicts of ", subjects(site, engine))
         replace(page, "What ", features(site, engine))

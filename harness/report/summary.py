@@ -126,14 +126,14 @@ class Summary:
         return Records(record for record in self.records if record.system == system)
 
     def verdicts_on(self, system: str) -> Table:
-        """The records of ``system``, with the trend of each pair where there are earlier runs."""
-        records = self.of_system(system)
-        table = records.table().without("system", "expected").captioned(f"Verdicts on {system}")
-        if not self.earlier:
-            return table
-        trends = [[self._sparkline(system, subject_of(record), number) for number in _TRACKED.values()] for record in records]
-        rows = [[*row, *own] for row, own in zip(table.rows, trends, strict=True)]
-        return Table([*table.columns, *(f"trend of the {name}" for name in _TRACKED)], rows, table.caption)
+        """The records of ``system``."""
+        return self.of_system(system).table().without("system", "expected").captioned(f"Verdicts on {system}")
+
+    def trends_on(self, system: str) -> Table:
+        """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
+        subjects = dict.fromkeys(subject_of(record) for record in self.of_system(system)) if len(self.nights) > 1 else {}
+        rows = [[subject, *(self._sparkline(system, subject, number) for number in _TRACKED.values())] for subject in subjects]
+        return Table(["subject", *(f"trend of the {name}" for name in _TRACKED)], rows, f"Trends of backward errors on {system}")
 
     @cached_property
     def nights(self) -> list[tuple[Run, Sequence[Record]]]:

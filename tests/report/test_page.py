@@ -280,7 +280,7 @@ def test_any_trend_can_be_drawn(values: list[float | None], changes: set[int]) -
 
 def test_change_points_are_drawn_in_the_trend_of_their_cell_and_listed_on_the_index() -> None:
     mechanism, index = (lxml.html.fromstring(whole()[name]) for name in ("mechanisms/collar.html", "index.html"))
-    [row] = mechanism.xpath("//table[starts-with(caption, 'Verdicts on')]/tbody/tr[*[1]='lagrange']")
+    [row] = mechanism.xpath("//table[starts-with(caption, 'Trends of')]/tbody/tr[*[1]='lagrange']")
     # Worst, 99 % and median.
     assert [len(line.xpath(".//*[@class='change']")) for line in row.xpath(".//*[local-name()='svg']")] == [0, 0, 1]
     assert "Median backward error of each run" in mechanism.text_content()
