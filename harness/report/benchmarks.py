@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
@@ -11,6 +12,7 @@ from typing import TypeVar
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, DerivativeCost, Drift, MotionCost, Stationarity
 from harness.results.pareto import front, way_of, with_cheapest
 from harness.results.records import Run
+from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Cost = TypeVar("_Cost", AccelerationCost, MotionCost)
 
@@ -20,6 +22,7 @@ class BenchmarkSummary:
 
     Attributes:
         run: versions, machine and settings of the benchmark.
+        nights: the benchmarks over which costs have trends, oldest first, this one last.
         benchmark: its measurements, with ``cheapest``.
         systems: sorted names of every system whose accelerations or motion were measured.
         methods, integrators: sorted names; a method has its number of threads in the name where it is not 1.
@@ -27,8 +30,9 @@ class BenchmarkSummary:
         unexpected: sentences on what is not as theory or text has it and is not explained.
     """
 
-    def __init__(self, run: Run, benchmark: Benchmark) -> None:
+    def __init__(self, run: Run, benchmark: Benchmark, earlier: Sequence[tuple[Run, Benchmark]] = ()) -> None:
         self.run = run
+        self.nights = [*comparable(run.states, sorted(earlier, key=lambda entry: entry[0].started)), (run, benchmark)]
         self.benchmark = benchmark = with_cheapest(benchmark)
         self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.derivatives, benchmark.motion) for cost in part})
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
@@ -40,6 +44,11 @@ class BenchmarkSummary:
     def unexpected_of(benchmark: Benchmark) -> list[str]:
         """The attribute ``unexpected`` of a benchmark."""
         return list(_unexpected(benchmark))
+
+    @cached_property
+    def trends(self) -> list[Trend]:
+        """Of the cost of every method, in units of the reference computation beside it."""
+        return trends([readings_of_costs(found) for _, found in self.nights])
 
     def accelerations(self, system: str) -> list[AccelerationCost]:
         """The methods on ``system``, cheapest first, those without a time last."""
