@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +26,12 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
     all other quantities follow at a few states, for the systems whose accelerations are as expected.
     """
+    from harness.crosscheck.quantities import cross_check_of
     from harness.results.cross_check import CrossCheckResult
 
     study: CrossCheck | None = None
-    for following in _studies(settings, quantities):
-        study = _followed(bracket, study, following)
+    for name in quantities:
+        study = _followed(bracket, study, cross_check_of(name, settings, audits=ACCELERATIONS not in quantities))
     assert study is not None
     if brief and (few := _brief(settings, study)) is not None:
         study = _followed(bracket, study, few)
@@ -57,18 +58,6 @@ def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) ->
 def _document(found: CrossCheckResult) -> Mapping[str, Any]:
     """The parts of the JSON file while a cross-check runs."""
     return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
-
-
-def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossCheck]:
-    """The cross-check of each quantity, each made when the one before is complete; accelerations come first."""
-    from harness.certify.quantities import find_quantities
-    from harness.crosscheck.quantities import QuantityCheck
-    from harness.crosscheck.run import CrossCheck
-
-    if ACCELERATIONS in quantities:
-        yield CrossCheck(settings)
-    audits = ACCELERATIONS not in quantities
-    yield from (QuantityCheck(settings, [quantity], audits) for name, quantity in find_quantities().items() if name in quantities)
 
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:

@@ -97,29 +97,11 @@ quantities_option = click.option(
     "quantities",
     multiple=True,
     metavar="NAME",
-    help="What is compared, as mass_matrix or reactions; repeatable. Without it accelerations, and all others at a few states.",
+    help="What is compared, as mass_matrix or reactions, or all; repeatable. Without it accelerations, and all others at a few states.",
 )
 states_option = click.option(
     "--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["quick"], show_default=True, help="States per system."
 )
-
-
-def known_quantities(names: Sequence[str]) -> Sequence[str]:
-    """The names, each of a quantity.
-
-    Raises:
-        InvalidRequest: there is no such quantity.
-    """
-    from harness.certify.quantities import find_quantities
-    from harness.errors import InvalidRequest
-    from harness.library import nearest
-    from harness.results.records import ACCELERATIONS
-
-    known = [ACCELERATIONS, *find_quantities()]
-    for name in names:
-        if name not in known:
-            raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
-    return names
 
 
 def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:

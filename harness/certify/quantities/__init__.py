@@ -17,7 +17,13 @@ from harness.certify.quantity import Certified
 from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.errors import InvalidRequest
+from harness.library import nearest
 from harness.models.model_file import ModelFile
+from harness.results.records import ACCELERATIONS
+
+# Stands for every quantity.
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -82,3 +88,16 @@ def find_quantities() -> dict[str, Quantity]:
     modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Quantity)}
     return dict(sorted(found.items()))
+
+
+def select_quantities(names: Sequence[str]) -> list[str]:
+    """The quantities of these names, each once, in a fixed order with accelerations first; accelerations for no names.
+
+    Raises:
+        InvalidRequest: there is no such quantity.
+    """
+    known = [ACCELERATIONS, *find_quantities()]
+    for name in names:
+        if name not in (ALL, *known):
+            raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
+    return [name for name in known if name in names or ALL in names] or [ACCELERATIONS]
