@@ -61,6 +61,12 @@ class Between(Rows):
     shares: Array
     certified: Flags
 
+    @classmethod
+    def none(cls, n: int, inputs: int) -> Between:
+        """No values at n states, for a program of so many inputs."""
+        empty = np.zeros((n, 0))
+        return cls(empty, empty, empty, empty, np.zeros((n, 0, inputs)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
+
 
 @dataclass(frozen=True)
 class Certified(Rows):
