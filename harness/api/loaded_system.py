@@ -180,7 +180,7 @@ class LoadedSystem:
         shape = (n, nv, nv) if name == "mass_matrix" else (n, nv)
         bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
         roundoff = UNIT_ROUNDOFF * found.sensitivity
-        return CertifiedValues(*(part.reshape(shape) for part in (found.high, bound, roundoff)), found.certified)
+        return CertifiedValues(found.high.reshape(shape), bound.reshape(shape), roundoff.reshape(shape), found.certified)
 
     @cached_property
     def _equation_values(self) -> EquationValues:

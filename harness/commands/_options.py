@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 import click
 
 from harness.commands._terminal import say
+from harness.results.records import ACCELERATIONS
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
@@ -98,6 +99,9 @@ quantities_option = click.option(
     multiple=True,
     metavar="NAME",
     help="What is compared, as mass_matrix or reactions, or all; repeatable. Without it accelerations, and all others at a few states.",
+)
+quantity_option = click.option(
+    "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="What is compared, as mass_matrix or reactions."
 )
 states_option = click.option(
     "--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["quick"], show_default=True, help="States per system."

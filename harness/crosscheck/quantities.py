@@ -16,6 +16,7 @@ from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
+from harness.crosscheck.quantity_judge import refuse_robots
 from harness.crosscheck.quantity_truth import declared_model, truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -23,7 +24,6 @@ from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
-from harness.errors import InvalidRequest
 from harness.results.records import ACCELERATIONS, Record
 from harness.verdict import Verdict
 
@@ -41,8 +41,7 @@ class QuantityCheck(CrossCheck):
 
     def __init__(self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True) -> None:
         names = [quantity.name for quantity in quantities]
-        if settings.library.is_of_robots:
-            raise InvalidRequest(f"{', '.join(names)}: checked of mechanisms; of a robot's file accelerations alone")
+        refuse_robots(settings.library, ", ".join(names))
         self.title = names[0] if len(names) == 1 else "further quantities"
         self._quantities, self._audits = names, audits
         self._of_quantities = {name: load_expectations(settings.library, name) for name in names}

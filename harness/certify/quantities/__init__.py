@@ -98,6 +98,13 @@ def select_quantities(names: Sequence[str]) -> list[str]:
     """
     known = [ACCELERATIONS, *find_quantities()]
     for name in names:
-        if name not in (ALL, *known):
-            raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
+        if name != ALL:
+            require_quantity(name)
     return [name for name in known if name in names or ALL in names] or [ACCELERATIONS]
+
+
+def require_quantity(name: str) -> None:
+    """Raises InvalidRequest where there is no such quantity."""
+    known = [ACCELERATIONS, *find_quantities()]
+    if name not in known:
+        raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
