@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from harness.library import BUILT_IN_NAME
+from harness.results.records import ACCELERATIONS
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -158,16 +159,14 @@ class _Regression:
     def explanation(self, item: CrossCheckItem) -> str:
         """All that a person needs to go on from an item whose record is known and not as expected, with the cause as far as it is known."""
         record, cause = self.record(item), self._cause(item)
+        diagnosis = self._check_of(item)[0].settings.diagnosis(item.system, item.quantity)
         if cause is None:
-            return record.explanation
+            return record.explanation if record.quantity == ACCELERATIONS else f"{record.explanation}\n  the diagnosis: {diagnosis}"
         of_cause = [f"  {cause.inference}", *(f"  {term}" for term in cause.terms), f"  cause: {cause.first_line}"]
-        diagnosis = self._check_of(item)[0].settings.diagnosis(item.system)
         return "\n".join([record.explanation, *dict.fromkeys(of_cause), f"  the whole diagnosis: {diagnosis}"])
 
     def _cause(self, item: CrossCheckItem) -> Cause | None:
-        """Why a record is not as expected; None where there is nothing to say beside the record."""
-        from harness.results.records import ACCELERATIONS
-
+        """Why accelerations are not as expected; None of other quantities, of which the record itself says it."""
         check, _ = self._check_of(item)
         if item.quantity != ACCELERATIONS:
             return None
@@ -232,7 +231,6 @@ class SystemFile(pytest.File):
 
     def collect(self) -> Iterator[CrossCheckItem]:
         from harness.engines import asked_of
-        from harness.results.records import ACCELERATIONS
 
         library, regression = self.regression.library, self.regression
         names = library.names_in(self.path)

@@ -99,13 +99,14 @@ def diagnose(
     mjcf: str | Path | None = None,
     urdf: str | Path | None = None,
     subjects: Subjects = (),
+    quantity: str = ACCELERATIONS,
     states: int = 1000,
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 60.0,
     floating_base: bool = False,
 ) -> list[Cause]:
-    """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
+    """Why records of ``name`` are not as expected in one quantity, a ``Cause`` each; none where all are. Arguments as of ``check``.
 
     What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
 
@@ -113,11 +114,20 @@ def diagnose(
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``.
     """
-    from harness.diagnosis.causes import find_causes
+    from harness.certify.quantities import require_quantity
+    from harness.diagnosis.wanted import wanted_diagnosis
+    from harness.study import run_study
 
+    require_quantity(quantity)
     settings = _settings([name], library, mjcf, urdf, subjects, states, seed, floating_base)
-    with _checked(settings, workers, time_limit) as ([study], pool):
-        return find_causes(settings, study.result().records, pool, crashes=study.crashes)
+    with _checked(settings, workers, time_limit, [quantity]) as ([study], pool):
+        diagnoses = wanted_diagnosis(study, quantity)
+        if diagnoses is None:
+            return []
+        for _ in run_study(diagnoses, pool):
+            pass
+        causes: list[Cause] = diagnoses.result()
+        return causes
 
 
 @overload

@@ -85,11 +85,11 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
     study.crashed |= before.crashed
 
 
-def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
-    """Why those records of accelerations are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
+    """Why those records of a quantity are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
     from harness.diagnosis.wanted import wanted_diagnosis
 
-    diagnoses = wanted_diagnosis(study, **limits)
+    diagnoses = wanted_diagnosis(study, quantity, **limits)
     if diagnoses is None:
         return []
     bracket.complete(diagnoses, kept=False)
@@ -104,6 +104,7 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
         print_count,
         print_differs,
         print_further_quantities,
+        print_quantity_diagnoses,
         print_superfluous,
         print_table,
         print_unexpected,
@@ -120,4 +121,5 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
     print_differs(found.differs)
     print_count(found.records, found.superfluous, found.differs)
     print_causes(found.causes, study.settings)
+    print_quantity_diagnoses(found.records, study.settings)
     bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)
