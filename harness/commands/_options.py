@@ -93,13 +93,14 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     ),
 }
 subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
-quantities_option = click.option(
-    "--quantity",
-    "quantities",
-    multiple=True,
-    metavar="NAME",
-    help="What is compared, as mass_matrix or reactions, or all; repeatable. Without it accelerations, and all others at a few states.",
-)
+
+
+def quantities_option(without: str) -> Callable[..., Any]:
+    """--quantity, repeatable; ``without`` says what is compared where it is not given."""
+    help_text = f"What is compared, as mass_matrix or reactions, or all; repeatable. Without it {without}."
+    return click.option("--quantity", "quantities", multiple=True, metavar="NAME", help=help_text)
+
+
 quantity_option = click.option(
     "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="What is compared, as mass_matrix or reactions."
 )

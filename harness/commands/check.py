@@ -20,7 +20,7 @@ from harness.commands._options import quantities_option, stand_in_options, state
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
-@quantities_option
+@quantities_option("accelerations, and all others at a few states")
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
 @computing(time_limit=60.0, scheduler=True, floating_base=True)

@@ -15,13 +15,14 @@ from harness.models.model_file import ModelFile, read_model
 from harness.storage import Kept
 
 
-def truth_of(quantity: Quantity, system: str, assignment: Assignment, read: ModelFile) -> Truth:
-    """The truth for the readers of one file, made once per process.
+def truth_of(quantity: Quantity, system: str, assignment: Assignment, read: ModelFile, declared: ModelFile | None = None) -> Truth:
+    """The truth for the readers of one file, made once per process; ``declared`` has its numbers, by default ``declared_model``.
 
     Raises:
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
     """
-    mechanism, declared, softening = assignment.mechanism, declared_model(assignment.library, system), None
+    mechanism, softening = assignment.mechanism, None
+    declared = declared or declared_model(assignment.library, system)
     laws: Mapping[str, ConstraintLaw] = {}
     if mechanism.constraints is not None:
         require_constraints(declared, mechanism)
