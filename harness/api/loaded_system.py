@@ -1,4 +1,4 @@
-"""A mechanism or a robot for scripts and notebooks: its equations in SymPy, and certified accelerations."""
+"""A mechanism or a robot for scripts and notebooks: its equations in SymPy, certified accelerations, and what else controllers take."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from harness.certify.compare import Comparison
+    from harness.certify.equation_values import EquationValues
     from harness.certify.quantities.derivatives import DerivativeTruth
     from harness.certify.reference import Reference, ReferenceKernel
     from harness.equations.lagrange import EquationsOfMotion
@@ -55,6 +56,23 @@ class Derivatives:
     by_position: Array
     by_velocity: Array
     by_force: Array
+    error_bound: Array
+    data_roundoff: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class CertifiedValues:
+    """Certified values at n states, each entry by itself.
+
+    Attributes:
+        value: (n, nv, nv) of a matrix, (n, nv) of forces; the float64 nearest to the truth [SI].
+        error_bound: of the same shape; the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
+        data_roundoff: of the same shape; how far the truth moves when every input moves by half an ulp.
+        certified: (n,) whether the truth is known far below its data roundoff.
+    """
+
+    value: Array
     error_bound: Array
     data_roundoff: Array
     certified: np.ndarray[Any, np.dtype[np.bool_]]
@@ -157,6 +175,59 @@ class LoadedSystem:
         data_roundoff = UNIT_ROUNDOFF * found.sensitivity.reshape(shape[:3])
         by_position, by_velocity, by_force = matrices.transpose(1, 0, 2, 3)
         return Derivatives(by_position, by_velocity, by_force, bounds, data_roundoff, found.certified)
+
+    def mass_matrix(self, q: Any) -> CertifiedValues:
+        """Certified mass matrix, with reflected inertias; under constraints that of the tree which is left without them.
+
+        Args:
+            q: (nq,) or (n, nq), as for ``accelerations``.
+
+        Raises:
+            ValueError: the size is not that of the mechanism.
+        """
+        still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
+        return self._values("mass_matrix", self._states(q, still, None))
+
+    def bias(self, q: Any, v: Any) -> CertifiedValues:
+        """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
+
+        Args:
+            q, v: as for ``accelerations``.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+        """
+        return self._values("bias", self._states(q, v, None))
+
+    def inverse_dynamics(self, q: Any, v: Any, qdd: Any) -> CertifiedValues:
+        """Certified applied forces that give these accelerations, beside springs and dampers.
+
+        Args:
+            q, v: as for ``accelerations``. qdd: accelerations like v.
+
+        Raises:
+            harness.errors.InvalidRequest: under constraints any force that these bear may be added.
+            ValueError: the sizes are not those of the mechanism.
+        """
+        if self.mechanism.constraints is not None:
+            raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
+        return self._values("inverse_dynamics", self._states(q, v, qdd))
+
+    def _values(self, name: str, states: States) -> CertifiedValues:
+        from harness.certify.numbers import UNIT_ROUNDOFF
+
+        n, nv = states.v.shape
+        found = self._equation_values.evaluate(name, states)
+        shape = (n, nv, nv) if name == "mass_matrix" else (n, nv)
+        bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
+        roundoff = UNIT_ROUNDOFF * found.sensitivity
+        return CertifiedValues(found.high.reshape(shape), bound.reshape(shape), roundoff.reshape(shape), found.certified)
+
+    @cached_property
+    def _equation_values(self) -> EquationValues:
+        from harness.certify.equation_values import EquationValues
+
+        return EquationValues(self._kernel)
 
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.

@@ -23,7 +23,7 @@ from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.verdict import Verdict
 
 NOT_OFFERED = "not offered: "
@@ -79,6 +79,11 @@ class QuantityCheck(CrossCheck):
             # What nobody claims to compute needs no entry that excuses it.
             return replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=record.message.removeprefix(NOT_OFFERED))
         return record
+
+
+def cross_check_of(quantity: str, settings: Settings, audits: bool = True) -> CrossCheck:
+    """The cross-check of one quantity, accelerations or another; of these with ``audits``, see ``QuantityCheck``."""
+    return CrossCheck(settings) if quantity == ACCELERATIONS else QuantityCheck(settings, [find_quantities()[quantity]], audits)
 
 
 # Truths at one batch of states by their keys, with the seconds per state that they took: two files of a mechanism mostly say the same.

@@ -15,8 +15,10 @@ from harness.models.model_file import ModelFile, read_model
 from harness.storage import Kept
 
 
-def truth_of(quantity: Quantity, system: str, assignment: Assignment) -> Truth:
+def truth_of(quantity: Quantity, system: str, assignment: Assignment, declared: ModelFile | None = None) -> Truth:
     """The truth for the readers of the subject's file, made once per process; equations have the coordinates of the declared file.
+
+    ``declared`` has its numbers, by default ``declared_model``.
 
     Raises:
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
@@ -24,7 +26,7 @@ def truth_of(quantity: Quantity, system: str, assignment: Assignment) -> Truth:
     mechanism, in_body, softening = assignment.mechanism, frame_of(assignment), None
     if assignment.library.is_of_robots:
         return _TRUTHS.get((quantity.name, mechanism.key, in_body), lambda: quantity.truth(Question(mechanism, None, None, in_body)))
-    declared = declared_model(assignment.library, system)
+    declared = declared or declared_model(assignment.library, system)
     read = declared if assignment.model is None else assignment.model
     engine = load_engine(assignment.library, assignment.subject.engine)
     rules = step_rules(engine, read)
