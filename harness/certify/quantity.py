@@ -224,6 +224,11 @@ def farthest_block(certified: Certified, answers: Array) -> int:
     return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
 
 
+def errors_in_roundoffs(certified: Certified, answers: Array) -> Array:
+    """Errors of each block, (n, blocks) [data roundoffs], as ``judge_answers`` takes the largest of."""
+    return _in_roundoffs(certified, answers)[0]
+
+
 def errors_of(certified: Certified, answers: Array) -> Array:
     """Errors of answers, (n, blocks, size)."""
     return np.asarray((answers - certified.high) - certified.low)

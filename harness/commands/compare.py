@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._options import subjects_option
 from harness.commands._robots import compare_robots
 from harness.commands._terminal import print_section, say
 
@@ -26,11 +27,13 @@ from harness.commands._terminal import print_section, say
 )
 @click.option("--start", default="", metavar="JSON", help='With --steps: {"q": [...], "v": [...]} by the joints of the first file.')
 @click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
+@subjects_option
 @computing(time_limit=300.0, library=False, floating_base=True)
 def command(
     bracket: Bracket,
     files: tuple[Path, ...],
     renamed: tuple[str, ...],
+    subjects: tuple[str, ...],
     states: int,
     steps: int | None,
     by: tuple[str, ...],
@@ -52,6 +55,7 @@ def command(
     Examples:
       harness compare robot.urdf
       harness compare robot.urdf robot.xml --map shoulder=joint1
+      harness compare robot.urdf --subject drake/urdf --subject mujoco@3.13.0/urdf
       harness compare robot.urdf --floating-base --html robot.html
       harness compare robot.xml --steps 1000 --by mujoco/Euler --by mujoco/RK4@0.001
       harness compare robot.urdf --steps 500 --by mujoco/implicitfast --by pinocchio/Euler
@@ -65,7 +69,9 @@ def command(
     from harness.report.comparison import render, sections
     from harness.storage import write_atomically
 
-    settings = Settings(tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)))
+    settings = Settings(
+        tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)), subjects=subjects
+    )
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
     bracket.begin(states, "compare")

@@ -7,6 +7,10 @@ was given, each once.
   An engine that offers ``terms`` need not offer these two.
 - ``bias(q, v)``: velocity terms and gravity, (n, nv), without springs and dampers.
 - ``inverse_dynamics(q, v, qdd)``: the applied forces that give these accelerations beside springs and dampers, (n, nv).
+- ``forward_dynamics_derivatives(q, v, tau)``: of the accelerations by q, v and tau, (n, 3, nv, nv), the accelerations by rows; and
+  ``inverse_dynamics_derivatives(q, v, qdd)``: of the applied forces by q, v and qdd. Derivatives by q are along the engine's own
+  velocities, whose components in v are kept: a ball joint turns about the axes of its body, and a free joint moves along these or along
+  those of its parent, as ``linear_velocity_in_body`` says. Springs and dampers take part.
 - ``energies(q, v)``: kinetic energy, and potential energy up to a constant, of gravity and springs, (n, 2) [J].
 - ``momenta(q, v)``: of all that moves, (n, 9): momentum [N s], and moments of momentum about the world's origin and about the centre
   of mass [N m s].
@@ -34,6 +38,21 @@ from harness.arrays import Array
 
 if TYPE_CHECKING:
     from harness.engines import Model
+
+METHODS = (
+    "mass_matrix",
+    "gravity",
+    "bias",
+    "inverse_dynamics",
+    "energies",
+    "momenta",
+    "positions",
+    "velocities",
+    "jacobians",
+    "reactions",
+    "forward_dynamics_derivatives",
+    "inverse_dynamics_derivatives",
+)
 
 
 class Unsupported(Exception):

@@ -40,7 +40,9 @@ class ReactionTruth:
 
     def __init__(self, question: Question) -> None:
         mechanism, declared = question.mechanism, question.declared
-        self._question = question
+        if declared is None or question.read is None:
+            raise NotOffered("reactions are those of a mechanism's file, which is held against energies; a robot's file has none")
+        self._question, self._declared = question, declared
         self._joints = tuple(dict.fromkeys(mechanism.joints))
         robot = robot_of(declared, mechanism.gravity)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
@@ -81,7 +83,7 @@ class ReactionTruth:
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self.reactions.parameters))
         law = self._reference.mechanism.key
-        return self._question.declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
+        return self._declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
 
     def evaluate(self, states: States) -> Certified:
         """Forces of all joints that transmit something, then moments, (n, 2 joints, 3) [N, N m].
@@ -91,7 +93,7 @@ class ReactionTruth:
         """
         reference = self._reference.evaluate(states)
         rigid = reference if self._rigid is self._reference else self._rigid.evaluate(states)
-        hold_against_energies(self._question.declared, self._energies, states, rigid)
+        hold_against_energies(self._declared, self._energies, states, rigid)
         between = self._values_between(states, reference)
         inputs = np.concatenate([states.q, states.v, between.high, states.time[:, None]], axis=1)
         numbers = np.broadcast_to([float(value) for value in self.reactions.parameters], (len(states), len(self.reactions.parameters)))
@@ -150,7 +152,7 @@ class ReactionTruth:
 
 def _tied(robot: Robot, question: Question) -> Tied:
     mechanism, declared = question.mechanism, question.declared
-    assert mechanism.constraints is not None
+    assert mechanism.constraints is not None and declared is not None
     try:
         return tied_mechanism(robot, declared.constraints, mechanism.constraints, sample(mechanism, _STATES, _SEED))
     except ValueError as problem:

@@ -40,11 +40,13 @@ class StepTruth:
         mechanism, declared = question.mechanism, question.declared
         if not question.step_rules:
             raise NotOffered("the engine documents no integrator")
+        if declared is None:
+            raise NotOffered("motions of a robot's file are compared by harness compare --steps")
         if mechanism.constraints is not None:
             raise NotOffered("steps under constraints have no declared map here")
         if question.linear_velocity_in_body and mechanism.charts_in_body:
             raise NotOffered("the linear velocity of a free joint is in the body's frame, in which no rule is written")
-        self.question, self.rules = question, question.step_rules
+        self.question, self.rules, self._declared = question, question.step_rules, declared
         robot = replace(robot_of(declared, mechanism.gravity), joints=tuple(dict.fromkeys(mechanism.joints)))
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
@@ -61,7 +63,7 @@ class StepTruth:
     @property
     def key(self) -> Hashable:
         """See ``Truth``."""
-        return self.question.declared.text, self._steps.program.key, self.rules
+        return self._declared.text, self._steps.program.key, self.rules
 
     def evaluate(self, states: States) -> Certified:
         """The states after each step, (n, 2 rules, nv + nq): velocities and then zeros, zeros and then positions.
@@ -70,7 +72,7 @@ class StepTruth:
             InvalidModel: the accelerations of the declared file are not those of the energies.
         """
         reference = self._reference.evaluate(states)
-        hold_against_energies(self.question.declared, self._energies, states, reference)
+        hold_against_energies(self._declared, self._energies, states, reference)
         inputs = _inputs(self._steps, self.rules, states)
         after = values(self._steps.program, np.ascontiguousarray(inputs.T))
         # All rules lead to nearly the same positions.
