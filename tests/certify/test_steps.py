@@ -266,6 +266,7 @@ def test_what_has_no_declared_map_is_not_offered() -> None:
     loop, floating = load_mechanism(BUILT_IN, "four_bar"), load_mechanism(BUILT_IN, "free_body")
     rules = step_rules(MUJOCO, model_of("four_bar"))
     cases = {
+        "compared by harness compare --steps": Question(floating, None, None, False),
         "documents no integrator": Question(floating, model_of("free_body"), model_of("free_body"), False),
         "under constraints": Question(loop, model_of("four_bar"), model_of("four_bar"), False, step_rules=rules),
         "in the body's frame": Question(floating, model_of("free_body"), model_of("free_body"), True, step_rules=rules),

@@ -38,10 +38,10 @@ class StepTruth:
 
     def __init__(self, question: Question) -> None:
         mechanism, declared = question.mechanism, question.declared
-        if not question.step_rules:
-            raise NotOffered("the engine documents no integrator")
         if declared is None:
             raise NotOffered("motions of a robot's file are compared by harness compare --steps")
+        if not question.step_rules:
+            raise NotOffered("the engine documents no integrator")
         if mechanism.constraints is not None:
             raise NotOffered("steps under constraints have no declared map here")
         if question.linear_velocity_in_body and mechanism.charts_in_body:
