@@ -24,7 +24,7 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
-    all other quantities follow at a few states, for the systems whose accelerations are as expected.
+    all other quick quantities follow at a few states, for the systems whose accelerations are as expected.
     """
     from harness.crosscheck.quantities import cross_check_of
     from harness.results.cross_check import CrossCheckResult
@@ -61,7 +61,7 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
 
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
-    """The cross-check of all quantities but accelerations, after that of these, of the systems in which these are as expected."""
+    """The cross-check of all quick quantities but accelerations, after that of these, of the systems in which these are as expected."""
     from harness.certify.quantities import find_quantities
     from harness.crosscheck.quantities import QuantityCheck
 
@@ -72,7 +72,8 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     if not names:
         return None
     few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
-    return QuantityCheck(few, list(find_quantities().values()), audits=False)
+    quick = [quantity for quantity in find_quantities().values() if quantity.is_quick]
+    return QuantityCheck(few, quick, audits=False)
 
 
 def _append(before: CrossCheck, study: CrossCheck) -> None:

@@ -90,7 +90,8 @@ class _Search:
     def explanations(self) -> Iterator[str]:
         """Each number that explains, with the value that does."""
         residual = self._residual(self._model.text)
-        if residual is None:
+        # At these states all may be well.
+        if residual is None or self._agrees(self._model.text):
             return
         for fit in sorted(self._fits(), key=lambda fit: fit.left(residual))[:TRIED]:
             value = self._solved(fit, residual)

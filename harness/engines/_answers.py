@@ -11,6 +11,9 @@ was given, each once.
   ``inverse_dynamics_derivatives(q, v, qdd)``: of the applied forces by q, v and qdd. Derivatives by q are along the engine's own
   velocities, whose components in v are kept: a ball joint turns about the axes of its body, and a free joint moves along these or along
   those of its parent, as ``linear_velocity_in_body`` says. Springs and dampers take part.
+- ``regressor(q, v, qdd)``: of the applied forces without springs and dampers by the inertial parameters of bodies, (n, nv, joints, 10):
+  of the body behind a joint m, its first moments mx, my, mz, and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the point of ``positions``, along the
+  axes of the body's frame. Of several joints of a body only the last is looked at.
 - ``energies(q, v)``: kinetic energy, and potential energy up to a constant, of gravity and springs, (n, 2) [J].
 - ``momenta(q, v)``: of all that moves, (n, 9): momentum [N s], and moments of momentum about the world's origin and about the centre
   of mass [N m s].

@@ -95,6 +95,17 @@ class PinocchioQuantities:
         """``computeRNEADerivatives``."""
         return _pinocchio_derivatives.inverse(self, q, v, qdd)
 
+    def regressor(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``computeJointTorqueRegressor``."""
+        import pinocchio
+
+        configuration, velocity, acceleration = self.columns(q, v, qdd)
+        found = np.empty((len(q), self.model.nv, self.model.njoints - 1, 10))
+        for state, inputs in enumerate(zip(configuration.T, velocity.T, acceleration.T, strict=True)):
+            found[state] = np.reshape(pinocchio.computeJointTorqueRegressor(self.model, self._data, *inputs), found[state].shape)
+        # The universe has no parameters.
+        return np.ascontiguousarray(found[:, self.addresses[1]][:, :, [number - 1 for number in self._numbers]])
+
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""
         import pinocchio

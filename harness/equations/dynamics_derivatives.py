@@ -205,8 +205,8 @@ def sizes_of_parts(
 
     ``of_accelerations``: accelerations stand in the place of applied forces. The output "sizes" holds 3 nv numbers in the order of the
     columns of derivatives. Forces on what turns change with its angle by as much as they are large: a column by a rotating coordinate
-    has parts as large as the separate forces, and as twice the kinetic energy as a torque on each rotating coordinate, which is
-    ``harness.certify.reference.Reference.motion``; one by a velocity has what becomes of this by a unit of the velocity. Springs and
+    has parts as large as the separate forces, and as twice the kinetic energy as a torque on each rotating coordinate, the share of the
+    motion that accelerations have; one by a velocity has what becomes of this by a unit of the velocity. Springs and
     dampers may pull at either side of what a coordinate moves: a column has as parts what coordinates that move with the same kinetic
     energy do to their forces. Lengths are kinetic-energy norms of accelerations, which are those of forces in the inverse of M.
     """

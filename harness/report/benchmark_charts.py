@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import GREY, RED, Style, drawable, hover, inside, line_across, log_figure, log_range, scatter, styles
+from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_figure, log_range, scatter, styles
 from harness.results.benchmark import Growth, MotionCost
 from harness.results.pareto import cost_of, way_of
 from harness.results.table import error_text, seconds_text
@@ -48,44 +48,52 @@ def derivative_styles(summary: BenchmarkSummary) -> dict[str, Style]:
 
 def _derivative_errors(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
     """Errors over the steps of finite differences, with those of derivatives without one as level lines."""
-    costs = [cost for cost in summary.derivatives(system) if cost.states]
-    steps = [step for cost in costs for step in cost.steps]
+    costs = summary.derivatives(system)
+    steps = [step for cost in costs for step in cost.steps if drawable(step) and step > 0]
     if not steps:
         return None
     y_range = low, high = log_range([error for cost in costs for error in cost.errors], _STATE_ERRORS)
     plot = log_figure(380, "step", "relative error", log_range(steps), y_range)
     for cost in costs:
-        style, x = derivative_styles(summary)[cost.method], cost.steps or [min(steps), max(steps)]
-        errors = cost.errors if cost.steps else cost.errors * 2
-        y = [inside(error, low, high) for error in errors]
-        plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
-        words = {"method": [cost.method] * len(x), "step": [f"{step:g}" if cost.steps else "none" for step in x]}
-        scatter(plot, style, x, y, words | {"error": [error_text(error) for error in errors]})
+        own = zip(cost.steps, cost.errors, strict=False) if cost.steps else [(step, error) for error in cost.errors[:1] for step in steps]
+        points = sorted((step, error) for step, error in own if drawable(step) and step > 0 and drawable(error))
+        words = {
+            "method": [cost.method] * len(points),
+            "step": [f"{step:g}" if cost.steps else "none" for step, _ in points],
+            "error": [error_text(error) for _, error in points],
+        }
+        style, y = derivative_styles(summary)[cost.method], [inside(error, low, high) for _, error in points]
+        _draw_line(plot, style, [step for step, _ in points], y, words)
     hover(plot)
     return plot
 
 
 def _derivative_costs(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
     """The error at the best step over what a state costs, by how many states are asked for at once."""
-    costs = [cost for cost in summary.derivatives(system) if cost.states and drawable(cost.error)]
-    if not costs:
+    costs = [cost for cost in summary.derivatives(system) if drawable(cost.error)]
+    seconds = [one for cost in costs for one in cost.seconds_per_state if drawable(one) and one > 0]
+    if not seconds:
         return None
     y_range = low, high = log_range([cost.error for cost in costs], _STATE_ERRORS)
-    plot = log_figure(
-        380, "time per state [s]", "relative error", log_range([one for cost in costs for one in cost.seconds_per_state]), y_range
-    )
+    plot = log_figure(380, "time per state [s]", "relative error", log_range(seconds), y_range)
     for cost in costs:
-        style, x, y = derivative_styles(summary)[cost.method], cost.seconds_per_state, [inside(cost.error, low, high)] * len(cost.states)
-        plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
+        points = [(count, one) for count, one in zip(cost.states, cost.seconds_per_state, strict=False) if drawable(one) and one > 0]
         words = {
-            "method": [cost.method] * len(x),
-            "states at once": [f"{count:,}" for count in cost.states],
-            "time per state": [seconds_text(one) for one in x],
-            "error": [error_text(cost.error)] * len(x),
+            "method": [cost.method] * len(points),
+            "states at once": [f"{count:,}" for count, _ in points],
+            "time per state": [seconds_text(one) for _, one in points],
+            "error": [error_text(cost.error)] * len(points),
         }
-        scatter(plot, style, x, y, words)
+        y = [inside(cost.error, low, high)] * len(points)
+        _draw_line(plot, derivative_styles(summary)[cost.method], [one for _, one in points], y, words)
     hover(plot)
     return plot
+
+
+def _draw_line(plot: plotting.figure, style: Style, x: Sequence[float], y: Sequence[float], words: Columns) -> None:
+    """Points, and a line through them."""
+    plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
+    scatter(plot, style, x, y, words)
 
 
 def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
@@ -160,10 +168,9 @@ def _growth(summary: BenchmarkSummary, label: str, values: Sequence[Sequence[flo
     for growth, known in lines:
         style = method_styles(summary)[growth.method]
         x, y = [size for size, _ in known], [inside(value, low, high) for _, value in known]
-        plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
         shown = [seconds_text(value) if label.startswith("time") else error_text(value) for _, value in known]
         words = {"method": [growth.method] * len(x), "bodies": [str(size) for size in x], label.removesuffix(" [s]"): shown}
-        scatter(plot, style, x, y, words)
+        _draw_line(plot, style, x, y, words)
     hover(plot)
     return plot
 

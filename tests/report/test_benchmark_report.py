@@ -16,7 +16,19 @@ from support import Page, charts_of, missing, pages_of, site_of
 from harness.report import build
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.markdown import VOLATILE
-from harness.results.benchmark import AccelerationCost, Benchmark, Drift, Figure, Growth, MotionCost, Order, Stationarity, Truth, Yardstick
+from harness.results.benchmark import (
+    AccelerationCost,
+    Benchmark,
+    DerivativeCost,
+    Drift,
+    Figure,
+    Growth,
+    MotionCost,
+    Order,
+    Stationarity,
+    Truth,
+    Yardstick,
+)
 from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import cheapest, front
 from harness.results.records import Record, Run
@@ -66,6 +78,17 @@ def sample() -> Benchmark:
             AccelerationCost(system="collar", method="lambdify", threads=1, states=0, seconds_per_state=None, note="no time was left"),
         ],
         yardsticks=[Yardstick(system=system, seconds=3e-5) for system in SYSTEMS],
+        derivatives=[
+            DerivativeCost(
+                system="collar", method="mujoco mjd_inverseFD", of="tau", steps=[1e-2, 1e-6, 1e-10], errors=[1e-2, 3e-7, 1e-5],
+                worst_errors=[2e-2, 1e-6, 1e-4], best_step=1e-6, error=3e-7, states=[1, 100], seconds_per_state=[3e-5, 2e-5], loop="Python",
+            ),
+            DerivativeCost(
+                system="collar", method="pinocchio computeRNEADerivatives", of="tau", errors=[2e-16], worst_errors=[4e-16], error=2e-16,
+                states=[1, 100], seconds_per_state=[2e-5, 1e-5], loop="Python",
+            ),
+            DerivativeCost(system="collar", method="heyoka derivatives of qdd", of="qdd", note="no time was left for it"),
+        ],
         growth=[
             Growth(
                 family="chain", method="pinocchio aba", sizes=[1, 2, 4], seconds_per_state=[1e-6, 1.5e-6, 2.6e-6],
@@ -161,6 +184,15 @@ def test_two_charts_per_system_and_their_fronts_are_named(files: dict[str, str])
         assert f"@{{{told}}}" in charts_of(source)
     fronts = re.search(r"<caption>Pareto front of each system</caption>.*?</table>", files["benchmark.html"], re.DOTALL)
     assert fronts and fronts[0].count("heyoka float32; heyoka float64; certified balls") == len(SYSTEMS)
+
+
+def test_finite_differences_have_a_chart_over_their_steps(files: dict[str, str]) -> None:
+    """Beside derivatives without a step; what has no error is in the table alone."""
+    page = Page(files["mechanisms/collar.html"])
+    assert "relative error against the step of finite differences" in page.words and "Derivatives in numbers" in page.words
+    assert "1e-06" in page.words and "no time was left for it" in page.words
+    assert "@{step}" in charts_of(files["mechanisms/collar.html"]) and "@{states at once}" in charts_of(files["mechanisms/collar.html"])
+    assert "Derivatives in numbers" not in Page(files["mechanisms/arm_2r.html"]).words
 
 
 def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:

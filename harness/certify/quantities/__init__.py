@@ -88,12 +88,14 @@ class Quantity:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
             ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        is_quick: whether a check that names no quantity compares it as well, at a few states.
         describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
             enough to name the block that is farthest off.
     """
 
     name: str
     truth: Callable[[Question], Truth]
+    is_quick: bool = True
     describe: Callable[[Any, States, Certified, Array], str] | None = None
 
 

@@ -158,7 +158,8 @@ def _quantity(dynamics: Dynamics) -> Quantity:
     def truth(question: Question) -> DerivativeTruth:
         return DerivativeTruth(dynamics, question.mechanism, question.linear_velocity_in_body)
 
-    return Quantity(dynamics.method, truth, describe)
+    # To write and to compile a program takes seconds, whatever the number of states.
+    return Quantity(dynamics.method, truth, is_quick=False, describe=describe)
 
 
 FORWARD_DYNAMICS_DERIVATIVES, INVERSE_DYNAMICS_DERIVATIVES = _quantity(FORWARD), _quantity(INVERSE)

@@ -1,0 +1,36 @@
+"""The joint torque regressor: the derivatives of inverse dynamics by ten inertial parameters of each body.
+
+It holds no inertia: geometry, positions and motion are all that it takes. The parameters are those of the file that the engine reads,
+about its own anchors and along its own axes, so that each reader is asked about the numbers of its file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.quantities import Quantity, Question, Truth
+from harness.certify.quantities._file_truth import Asked, FileTruth
+from harness.engines import Model, NotOffered, answer_of
+from harness.robots.regressor import PARAMETERS, RegressorQuantities, carrying_joints
+from harness.robots.robot import robot_of
+
+
+def _truth(question: Question) -> Truth:
+    mechanism, read = question.mechanism, question.read
+    if mechanism.constraints is not None:
+        raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
+    carrying = carrying_joints(robot_of(read, mechanism.gravity).tree, tuple(dict.fromkeys(mechanism.joints)))
+
+    def answers(model: Model, asked: Asked) -> Array:
+        shape = (len(asked.q), asked.v.shape[1], len(asked.joints), len(PARAMETERS))
+        found = answer_of(model, "regressor", (asked.q, asked.v, asked.qdd), shape)
+        return np.ascontiguousarray(found[:, :, [asked.joints.index(name) for name in carrying]].transpose(0, 2, 3, 1))
+
+    return FileTruth(replace(question, declared=read), RegressorQuantities, RegressorQuantities.regressor, answers)
+
+
+# To write and to compile its programs takes seconds.
+REGRESSOR = Quantity("regressor", _truth, is_quick=False)
