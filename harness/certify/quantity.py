@@ -8,8 +8,8 @@ both steps does not make the same errors in both, so that they need not cancel.
 
 Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
 says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
-moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an
-answer that would fail without it.
+moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to a
+block that would fail without it.
 
 Sources: those of ``harness.certify.reference``.
 """
@@ -221,13 +221,14 @@ def whitened(certified: Certified, differences: Array) -> Array:
 
 
 def _in_roundoffs(certified: Certified, answers: Array) -> tuple[Array, Flags]:
-    """(n, blocks) errors in data roundoffs, with the share of the parts at the states (n,) to which it is granted."""
+    """(n, blocks) errors in data roundoffs, with the share of the parts in the blocks that fail without; the states (n,) that agree so."""
     with np.errstate(all="ignore"):
         error = np.linalg.norm(errors_of(certified, answers), axis=2)
         plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
         shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
-    granted = ~(plain.max(axis=1) <= AGREEMENT) & (shared.max(axis=1) <= AGREEMENT) & certified.certified
-    return np.where(granted[:, None], shared, plain), granted
+    needing = ~(plain <= AGREEMENT) & (shared <= AGREEMENT)
+    errors = np.where(needing, shared, plain)
+    return errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
 
 
 def _ratio(error: Array, roundoff: Array) -> Array:

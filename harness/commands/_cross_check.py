@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from harness.commands._bracket import Bracket
@@ -15,20 +16,25 @@ if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
 
 
-def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,)) -> CrossCheck:
+# States at which quantities are compared that were not asked for by name.
+BRIEF_STATES = 16
+
+
+def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,), brief: bool = False) -> CrossCheck:
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
-    One cross-check follows the other where there are several quantities; the last has the records of all, and what failed.
+    One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
+    all other quantities follow at a few states, for the systems whose accelerations are as expected.
     """
     from harness.results.cross_check import CrossCheckResult
 
-    before: CrossCheck | None = None
-    for study in _studies(settings, quantities):
-        found: CrossCheckResult = study.result()
-        if before is not None:
-            _append(before, study)
-        bracket.complete(study, functools.partial(_document, found))
-        before = study
+    study: CrossCheck | None = None
+    for following in _studies(settings, quantities):
+        study = _followed(bracket, study, following)
+    assert study is not None
+    if brief and (few := _brief(settings, study)) is not None:
+        study = _followed(bracket, study, few)
+    found: CrossCheckResult = study.result()
     # What engines hold is the same whatever they are asked for.
     found.differs[:] = [one for place, one in enumerate(found.differs) if one not in found.differs[:place]]
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
@@ -37,6 +43,14 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     further = {"causes": found.causes, "remarks": settings.library.remarks()}
     present = {name: part for name, part in further.items() if part}
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
+    return study
+
+
+def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) -> CrossCheck:
+    """A study that was run to its end, with the records of those before it."""
+    if before is not None:
+        _append(before, study)
+    bracket.complete(study, functools.partial(_document, study.result()))
     return study
 
 
@@ -53,7 +67,23 @@ def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossChe
 
     if ACCELERATIONS in quantities:
         yield CrossCheck(settings)
-    yield from (QuantityCheck(settings, quantity) for name, quantity in find_quantities().items() if name in quantities)
+    audits = ACCELERATIONS not in quantities
+    yield from (QuantityCheck(settings, [quantity], audits) for name, quantity in find_quantities().items() if name in quantities)
+
+
+def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
+    """The cross-check of all quantities but accelerations, after that of these, of the systems in which these are as expected."""
+    from harness.certify.quantities import find_quantities
+    from harness.crosscheck.quantities import QuantityCheck
+
+    if settings.state is not None or settings.library.is_of_robots:
+        return None
+    wrong = {record.system for record in study.result().records if not record.as_expected}
+    names = [name for name in study.names if name not in wrong]
+    if not names:
+        return None
+    few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
+    return QuantityCheck(few, list(find_quantities().values()), audits=False)
 
 
 def _append(before: CrossCheck, study: CrossCheck) -> None:
@@ -78,12 +108,23 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
     return causes
 
 
-def finish(bracket: Bracket, study: CrossCheck) -> None:
-    """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected, say
+def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,)) -> None:
+    """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
+    from harness.commands._terminal import (
+        print_causes,
+        print_count,
+        print_differs,
+        print_further_quantities,
+        print_superfluous,
+        print_table,
+        print_unexpected,
+        say,
+    )
 
     found = study.result()
-    print_table(found.records, bracket.run)
+    asked = [record for record in found.records if record.quantity in quantities]
+    print_table(asked, bracket.run)
+    print_further_quantities([record for record in found.records if record.quantity not in quantities])
     say(*study.settings.library.remarks())
     print_unexpected(found.records)
     print_superfluous(found.superfluous)

@@ -96,10 +96,8 @@ quantities_option = click.option(
     "--quantity",
     "quantities",
     multiple=True,
-    default=("accelerations",),
-    show_default=True,
     metavar="NAME",
-    help="What is compared: accelerations, or reactions, what each joint transmits; repeatable.",
+    help="What is compared, as mass_matrix or reactions; repeatable. Without it accelerations, and all others at a few states.",
 )
 states_option = click.option(
     "--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["quick"], show_default=True, help="States per system."

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from harness.results.brief import quantities_in_brief
 from harness.results.records import Record, Records, Run
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT
@@ -138,6 +139,19 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
         say("", f"not measured: {problem}")
     for sentence in measured.unexpected:
         say("", f"not as expected: {sentence}")
+
+
+def print_further_quantities(records: Sequence[Record]) -> None:
+    """A line for each subject: what it was asked for beside accelerations, and the worst of it."""
+    by_subject: dict[str, list[Record]] = {}
+    for record in records:
+        by_subject.setdefault(record.subject, []).append(record)
+    if records:
+        most = max(record.states for record in records)
+        names = ", ".join(dict.fromkeys(record.quantity for record in records))
+        say("", f"further quantities at {most} states each, of which harness check NAME --quantity QUANTITY tells more:", f"  {names}")
+    for subject, own in sorted(by_subject.items()):
+        say(f"  {subject}: {quantities_in_brief(own)}")
 
 
 def print_unexpected(records: Sequence[Record]) -> None:

@@ -14,6 +14,7 @@ from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
 from harness.commands._model_files import refuse_alone
 from harness.commands._options import known_quantities, quantities_option, stand_in_options, states_option, subjects_option
+from harness.results.records import ACCELERATIONS
 
 
 @click.command("check")
@@ -66,7 +67,8 @@ def command(
         replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
     bracket.begin(states, "check")
-    finish(bracket, cross_check(bracket, settings, known_quantities(quantities)))
+    asked = known_quantities(quantities) or (ACCELERATIONS,)
+    finish(bracket, cross_check(bracket, settings, asked, brief=not quantities), asked)
 
 
 def _parse_state(text: str | None) -> Any:

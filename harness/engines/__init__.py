@@ -15,9 +15,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from harness.arrays import Array
+from harness.engines._answers import InvalidAnswer as InvalidAnswer
+from harness.engines._answers import NotOffered as NotOffered
+from harness.engines._answers import Unsupported as Unsupported
+from harness.engines._answers import answer_of as answer_of
 from harness.engines._files import EQUATIONS as EQUATIONS
 from harness.engines._files import FORMATS as FORMATS
 from harness.engines._files import LOADING_SECONDS as LOADING_SECONDS
@@ -47,24 +49,12 @@ if TYPE_CHECKING:
     from harness.equations.states import States
 
 
-class Unsupported(Exception):
-    """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
-
-
-class NotOffered(Unsupported):
-    """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
-
-
-class InvalidAnswer(Exception):
-    """An engine returned something else than accelerations; the message says what. Verdict ``error``."""
-
-
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
     One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
 
-    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``gaps(q) -> Mapping[str, Array]``: what the rows of
+    An engine may also offer what ``harness.engines._answers`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
     arguments and columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
@@ -157,38 +147,7 @@ def accelerations(model: Model, states: States) -> Array:
     """
     v = states.v
     time = (states.time,) if getattr(model, "takes_time", False) else ()
-    answer: Any = model.forward_dynamics(states.q, v, states.tau, *time)
-    if not isinstance(answer, np.ndarray):
-        found = f"a {type(answer).__name__}"
-    elif answer.shape != v.shape or not np.issubdtype(answer.dtype, np.floating):
-        found = f"an array of shape {answer.shape} of {answer.dtype}"
-    else:
-        return np.asarray(answer)
-    raise InvalidAnswer(f"forward_dynamics returned {found}; expected an array of shape {v.shape} of float64")
-
-
-def reactions(model: Model, joints: Sequence[str], states: States) -> Array:
-    """The answer of ``model.reactions(q, v, tau)``: what each joint transmits, (n, number of joints, 6), for ``joints`` in the order
-    of ``load``, each once.
-
-    A row is the force [N] and the moment [N m] that the parent exerts on the child through the joint, along the world's axes; the
-    moment is about the anchor of the last joint of the child, which moves with it. Springs between points pull from outside, and so do
-    constraints that hold points or frames together; couplings of joints act through the joints. The row of a free joint is not looked
-    at.
-
-    Raises:
-        InvalidAnswer: it is no array of that shape of floating-point numbers.
-        NotOffered: the model has no such method.
-    """
-    method = getattr(model, "reactions", None)
-    if method is None:
-        raise NotOffered("the engine offers no reactions")
-    answer: Any = method(states.q, states.v, states.tau)
-    expected = len(states), len(dict.fromkeys(joints)), 6
-    if not isinstance(answer, np.ndarray) or answer.shape != expected or not np.issubdtype(answer.dtype, np.floating):
-        shape = f"an array of shape {answer.shape} of {answer.dtype}" if isinstance(answer, np.ndarray) else f"a {type(answer).__name__}"
-        raise InvalidAnswer(f"reactions returned {shape}; expected an array of shape {expected} of float64")
-    return np.asarray(answer)
+    return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time), v.shape)
 
 
 def linear_velocity_in_body(engine: Engine) -> bool:

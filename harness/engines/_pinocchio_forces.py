@@ -94,6 +94,13 @@ class ForceElements:
         for rows, damping in self._joint_dampers:
             forces[rows] -= damping * velocity[rows]
 
+    def potential_energy(self, configuration: Array) -> float:
+        """Of the springs [J], at one configuration (nq,)."""
+        found = sum(stiffness * (configuration[at] - reference) ** 2 / 2 for at, _, stiffness, reference in self._joint_springs)
+        for spring, (first, second) in self.ends_of_point_springs(configuration) if self._point_springs else ():
+            found += spring.stiffness * (float(np.linalg.norm(second - first)) - spring.free_length) ** 2 / 2
+        return float(found)
+
     def ends_of_point_springs(self, configuration: Array) -> list[tuple[PointSpring, Array]]:
         """Each spring between points with its ends in the world at one configuration (nq,) [m], (2, 3)."""
         import pinocchio

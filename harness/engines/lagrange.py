@@ -36,6 +36,16 @@ class LagrangeModel:
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))
 
+    def bias(self, q: Array, v: Array) -> Array:
+        """See ``harness.engines._answers``."""
+        terms = self._kernel.terms(q, v, np.zeros_like(v))
+        return np.asarray(terms["velocity"] + terms["gravity"])
+
+    def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
+        """See ``harness.engines._answers``."""
+        terms = self._kernel.terms(q, v, np.zeros_like(v))
+        return np.asarray(np.einsum("nij,nj->ni", terms["mass"], qdd) + terms["velocity"] + terms["gravity"] - terms["passive"])
+
 
 class LagrangeEngine:
     requires = ("heyoka", "heyoka")

@@ -63,7 +63,7 @@ link = "https://example.org"
 
 
 def checked(library: Library, **options: Any) -> tuple[dict[str, Record], QuantityCheck]:
-    study = QuantityCheck(Settings(library=library, states=20, examples=None, **options), find_quantities()["reactions"])
+    study = QuantityCheck(Settings(library=library, states=20, examples=None, **options), [find_quantities()["reactions"]])
     result: CrossCheckResult = completed(study, InThisProcess())
     assert len(result.records) == study.steps
     return {record.subject: record for record in result.records}, study
@@ -228,4 +228,4 @@ def test_robots_have_accelerations_alone(tmp_path: Path) -> None:
 
     library = resolved(BUILT_IN, [str(BUILT_IN.model_path("arm_2r", "urdf"))], False)
     with pytest.raises(InvalidRequest, match="of a robot's file accelerations alone"):
-        QuantityCheck(Settings(library=library), find_quantities()["reactions"])
+        QuantityCheck(Settings(library=library), [find_quantities()["reactions"]])

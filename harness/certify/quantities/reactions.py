@@ -20,7 +20,7 @@ from harness.certify.quantity import Between, Certified, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
-from harness.engines import Model, NotOffered, reactions
+from harness.engines import Model, NotOffered, answer_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
@@ -100,7 +100,8 @@ class ReactionTruth:
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``; of joints in the order of ``evaluate``."""
-        found = reactions(model, self._joints, states)[:, [self._joints.index(name) for name in self.reactions.joints]]
+        inputs, shape = (states.q, states.v, states.tau), (len(states), len(self._joints), 6)
+        found = answer_of(model, "reactions", inputs, shape)[:, [self._joints.index(name) for name in self.reactions.joints]]
         return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
 
     def _hold_against_energies(self, states: States, reference: Reference) -> None:
