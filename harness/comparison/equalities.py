@@ -18,7 +18,8 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
-from harness.comparison.questions import Answers, Caller, Held, Question, ask
+from harness.comparison.asking import ask_engine
+from harness.comparison.questions import Answers, Caller, Held, Question
 from harness.comparison.readings import element_at, find_readings
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
@@ -49,7 +50,7 @@ def judge_equalities(meant: Meant, caller: Caller) -> EqualitiesRecord:
     about: dict[str, Any] = {"path": str(robot.path), "engine": caller.engine, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
-    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format)).robot)
+    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format, caller.reader)).robot)
     why_not = {number: reason for number, one in enumerate(robot.equalities) if (reason := _why_not(one, read.robot))}
     judged = [number for number in range(len(robot.equalities)) if number not in why_not]
     free = _asked(meant, caller, ())
@@ -102,7 +103,7 @@ def _asked(meant: Meant, caller: Caller, switched_on: Sequence[int], most: int |
     request = request_of(meant.robot, aided=False)
     states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
-    return ask(caller, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
+    return ask_engine(caller.engine, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
 
 
 def _effect(read: Meant, answers: Answers) -> float | None:
