@@ -136,11 +136,8 @@ class ConstraintWriter(WorldWriter):
         numbers, arms, positions, drawn, turns = [], [], [], [], []
         for body, (own_turn, point) in zip(meeting.bodies, self._frames_of(meeting), strict=True):
             number, turn, shift = self.frames[body]
-            one, turn, arm = (
-                moving[number] if number >= 0 else None,
-                self.multiplied(turn, own_turn),
-                self.added(shift, self.turned(turn, point)),
-            )
+            one = moving[number] if number >= 0 else None
+            turn, arm = self.multiplied(turn, own_turn), self.added(shift, self.turned(turn, point))
             if one is not None:
                 turn, arm = self.multiplied(one.orientation, turn), self.turned(one.orientation, arm)
             spin = self.still if one is None else one.spin

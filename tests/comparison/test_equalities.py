@@ -52,8 +52,12 @@ def test_each_equality_is_told_with_its_line_and_what_it_does() -> None:
     ],
 )
 def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_felt(FOUR_BAR, edited(FOUR_BAR, tmp_path, change), monkeypatch)
+
+
+def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
-    own, other = meant_by(FOUR_BAR), meant_by(edited(FOUR_BAR, tmp_path, change))
+    own, other = meant_by(path), meant_by(changed)
     declared = equalities._declared_truth
     monkeypatch.setattr(equalities, "_declared_truth", lambda _, caller, numbers: declared(other, caller, numbers))
     record = judge_equalities(own, find_callers()["mujoco"])
@@ -96,6 +100,43 @@ def test_bodies_that_float_and_bodies_without_joints_are_tied(tmp_path: Path) ->
     record = held_by(path)
     assert (record.verdict, record.message, [part.why_not for part in record.parts]) == (Verdict.AGREES, "", [""] * 4)
     assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts)
+
+
+WELDS = (
+    '<weld body1="arm" body2="cart"/>',
+    '<weld class="soft" body1="float" body2="arm" anchor="0.125 0 0.25" relpose="0.25 0.5 0.125 0.5 0.25 0 -1" torquescale="0.375"/>',
+    '<weld body1="cart" anchor="0 0.25 0" torquescale="2"/>',
+    '<weld site1="hook" site2="tip" solref="-64 -8"/>',
+)
+
+
+def welded(folder: Path) -> Path:
+    before, _, after = BESIDE.partition("<equality>\n")
+    path = folder / "welded.xml"
+    path.write_text(f"{before}<equality>{''.join(WELDS)}</equality>{after.partition('</equality>')[2]}")
+    return path
+
+
+def test_welds_hold_points_and_orientations(tmp_path: Path) -> None:
+    """By bodies, as they stand at the reference or are told to stand, and by turned sites; each alone, and all together."""
+    record = held_by(welded(tmp_path))
+    assert (record.verdict, record.message, [part.why_not for part in record.parts]) == (Verdict.AGREES, "", [""] * 4)
+    assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('torquescale="0.375"', 'torquescale="0.3750001"'),
+        ('anchor="0.125 0 0.25"', 'anchor="0.125 0 0.2500001"'),
+        ('relpose="0.25 0.5 0.125 0.5', 'relpose="0.25 0.5 0.125 0.5000001'),
+        ('euler="0.5 0.25 0"', 'euler="0.5 0.2500001 0"'),
+    ],
+)
+def test_a_number_of_a_weld_that_is_another_is_felt(change: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, other = welded(tmp_path), tmp_path / "other"
+    other.mkdir()
+    assert_felt(path, edited(path, other, change), monkeypatch)
 
 
 @pytest.mark.parametrize("flag", ['<flag diagexact="enable"/>', '<flag refsafe="disable"/>'])
