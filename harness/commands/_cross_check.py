@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +26,12 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
     all other quantities follow at a few states, for the systems whose accelerations are as expected.
     """
+    from harness.crosscheck.quantities import cross_check_of
     from harness.results.cross_check import CrossCheckResult
 
     study: CrossCheck | None = None
-    for following in _studies(settings, quantities):
-        study = _followed(bracket, study, following)
+    for name in quantities:
+        study = _followed(bracket, study, cross_check_of(name, settings, audits=ACCELERATIONS not in quantities))
     assert study is not None
     if brief and (few := _brief(settings, study)) is not None:
         study = _followed(bracket, study, few)
@@ -59,18 +60,6 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
     return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
 
 
-def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossCheck]:
-    """The cross-check of each quantity, each made when the one before is complete; accelerations come first."""
-    from harness.certify.quantities import find_quantities
-    from harness.crosscheck.quantities import QuantityCheck
-    from harness.crosscheck.run import CrossCheck
-
-    if ACCELERATIONS in quantities:
-        yield CrossCheck(settings)
-    audits = ACCELERATIONS not in quantities
-    yield from (QuantityCheck(settings, [quantity], audits) for name, quantity in find_quantities().items() if name in quantities)
-
-
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     """The cross-check of all quantities but accelerations, after that of these, of the systems in which these are as expected."""
     from harness.certify.quantities import find_quantities
@@ -96,11 +85,11 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
     study.crashed |= before.crashed
 
 
-def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
-    """Why those records of accelerations are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
+    """Why those records of a quantity are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
     from harness.diagnosis.wanted import wanted_diagnosis
 
-    diagnoses = wanted_diagnosis(study, **limits)
+    diagnoses = wanted_diagnosis(study, quantity, **limits)
     if diagnoses is None:
         return []
     bracket.complete(diagnoses, kept=False)
@@ -115,6 +104,7 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
         print_count,
         print_differs,
         print_further_quantities,
+        print_quantity_diagnoses,
         print_superfluous,
         print_table,
         print_unexpected,
@@ -131,4 +121,5 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
     print_differs(found.differs)
     print_count(found.records, found.superfluous, found.differs)
     print_causes(found.causes, study.settings)
+    print_quantity_diagnoses(found.records, study.settings)
     bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from harness.results.brief import quantities_in_brief
-from harness.results.records import Record, Records, Run
+from harness.results.records import ACCELERATIONS, Record, Records, Run
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT
 
@@ -216,6 +216,14 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
     if causes:
         systems = {cause.system for cause in causes}
         say("", f"the whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
+
+
+def print_quantity_diagnoses(records: Sequence[Record], settings: Settings) -> None:
+    """The command that says what is wrong with each quantity beside accelerations that is not as expected."""
+    wrong = [record for record in records if record.quantity != ACCELERATIONS and not record.as_expected]
+    for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
+        systems = sorted({record.system for record in own})
+        say("", f"the diagnosis of {quantity}: {settings.diagnosis('NAME' if len(systems) > 1 else systems[0], quantity)}")
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.questions import Answers, Caller, Loaded, Question, Refused, Run, ask
 from harness.comparison.states import request_of, spread
-from harness.engines import Unsupported
+from harness.engines import NotOffered, Unsupported
+from harness.engines._answers import METHODS
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.robots.mechanism import RobotMechanism
@@ -73,6 +74,23 @@ class AidedModel:
         if self.loaded_robot.is_supplied_with_forces:
             raise Unsupported("springs or dampers are supplied as applied forces, which no step of the engine's own feels")
         return self.loaded_robot.model
+
+    def __getattr__(self, name: str) -> Any:
+        """What the engine computes beside accelerations, as ``harness.engines._answers`` says.
+
+        Raises:
+            NotOffered: states would have to be converted on the way, or the engine is asked about accelerations alone.
+        """
+        if name not in METHODS:
+            raise AttributeError(name)
+        if self.is_coupled:
+            raise NotOffered("joints that mimic others are eliminated from accelerations alone")
+        if not all(joint.is_measured_in_the_world for joint in self._joints):
+            raise NotOffered("a free joint is measured in a frame of the file")
+        quantities = getattr(self.loaded_robot, "quantities", None)
+        if quantities is None:
+            raise NotOffered("robots' files are asked about accelerations alone")
+        return getattr(quantities(self.robot.joints), name)
 
     @property
     def addresses(self) -> tuple[list[int], list[int]]:

@@ -31,9 +31,9 @@ from harness.equations.states import States
 from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.robots.equalities import Equality, Meeting, TendonLinkage
-from harness.robots.equality_rows import TiedTree, tied_tree
 from harness.robots.inverse_weights import inverse_weights_of
 from harness.robots.robot import Robot
+from harness.robots.tied_mechanism import TiedTree, tied_tree
 from harness.robots.tree import WORLD
 from harness.verdict import Verdict
 
@@ -119,7 +119,7 @@ def _declared_truth(read: Meant, caller: Caller, numbers: Sequence[int]) -> Refe
     chosen = {f"{robot.equalities[number].kind} {number}": robot.equalities[number] for number in numbers}
     root = element_at(robot.tree.place)
     laws = caller.laws(root, robot.format, [one.declared(name) for name, one in chosen.items()])
-    tied = tied_tree(robot.tree, robot.joints, chosen)
+    tied = tied_tree(robot.tree, robot.joints, {name: one.rows for name, one in chosen.items() if one.rows is not None})
     weights = inverse_weights_of(
         robot.tree,
         (part for law in laws.values() for row in law.weights or () for part in row),

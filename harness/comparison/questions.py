@@ -192,6 +192,9 @@ class Run(Protocol):
 class Loaded(Protocol):
     """A file in an engine.
 
+    One that is asked for more than accelerations has ``quantities(names)``: an object with methods of ``harness.engines._answers``, whose
+    q and v are of the joints of these names.
+
     Attributes:
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
@@ -229,6 +232,10 @@ class Caller(Protocol):
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
         optional: whether not everybody installs it, as of ``harness.engines.Engine``.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
+
+    One of an engine with integrators has ``step_rules(root, model_format) -> Sequence[StepRule]``, those of a file with this root
+    element; what it loads has ``advanced(q, v, rule, steps)``, q and v after so many steps without applied forces, of the joints of
+    the request, (nq,) and (nv,).
     """
 
     engine: str

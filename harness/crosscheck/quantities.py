@@ -16,15 +16,14 @@ from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
-from harness.crosscheck.quantity_truth import declared_model, truth_of
+from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
-from harness.errors import InvalidRequest
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.verdict import Verdict
 
 NOT_OFFERED = "not offered: "
@@ -34,15 +33,10 @@ class QuantityCheck(CrossCheck):
     """A ``harness.study.Study`` like the cross-check, whose records are of other quantities.
 
     ``audits``: whether what engines hold after loading is compared as well, which a cross-check of accelerations does.
-
-    Raises:
-        InvalidRequest: the library is of robots, whose files have no second truth.
     """
 
     def __init__(self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True) -> None:
         names = [quantity.name for quantity in quantities]
-        if settings.library.is_of_robots:
-            raise InvalidRequest(f"{', '.join(names)}: checked of mechanisms; of a robot's file accelerations alone")
         self.title = names[0] if len(names) == 1 else "further quantities"
         self._quantities, self._audits = names, audits
         self._of_quantities = {name: load_expectations(settings.library, name) for name in names}
@@ -65,7 +59,7 @@ class QuantityCheck(CrossCheck):
         self._ask(self._compared, system, pairs, compare_quantities, system.name, asked, states, about=states)
 
     def _go_on(self, system: System) -> None:
-        if self._audits:
+        if self._audits and not self.settings.library.is_of_robots:
             by_subject = {pair.subject: pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS}
             self._hold(system, list(by_subject.values()))
 
@@ -85,6 +79,11 @@ class QuantityCheck(CrossCheck):
             # What nobody claims to compute needs no entry that excuses it.
             return replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=record.message.removeprefix(NOT_OFFERED))
         return record
+
+
+def cross_check_of(quantity: str, settings: Settings, audits: bool = True) -> CrossCheck:
+    """The cross-check of one quantity, accelerations or another; of these with ``audits``, see ``QuantityCheck``."""
+    return CrossCheck(settings) if quantity == ACCELERATIONS else QuantityCheck(settings, [find_quantities()[quantity]], audits)
 
 
 # Truths at one batch of states by their keys, with the seconds per state that they took: two files of a mechanism mostly say the same.
@@ -114,9 +113,7 @@ def compare_quantities(
 def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States, known: Known) -> Answers:
     """One subject's answers, timed and compared with the truth."""
     model = load_audited(assignment)
-    # Equations have the coordinates of the file whose numbers are the truth.
-    read = declared_model(assignment.library, system) if assignment.model is None else assignment.model
-    truth = truth_of(quantity, system, assignment, read)
+    truth = truth_of(quantity, system, assignment)
     if truth.key not in known:
         started = time.perf_counter()
         certified = truth.evaluate(states)
@@ -128,6 +125,10 @@ def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States
     found = truth.answers(model, states)
     spent = (time.perf_counter() - started) / len(states)
     comparison = judge_answers(certified, found)
-    disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-    remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}" if disagrees else ""
+    if not (comparison.verdicts == Verdict.DISAGREES.value).any():
+        remark = ""
+    elif quantity.describe is None:
+        remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}"
+    else:
+        remark = quantity.describe(truth, states, certified, found)
     return Answers(comparison, [spent], remark=remark)

@@ -58,9 +58,14 @@ class WrenchWriter(ConstraintWriter):
         return self.sum(moment, self.product(shift, force)), force
 
     def _root(self, moving: list[Moving], number: int) -> Three:
-        """Where the tree begins: the first joint, or the origin of the body that is fixed to the world and has it."""
+        """Where the tree begins: the first joint, or the origin of the body that is fixed to the world and has it.
+
+        What slides from there or floats is measured from the world's origin.
+        """
         while moving[number].node.parent >= 0:
             number = moving[number].node.parent
+        if moving[number].node.joint.kind not in ("hinge", "ball"):
+            return self.still
         bodies, joint = {body.name: body for body in self.planted.bodies}, moving[number].node.joint.name
         top = next(body for body in self.planted.bodies if joint in {one.name for one in body.joints})
         while top.parent != WORLD:
