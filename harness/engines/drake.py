@@ -95,7 +95,7 @@ class DrakeModel:
         return answer
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
-        """See ``harness.engines.reactions``: the output port of reaction forces, each about and along the axes of the child's frame."""
+        """See ``harness.engines._answers``: the output port of reaction forces, each about and along the axes of the child's frame."""
         plant, context = self.plant, self._context
         found = np.empty((len(q), len(self._order), 6))
         port = plant.get_reaction_forces_output_port()
