@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.accounting import fold
-from harness.comparison.callers import find_callers
+from harness.comparison.callers import CallersLibrary, find_callers
 from harness.comparison.gap import Motion, shares_of
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.meshes import compiled_meshes
@@ -21,6 +21,7 @@ from harness.comparison.questions import Refused
 from harness.comparison.readings import find_readings
 from harness.comparison.same_states import SameStates
 from harness.comparison.states import asked_joints, request_of
+from harness.engines import installed_version, load_engine, runs_elsewhere
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import nearest
@@ -52,7 +53,7 @@ class By:
         """From ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@LENGTH.
 
         Raises:
-            InvalidRequest: it is neither, or no engine moves robots by that name.
+            InvalidRequest: it is neither, or no engine beside the harness moves robots by that name.
         """
         form = _FORM.fullmatch(text)
         try:
@@ -63,6 +64,12 @@ class By:
             raise InvalidRequest(f"{text!r}: expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS, as mujoco/RK4@0.001")
         if form["engine"] not in (known := find_callers()):
             raise InvalidRequest(f"no engine is called {form['engine']!r}; {nearest(form['engine'], known)}")
+        # Its steps are taken in this process, state by state.
+        engine = load_engine(CallersLibrary.without_files(), form["engine"])
+        if runs_elsewhere(engine) or installed_version(engine) is None:
+            raise InvalidRequest(
+                f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"
+            )
         return cls(form["engine"], form["integrator"], length)
 
 

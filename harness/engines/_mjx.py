@@ -51,17 +51,42 @@ def _accelerations() -> Any:
     return jax.jit(of_a_block, compiler_options=COMPILER_OPTIONS)
 
 
-class MjxModel:
-    """An ``mjx.Model`` of the ``MjModel`` that the file compiles to."""
+class OnDevice:
+    """An ``mjx.Model`` of an ``MjModel``, asked in blocks of states.
 
-    def __init__(self, model: Any, joints: Sequence[str], in_float64: bool) -> None:
+    Raises:
+        NotImplementedError: MJX has no such part of a model.
+    """
+
+    def __init__(self, model: Any, in_float64: bool) -> None:
         import jax
         from mujoco import mjx
 
-        self._compiled = MujocoModel(model, joints)
         self._in_float64 = in_float64
         with jax.enable_x64(in_float64):
-            self._on_device, self._empty = mjx.put_model(model), mjx.make_data(model)
+            self._model, self._empty = mjx.put_model(model), mjx.make_data(model)
+
+    def accelerations(self, qpos: Array, qvel: Array, applied: Array) -> Array:
+        """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv)."""
+        import jax
+
+        answer = np.empty(qvel.shape)
+        for start in range(0, len(qpos), BLOCK):
+            block = [given[start : start + BLOCK] for given in (qpos, qvel, applied)]
+            count = len(block[0])
+            # A block that is not full repeats its first state, as zeros are no quaternion.
+            full = [np.concatenate([given, np.repeat(given[:1], BLOCK - count, axis=0)]) for given in block]
+            with jax.enable_x64(self._in_float64):
+                found = np.asarray(_accelerations()(self._model, self._empty, *full))
+            answer[start : start + count] = found[:count]
+        return answer
+
+
+class MjxModel:
+    """An ``MjModel`` that the file compiles to, and the same on the device."""
+
+    def __init__(self, model: Any, joints: Sequence[str], in_float64: bool) -> None:
+        self._compiled, self._on_device = MujocoModel(model, joints), OnDevice(model, in_float64)
 
     def loaded(self) -> LoadedModel:
         return self._compiled.loaded()
@@ -75,22 +100,10 @@ class MjxModel:
         return self._compiled.gaps(q)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        import jax
-
         model, (positions, velocities) = self._compiled.model, self._compiled.addresses
-        answer = np.empty(v.shape)
-        for start in range(0, len(q), BLOCK):
-            states = slice(start, min(start + BLOCK, len(q)))
-            count = states.stop - start
-            qpos, qvel, applied = (np.zeros((BLOCK, size)) for size in (model.nq, model.nv, model.nv))
-            # A block that is not full repeats its first state, as zeros are no quaternion.
-            for own, places, given in ((qpos, positions, q), (qvel, velocities, v), (applied, velocities, tau)):
-                own[:count, places] = given[states]
-                own[count:] = own[0]
-            with jax.enable_x64(self._in_float64):
-                found = np.asarray(_accelerations()(self._on_device, self._empty, qpos, qvel, applied))
-            answer[states] = found[:count, velocities]
-        return answer
+        qpos, qvel, applied = (np.zeros((len(q), size)) for size in (model.nq, model.nv, model.nv))
+        qpos[:, positions], qvel[:, velocities], applied[:, velocities] = q, v, tau
+        return self._on_device.accelerations(qpos, qvel, applied)[:, velocities]
 
 
 def keep_what_is_on(model: Any) -> None:

@@ -199,6 +199,7 @@ REFUSED = {
     ("mujoco", "mujoco/RK4"): "expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS",
     ("mujoco/RK4@0", "mujoco/RK4"): "expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS",
     ("mujocco/RK4", "mujoco/RK4"): "no engine is called 'mujocco'; .*mujoco",
+    ("idyntree/RK4", "mujoco/RK4"): "idyntree is not installed beside the harness",
     ("mujoco/RK5", "mujoco/RK4"): "no integrator is called 'RK5'; .*RK4",
     ("pinocchio/implicit", "mujoco/RK4"): "no integrator of one's own by pinocchio's accelerations is called 'implicit'",
     ("mujoco/RK4@0.003", "mujoco/RK4@0.002"): "5 steps of 0.003 s are no whole number of steps of 0.002 s",

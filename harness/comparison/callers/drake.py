@@ -7,7 +7,8 @@ of an actuator in Drake. Source: Drake documentation, drake::multibody::Parser a
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -45,19 +46,30 @@ class DrakeCaller(Caller):
 
         floating = _floating_bodies(request)
         refuse_joints(request, "Drake", floating.values())
-        # Its warnings are the user's to read; what they say is a reading, or bears on no acceleration.
-        logging.getLogger("drake").setLevel(logging.ERROR)
         plant = MultibodyPlant(0.0)
-        try:
-            Parser(plant).AddModels(str(request.path))
-            if request.format == "urdf" and not request.floating_base and (root := root_link(request)) != WORLD:
-                plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
-            if request.aid is not None:
-                _supply(plant, request, request.aid)
-            plant.Finalize()
-        except RuntimeError as error:
-            raise Refused(" ".join(str(error).split())) from error
+        with _silent():
+            try:
+                Parser(plant).AddModels(str(request.path))
+                if request.format == "urdf" and not request.floating_base and (root := root_link(request)) != WORLD:
+                    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
+                if request.aid is not None:
+                    _supply(plant, request, request.aid)
+                plant.Finalize()
+            except RuntimeError as error:
+                raise Refused(" ".join(str(error).split())) from error
         return LoadedRobot(plant, request, floating)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without Drake's warnings: what they say is a reading, or bears on no acceleration. Whoever else reads them does so again after."""
+    logger = logging.getLogger("drake")
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _supply(plant: Any, request: Request, aid: Aid) -> None:

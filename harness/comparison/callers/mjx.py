@@ -5,7 +5,7 @@ What is off in MuJoCo is off here. Its reader is MuJoCo's. Source: MuJoCo docume
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers import mujoco
 from harness.comparison.questions import Caller, Loaded, Refused, Request, Run
 from harness.engines import Unsupported
-from harness.engines._mjx import BLOCK, keep_what_is_on
+from harness.engines._mjx import OnDevice, keep_what_is_on
 
 
 class MjxCaller(Caller):
@@ -46,21 +46,11 @@ class MjxCaller(Caller):
 
 
 class LoadedRobot:
-    """MuJoCo's model on the device, and the compiled function of a block of states; its conventions are MuJoCo's."""
+    """MuJoCo's model on the device; its conventions are MuJoCo's."""
 
     def __init__(self, compiled: mujoco.LoadedRobot) -> None:
-        import jax
-        from mujoco import mjx
-
-        self._compiled = compiled
+        self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
         self.joints, self.notes, self.further = compiled.joints, compiled.notes, compiled.further
-        with jax.enable_x64(True):
-            on_device, empty = mjx.put_model(compiled.model), mjx.make_data(compiled.model)
-
-            def accelerations(q: Any, v: Any, tau: Any) -> Any:
-                return mjx.forward(on_device, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
-
-            self._of_a_block = jax.jit(jax.vmap(accelerations))
 
     @property
     def model(self) -> Any:
@@ -74,23 +64,18 @@ class LoadedRobot:
         return self._compiled.addresses(names)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> Run:
-        return _Run(self._compiled.prepare(q, v, tau), self._of_a_block)
+        return _Run(self._compiled.prepare(q, v, tau), self._on_device)
 
 
 class _Run:
-    """MuJoCo's run, computed by MJX; the last block is filled up with the last state."""
+    """MuJoCo's run, computed by MJX."""
 
-    def __init__(self, run: Any, of_a_block: Callable[..., Any]) -> None:
-        self._run, self._of_a_block = run, of_a_block
-        rows = [*run.rows, *run.rows[-1:] * (-len(run.rows) % BLOCK)]
-        self._blocks = [[np.array(part) for part in zip(*rows[start : start + BLOCK], strict=True)] for start in range(0, len(rows), BLOCK)]
+    def __init__(self, run: Any, on_device: OnDevice) -> None:
+        self._run, self._on_device = run, on_device
+        self._states = [np.array(part) for part in zip(*run.rows, strict=True)]
 
     def compute(self) -> None:
-        import jax
-
-        with jax.enable_x64(True):
-            found = [np.asarray(self._of_a_block(*block)) for block in self._blocks]
-        self._run.found[:] = np.concatenate(found)[: len(self._run.found)]
+        self._run.found[:] = self._on_device.accelerations(*self._states)
 
     def accelerations(self) -> Array:
         found: Array = self._run.accelerations()

@@ -15,7 +15,9 @@ def _without_frames(robot: Robot) -> Tree:
         carries = any(parent == body.name and name not in frames for name, parent in parents.items())
         if body.parent in parents and not (body.joints or carries or (body.inertia and body.inertia.mass)):
             frames.add(body.name)
-    return with_inertias(robot.tree, lambda body: None if body.name in frames else body.inertia)
+    return with_inertias(
+        robot.tree, lambda body: None if body.name in frames and body.inertia and any(body.inertia.moments) else body.inertia
+    )
 
 
 READINGS = (

@@ -41,8 +41,10 @@ def _boxes(robot: Robot) -> Tree:
 
 
 def _diagonal(robot: Robot) -> Tree:
+    moved = moving(robot.tree)
+
     def read(body: Body) -> Inertia | None:
-        if body.inertia is None or not any(body.inertia.moments[3:]):
+        if body.inertia is None or body.name not in moved or not any(body.inertia.moments[3:]):
             return body.inertia
         _, axes, rest = diagonalized(matrix_of(body.inertia))
         # Only what is left out is rounded, which is a millionth of the whole.
@@ -54,9 +56,11 @@ def _diagonal(robot: Robot) -> Tree:
 
 
 def _possible(robot: Robot) -> Tree:
+    moved = moving(robot.tree)
+
     def read(body: Body) -> Inertia | None:
-        if body.inertia is None:
-            return None
+        if body.inertia is None or body.name not in moved:
+            return body.inertia
         first, second, third = np.sort(diagonalized(matrix_of(body.inertia))[0])
         return body.inertia if first >= 0 and third <= first + second else replace(body.inertia, moments=_NONE * 2)
 
