@@ -93,7 +93,7 @@ class MjxModel:
         return answer
 
 
-def _keep_what_is_on(model: Any) -> None:
+def keep_what_is_on(model: Any) -> None:
     """Have what is switched off of springs and dampers weigh nothing, and both switched on: MJX leaves out both where one is off.
 
     Source: mujoco/mjx/_src/passive.py, ``passive``; https://github.com/google-deepmind/mujoco/pull/3440.
@@ -132,7 +132,7 @@ class MjxEngine:
             why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
             raise Unsupported(f"line {one.line}: {one.kind} constraint {one.name!r}: {why}")
         model = mujoco.MjModel.from_xml_string(file.text)
-        _keep_what_is_on(model)
+        keep_what_is_on(model)
         try:
             return MjxModel(model, joints, self._in_float64)
         except NotImplementedError as error:

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.sparkline import NO_TREND, Sparkline
-from harness.results.benchmark import AccelerationCost, Cheapest, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.benchmark import AccelerationCost, Cheapest, DerivativeCost, Drift, Figure, MotionCost, Order, Stationarity
 from harness.results.pareto import cost_of, error_of, way_of
 from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
 from harness.results.trend import Trend
@@ -42,6 +42,26 @@ def accelerations(costs: Iterable[AccelerationCost], trends: Iterable[Trend] = (
             "remark": "note",
         },
         "Accelerations: cost and error of each method",
+    )
+
+
+def derivatives(costs: Iterable[DerivativeCost]) -> Table:
+    """One row per way of computing derivatives by q and v."""
+    return Table.of(
+        costs,
+        {
+            "system": "system",
+            "of": "of",
+            "method": "method",
+            "loop over states": "loop",
+            Column("best step", "given"): "best_step",
+            Column("relative error there", "relative"): "error",
+            Column("time of one state", "seconds"): lambda cost: cost.seconds_per_state[0] if cost.states else None,
+            Column("time per state of most", "seconds"): lambda cost: cost.seconds_per_state[-1] if cost.states else None,
+            Column("most states at once", "count"): lambda cost: max(cost.states, default=0),
+            "remark": "note",
+        },
+        "Derivatives by q and v: cost, and error at the best step",
     )
 
 

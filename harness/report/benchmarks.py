@@ -9,7 +9,7 @@ from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
 
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, MotionCost, Stationarity
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, DerivativeCost, Drift, MotionCost, Stationarity
 from harness.results.pareto import front, way_of, with_cheapest
 from harness.results.records import Run
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
@@ -34,7 +34,7 @@ class BenchmarkSummary:
         self.run = run
         self.nights = [*comparable(run.states, sorted(earlier, key=lambda entry: entry[0].started)), (run, benchmark)]
         self.benchmark = benchmark = with_cheapest(benchmark)
-        self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.motion) for cost in part})
+        self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.derivatives, benchmark.motion) for cost in part})
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
         self.integrators = sorted({one.integrator for part in (benchmark.motion, benchmark.orders, benchmark.drifts) for one in part})
         self.problems = benchmark.problems
@@ -54,6 +54,11 @@ class BenchmarkSummary:
         """The methods on ``system``, cheapest first, those without a time last."""
         shown = [cost for cost in self.benchmark.accelerations if cost.system == system]
         return sorted(shown, key=lambda cost: (cost.seconds_per_state is None, cost.seconds_per_state or 0.0, cost.method))
+
+    def derivatives(self, system: str) -> list[DerivativeCost]:
+        """The ways of computing derivatives on ``system``, most exact first, those that could not last."""
+        shown = [cost for cost in self.benchmark.derivatives if cost.system == system]
+        return sorted(shown, key=lambda cost: (cost.of, cost.error is None, cost.error or 0.0, cost.method))
 
     def motion(self, system: str) -> list[MotionCost]:
         """The integrators on ``system``, by name and from coarse to fine."""
