@@ -51,7 +51,7 @@ class Sparkline:
             places.append((_MARGIN + number * step, _HEIGHT - _MARGIN - (height - low) / span * (_HEIGHT - 2 * _MARGIN)))
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
         last = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2"/>' for x, y in places[-1:])
-        return f'<polyline points="{line}"/>{"".join(_mark(*places[place]) for place in self.changes)}{last}'
+        return f'<polyline points="{line}"/>{last}{"".join(_mark(*places[place]) for place in self.changes)}'
 
 
 NO_TREND = Sparkline([])

@@ -8,13 +8,13 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import lxml.html
 import msgspec
 import pytest
+from markupsafe import escape
 from report.test_hard_report import CASE
 from report.test_page import whole
 from report.test_report import build, card, night, record, run_on
