@@ -33,10 +33,10 @@ settings.register_profile("local", deadline=None)
 settings.load_profile("ci" if IN_CI else "local")
 
 # One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
-# of tests marked ``costly`` and of tests over the catalogue; in CI of those that are both, whose cases repeat each other on other
-# systems. What CI leaves out is marked ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
+# of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
+# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
 AT_THE_DESK_ONE_IN = 6, 4
-IN_CI_ONE_IN = 3, 1
+IN_CI_ONE_IN = 3, 2
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
@@ -170,7 +170,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if _asked_for_by_name(config):
         return
     at_the_desk = _left_out([item for item in items if _is_marked(item) or _is_over_the_catalogue(item)], *AT_THE_DESK_ONE_IN)
-    at_night = _left_out([item for item in items if _is_marked(item) and _is_over_the_catalogue(item)], *IN_CI_ONE_IN)
+    at_night = _left_out([item for item in items if _is_marked(item)], *IN_CI_ONE_IN)
     for item in at_night:
         item.add_marker("nightly")
     left_out = set() if IN_CI else at_the_desk - at_night
