@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from harness.certify.machine_code import loop
 from harness.equations.machine_code import machine_code_directory
@@ -28,8 +28,10 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 # Without bytecode, as in many containers, each process that a test starts compiles the harness anew, for a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-settings.register_profile("ci", derandomize=True, deadline=None)
-settings.register_profile("local", deadline=None)
+# What a draw takes is a matter of what else the machine does.
+UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("ci", derandomize=True, **UNHURRIED)
+settings.register_profile("local", **UNHURRIED)
 settings.load_profile("ci" if IN_CI else "local")
 
 # One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
