@@ -6,11 +6,14 @@ Read a mechanism, and evaluate its certified accelerations:
     pendulum.M, pendulum.C, pendulum.g, pendulum.latex      # SymPy; a notebook shows the equations of ``pendulum`` itself
     truth = pendulum.accelerations(q=[0.3, -0.2], v=[1.0, 0.5])
     truth.value, truth.error_bound                           # the truth is certainly within the bound
+    pendulum.derivatives([0.3, -0.2], [1.0, 0.5]).by_velocity
+    pendulum.mass_matrix(q), pendulum.bias(q, v), pendulum.inverse_dynamics(q, v, qdd)
 
 Hold engines, model files, or your own program against that truth:
 
     harness.check("double_pendulum")                         # a table of records
     harness.check("double_pendulum", mjcf="mine.xml")
+    harness.check("double_pendulum", quantities="mass_matrix")
     harness.check("robot.urdf")                              # a robot's file is its own truth
     harness.diagnose("double_pendulum", mjcf="mine.xml")     # which line is wrong, and the value that explains it
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers

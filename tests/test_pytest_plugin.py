@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from support import make_library, pytest_in_this_process
 
+from harness.certify.quantities import find_quantities
+
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
@@ -108,6 +110,47 @@ def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> 
             assert f"{expected} states per system" in done.stdout and "1 passed" in done.stdout
 
 
+HEAVY_ENGINE = """
+from harness.engines.mujoco import MujocoEngine
+
+
+class Engine(MujocoEngine):
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        loaded = super().load(source, joints, gravity)
+        mass_matrix = loaded.mass_matrix
+        loaded.mass_matrix = lambda q: mass_matrix(q) * (1 + 1e-9)
+        return loaded
+
+
+ENGINE = Engine()
+"""
+
+
+def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:
+    make_library(tmp_path / "mechanisms", ["spring_damper"], {"heavy": HEAVY_ENGINE})
+    common = ("--harness-library", "mechanisms", "--harness-states", "20", "--harness-subject", "heavy/mjcf", "-v")
+    wanted = [f"--harness-quantity={name}" for name in ("mass_matrix", "position", "accelerations")]
+    done = pytest_in_this_process(*common, *wanted, cwd=tmp_path)
+    assert ", mass_matrix position accelerations" in done.stdout
+    outcomes = [line.partition("::")[2].split(" ")[:2] for line in done.stdout.splitlines() if "spring_damper.py::heavy" in line]
+    expected = [["heavy/mjcf", "PASSED"], ["heavy/mjcf[mass_matrix]", "FAILED"], ["heavy/mjcf[position]", "PASSED"]]
+    assert sorted(outcomes[:3]) == sorted(expected)
+    assert "replay: harness check spring_damper --subject heavy/mjcf --library mechanisms --quantity mass_matrix --state" in done.stdout
+
+
+def test_a_project_names_its_quantities_in_its_settings(library: Path) -> None:
+    settings = library.parent / "pytest.ini"
+    settings.write_text("[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms\nharness_quantity = accelerations energy\n")
+    chosen = ("-k", "spring_damper and mujoco", "--harness-states", "20")
+    done = pytest_in_this_process(*chosen, "-v", cwd=library.parent)
+    assert "4 passed" in done.stdout and "spring_damper.py::mujoco/urdf[energy] PASSED" in done.stdout
+    done = pytest_in_this_process(*chosen, "--harness-quantity", "all", "--collect-only", "-q", cwd=library.parent)
+    names = [line.partition("::")[2] for line in done.stdout.splitlines() if "::mujoco/mjcf" in line]
+    assert names == ["mujoco/mjcf", *(f"mujoco/mjcf[{name}]" for name in find_quantities())]
+
+
 def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
     done = pytest_in_this_process(cwd=library)
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED
@@ -119,6 +162,7 @@ def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
         (["--harness-library", "nowhere"], "no such directory"),
         (["--harness-library", ".", "--harness-subject", "mujoco/mjfc"], "did you mean 'mujoco/mjcf'"),
         (["--harness-library", ".", "--harness-states", "0"], "--harness-states"),
+        (["--harness-library", ".", "--harness-quantity", "mass_matrx"], "did you mean 'mass_matrix'"),
     ],
 )
 def test_bad_usage_is_a_usage_error(library: Path, arguments: list[str], message: str) -> None:

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from harness.api.loaded_system import Accelerations as Accelerations
+from harness.api.loaded_system import CertifiedValues as CertifiedValues
+from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
 from harness.library import Library
-from harness.results.records import Records
+from harness.results.records import ACCELERATIONS, Records
 
 if TYPE_CHECKING:
     from harness.certify.compare import Comparison
@@ -61,6 +63,7 @@ def check(
     mjcf: str | Path | None = None,
     urdf: str | Path | None = None,
     subjects: Subjects = (),
+    quantities: str | Sequence[str] = (),
     states: int = 1000,
     seed: int = 0,
     workers: int | None = None,
@@ -72,18 +75,22 @@ def check(
     Args:
         names: of mechanisms, of variants as "acrobot.frames", and patterns as "acrobot*"; or paths of robots' files, URDF or MJCF.
         mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
+        quantities: as "mass_matrix", "reactions" or "accelerations"; accelerations for none, and "all" stands for all.
         states: per system. workers: processes; one per CPU for None. time_limit: of one task [s].
         floating_base: whether a free joint is put under the roots of robots' URDFs.
 
     Raises:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
-        harness.errors.InvalidRequest: a name that nothing has.
+        harness.errors.InvalidRequest: a name that nothing has; a robot, and another quantity than accelerations.
     """
+    from harness.certify.quantities import select_quantities
+
     settings = _settings(names, library, mjcf, urdf, subjects, states, seed, floating_base)
-    with _checked(settings, workers, time_limit) as (study, _):
-        for problem in study.problems:
+    chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
+    with _checked(settings, workers, time_limit, chosen) as (studies, _):
+        for problem in (problem for study in studies for problem in study.problems):
             raise problem
-        return Records(study.result().records)
+        return Records(record for study in studies for record in study.result().records)
 
 
 def diagnose(
@@ -93,13 +100,14 @@ def diagnose(
     mjcf: str | Path | None = None,
     urdf: str | Path | None = None,
     subjects: Subjects = (),
+    quantity: str = ACCELERATIONS,
     states: int = 1000,
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 60.0,
     floating_base: bool = False,
 ) -> list[Cause]:
-    """Why records of ``name`` are not as expected, a ``Cause`` each; none where all are. Arguments as of ``check``.
+    """Why records of ``name`` are not as expected in one quantity, a ``Cause`` each; none where all are. Arguments as of ``check``.
 
     What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
 
@@ -107,11 +115,20 @@ def diagnose(
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``.
     """
-    from harness.diagnosis.causes import find_causes
+    from harness.certify.quantities import require_quantity
+    from harness.diagnosis.wanted import wanted_diagnosis
+    from harness.study import run_study
 
+    require_quantity(quantity)
     settings = _settings([name], library, mjcf, urdf, subjects, states, seed, floating_base)
-    with _checked(settings, workers, time_limit) as (study, pool):
-        return find_causes(settings, study.result().records, pool, crashes=study.crashes)
+    with _checked(settings, workers, time_limit, [quantity]) as ([study], pool):
+        diagnoses = wanted_diagnosis(study, quantity)
+        if diagnoses is None:
+            return []
+        for _ in run_study(diagnoses, pool):
+            pass
+        causes: list[Cause] = diagnoses.result()
+        return causes
 
 
 @overload
@@ -168,19 +185,22 @@ def _compare_robots(
 
 
 @contextmanager
-def _checked(settings: Settings, workers: int | None, time_limit: float) -> Iterator[tuple[CrossCheck, Workers]]:
-    """A complete cross-check, and the workers that ran it."""
-    from harness.crosscheck.run import CrossCheck
+def _checked(
+    settings: Settings, workers: int | None, time_limit: float, quantities: Sequence[str] = (ACCELERATIONS,)
+) -> Iterator[tuple[list[CrossCheck], Workers]]:
+    """The complete cross-check of each quantity, and the workers that ran them."""
+    from harness.crosscheck.quantities import cross_check_of
     from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
     describe_engines(settings.library, lambda: Workers(workers, time_limit=time_limit))
-    study = CrossCheck(settings)
+    studies = [cross_check_of(name, settings, audits=False) for name in quantities]
     with Workers(workers, time_limit=time_limit) as pool:
-        for _ in run_study(study, pool):
-            pass
-        yield study, pool
+        for study in studies:
+            for _ in run_study(study, pool):
+                pass
+        yield studies, pool
 
 
 def _settings(

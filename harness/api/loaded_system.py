@@ -1,4 +1,4 @@
-"""A mechanism or a robot for scripts and notebooks: its equations in SymPy, and certified accelerations."""
+"""A mechanism or a robot for scripts and notebooks: its equations in SymPy, certified accelerations, and what else controllers take."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from harness.certify.compare import Comparison
+    from harness.certify.equation_values import EquationValues
+    from harness.certify.quantities.derivatives import DerivativeTruth
     from harness.certify.reference import Reference, ReferenceKernel
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
@@ -30,6 +32,43 @@ class Accelerations:
         value: (n, nv) the float64 nearest to the truth [SI per s^2].
         error_bound: (n, nv) the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
         data_roundoff: (n,) how far the truth moves, in the energy norm, when every input moves by half an ulp [sqrt(J)/s].
+        certified: (n,) whether the truth is known far below its data roundoff.
+    """
+
+    value: Array
+    error_bound: Array
+    data_roundoff: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Certified derivatives of the accelerations of n states; rows are those of accelerations.
+
+    Attributes:
+        by_position, by_velocity, by_force: (n, nv, nv) the float64 nearest to the truth. Those by positions are along the velocities: of a
+            ball or free joint by turns about the axes of its body, and by displacements along the axes of its parent.
+        error_bound: (n, 3, nv, nv) the truth is certainly no farther from the three than this; inf where nothing could be certified.
+        data_roundoff: (n, 3, nv) how far each column moves, in the energy norm, when every input moves by half an ulp.
+        certified: (n,) whether the truth is known far below its data roundoff.
+    """
+
+    by_position: Array
+    by_velocity: Array
+    by_force: Array
+    error_bound: Array
+    data_roundoff: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class CertifiedValues:
+    """Certified values at n states, each entry by itself.
+
+    Attributes:
+        value: (n, nv, nv) of a matrix, (n, nv) of forces; the float64 nearest to the truth [SI].
+        error_bound: of the same shape; the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
+        data_roundoff: of the same shape; how far the truth moves when every input moves by half an ulp.
         certified: (n,) whether the truth is known far below its data roundoff.
     """
 
@@ -117,6 +156,79 @@ class LoadedSystem:
         reference = self._kernel.evaluate(self._states(q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
+    def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
+        """Certified derivatives of the accelerations by q, v and tau; arguments as of ``accelerations``.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+            harness.errors.InvalidRequest: constraints tie its coordinates.
+        """
+        from harness.certify.numbers import UNIT_ROUNDOFF
+
+        states, nv = self._states(q, v, tau), self.mechanism.nv
+        found = self._derivatives.evaluate(states)
+        shape = (len(states), 3, nv, nv)
+        bound = np.abs(found.low) + _reach(found.norm_factor)[:, None] * found.radius[:, :, None]
+        bound = np.where(found.certified[:, None, None], bound * (1 + 1e-6), np.inf)
+        # Blocks are columns.
+        matrices, bounds = (blocks.reshape(shape).transpose(0, 1, 3, 2) for blocks in (found.high, bound))
+        data_roundoff = UNIT_ROUNDOFF * found.sensitivity.reshape(shape[:3])
+        by_position, by_velocity, by_force = matrices.transpose(1, 0, 2, 3)
+        return Derivatives(by_position, by_velocity, by_force, bounds, data_roundoff, found.certified)
+
+    def mass_matrix(self, q: Any) -> CertifiedValues:
+        """Certified mass matrix, with reflected inertias; under constraints that of the tree which is left without them.
+
+        Args:
+            q: (nq,) or (n, nq), as for ``accelerations``.
+
+        Raises:
+            ValueError: the size is not that of the mechanism.
+        """
+        still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
+        return self._values("mass_matrix", self._states(q, still, None))
+
+    def bias(self, q: Any, v: Any) -> CertifiedValues:
+        """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
+
+        Args:
+            q, v: as for ``accelerations``.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+        """
+        return self._values("bias", self._states(q, v, None))
+
+    def inverse_dynamics(self, q: Any, v: Any, qdd: Any) -> CertifiedValues:
+        """Certified applied forces that give these accelerations, beside springs and dampers.
+
+        Args:
+            q, v: as for ``accelerations``. qdd: accelerations like v.
+
+        Raises:
+            harness.errors.InvalidRequest: under constraints any force that these bear may be added.
+            ValueError: the sizes are not those of the mechanism.
+        """
+        if self.mechanism.constraints is not None:
+            raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
+        return self._values("inverse_dynamics", self._states(q, v, qdd))
+
+    def _values(self, name: str, states: States) -> CertifiedValues:
+        from harness.certify.numbers import UNIT_ROUNDOFF
+
+        n, nv = states.v.shape
+        found = self._equation_values.evaluate(name, states)
+        shape = (n, nv, nv) if name == "mass_matrix" else (n, nv)
+        bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
+        roundoff = UNIT_ROUNDOFF * found.sensitivity
+        return CertifiedValues(found.high.reshape(shape), bound.reshape(shape), roundoff.reshape(shape), found.certified)
+
+    @cached_property
+    def _equation_values(self) -> EquationValues:
+        from harness.certify.equation_values import EquationValues
+
+        return EquationValues(self._kernel)
+
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
 
@@ -136,6 +248,16 @@ class LoadedSystem:
 
         return ReferenceKernel(self.mechanism)
 
+    @cached_property
+    def _derivatives(self) -> DerivativeTruth:
+        from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
+        from harness.engines import NotOffered
+
+        try:
+            return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)
+        except NotOffered as reason:
+            raise InvalidRequest(f"{self.name}: {reason}") from reason
+
     def _states(self, q: Any, v: Any, tau: Any) -> States:
         from harness.equations.states import States
 
@@ -152,7 +274,11 @@ def _error_bound(reference: Reference) -> Array:
     |x_i| <= |x|_M |row i of R^-1|, with R the factor of M (Cauchy and Schwarz). The radius carries all digits that matter, so
     the last factor covers the roundings of this bound.
     """
-    inverse = np.linalg.inv(np.where(np.isfinite(reference.norm_factor), reference.norm_factor, np.eye(reference.high.shape[1])))
-    reach = np.sqrt((inverse**2).sum(axis=2)) * reference.radius[:, None]
-    bound = (np.abs(reference.low) + reach) * (1 + 1e-6)
+    bound = (np.abs(reference.low) + _reach(reference.norm_factor) * reference.radius[:, None]) * (1 + 1e-6)
     return np.where(reference.certified[:, None], bound, np.inf)
+
+
+def _reach(norm_factor: Array) -> Array:
+    """How large each component of a vector of energy norm 1 can be, (n, nv)."""
+    inverse = np.linalg.inv(np.where(np.isfinite(norm_factor), norm_factor, np.eye(norm_factor.shape[1])))
+    return np.asarray(np.sqrt((inverse**2).sum(axis=2)))

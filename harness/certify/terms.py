@@ -44,6 +44,7 @@ from harness.certify.reference import (
     PRECISIONS,
     SMALLEST_SCALE,
     SOUGHT_RADIUS,
+    UNIT_ROUNDOFF,
     ChartKernel,
     ReferenceKernel,
 )
@@ -195,6 +196,27 @@ def _excess(radius: Terms, norm_factor: Array, sensitivity: Mapping[str, Array])
 def quotient(errors: Array, sensitivity: Array) -> Array:
     """Quotients; 0 for no error, whatever the sensitivity."""
     return np.divide(errors, sensitivity, out=np.zeros_like(errors), where=errors != 0)
+
+
+def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array, np.ndarray[Any, np.dtype[np.bool_]]]:
+    """Errors of each entry (n, nv, nv) or coordinate (n, nv), and of the whole term (n,) [data roundoffs]; (n,) finite answers.
+
+    The error of the whole is NaN where an answer is not finite or the reference not certified.
+    """
+    with np.errstate(all="ignore"):
+        difference = (getattr(terms, name) - getattr(reference.high, name)) - getattr(reference.low, name)
+        sensitivity = UNIT_ROUNDOFF * reference.sensitivity[name]
+        if name == MASS:
+            parts = quotient(np.abs(difference), sensitivity)
+            whole = parts.max(axis=(1, 2))
+        else:
+            # A component is at most the norm times sqrt(M_ii).
+            lengths = np.sqrt(np.diagonal(reference.high.mass, axis1=1, axis2=2))
+            parts = quotient(np.abs(difference) / lengths, sensitivity[:, None])
+            whole = quotient(dual_norm(reference.norm_factor, difference), sensitivity)
+            whole = np.where(difference.any(axis=1), whole, 0.0)
+        finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
+        return parts, np.where(finite & reference.certified[name], whole, np.nan), finite
 
 
 def _in_order(parts: list[TermReference], order: Any) -> TermReference:

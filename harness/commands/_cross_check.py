@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from harness.commands._bracket import Bracket
@@ -15,20 +16,26 @@ if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
 
 
-def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,)) -> CrossCheck:
+# States at which quantities are compared that were not asked for by name.
+BRIEF_STATES = 16
+
+
+def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,), brief: bool = False) -> CrossCheck:
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
-    One cross-check follows the other where there are several quantities; the last has the records of all, and what failed.
+    One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
+    all other quantities follow at a few states, for the systems whose accelerations are as expected.
     """
+    from harness.crosscheck.quantities import cross_check_of
     from harness.results.cross_check import CrossCheckResult
 
-    before: CrossCheck | None = None
-    for study in _studies(settings, quantities):
-        found: CrossCheckResult = study.result()
-        if before is not None:
-            _append(before, study)
-        bracket.complete(study, functools.partial(_document, found))
-        before = study
+    study: CrossCheck | None = None
+    for name in quantities:
+        study = _followed(bracket, study, cross_check_of(name, settings, audits=ACCELERATIONS not in quantities))
+    assert study is not None
+    if brief and (few := _brief(settings, study)) is not None:
+        study = _followed(bracket, study, few)
+    found: CrossCheckResult = study.result()
     # What engines hold is the same whatever they are asked for.
     found.differs[:] = [one for place, one in enumerate(found.differs) if one not in found.differs[:place]]
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
@@ -40,20 +47,32 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     return study
 
 
+def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) -> CrossCheck:
+    """A study that was run to its end, with the records of those before it."""
+    if before is not None:
+        _append(before, study)
+    bracket.complete(study, functools.partial(_document, study.result()))
+    return study
+
+
 def _document(found: CrossCheckResult) -> Mapping[str, Any]:
     """The parts of the JSON file while a cross-check runs."""
     return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
 
 
-def _studies(settings: Settings, quantities: Sequence[str]) -> Iterator[CrossCheck]:
-    """The cross-check of each quantity, each made when the one before is complete; accelerations come first."""
+def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
+    """The cross-check of all quantities but accelerations, after that of these, of the systems in which these are as expected."""
     from harness.certify.quantities import find_quantities
     from harness.crosscheck.quantities import QuantityCheck
-    from harness.crosscheck.run import CrossCheck
 
-    if ACCELERATIONS in quantities:
-        yield CrossCheck(settings)
-    yield from (QuantityCheck(settings, quantity) for name, quantity in find_quantities().items() if name in quantities)
+    if settings.state is not None or settings.library.is_of_robots:
+        return None
+    wrong = {record.system for record in study.result().records if not record.as_expected}
+    names = [name for name in study.names if name not in wrong]
+    if not names:
+        return None
+    few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
+    return QuantityCheck(few, list(find_quantities().values()), audits=False)
 
 
 def _append(before: CrossCheck, study: CrossCheck) -> None:
@@ -66,11 +85,11 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
     study.crashed |= before.crashed
 
 
-def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]:
-    """Why those records of accelerations are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
+    """Why those records of a quantity are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
     from harness.diagnosis.wanted import wanted_diagnosis
 
-    diagnoses = wanted_diagnosis(study, **limits)
+    diagnoses = wanted_diagnosis(study, quantity, **limits)
     if diagnoses is None:
         return []
     bracket.complete(diagnoses, kept=False)
@@ -78,16 +97,29 @@ def causes_of(bracket: Bracket, study: CrossCheck, **limits: int) -> list[Cause]
     return causes
 
 
-def finish(bracket: Bracket, study: CrossCheck) -> None:
-    """Print the table and what is not as expected, and exit."""
-    from harness.commands._terminal import print_causes, print_count, print_differs, print_superfluous, print_table, print_unexpected, say
+def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,)) -> None:
+    """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
+    from harness.commands._terminal import (
+        print_causes,
+        print_count,
+        print_differs,
+        print_further_quantities,
+        print_quantity_diagnoses,
+        print_superfluous,
+        print_table,
+        print_unexpected,
+        say,
+    )
 
     found = study.result()
-    print_table(found.records, bracket.run)
+    asked = [record for record in found.records if record.quantity in quantities]
+    print_table(asked, bracket.run)
+    print_further_quantities([record for record in found.records if record.quantity not in quantities])
     say(*study.settings.library.remarks())
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
     print_differs(found.differs)
     print_count(found.records, found.superfluous, found.differs)
     print_causes(found.causes, study.settings)
+    print_quantity_diagnoses(found.records, study.settings)
     bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 import click
 
 from harness.commands._terminal import say
+from harness.results.records import ACCELERATIONS
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
 # As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
@@ -92,36 +93,20 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     ),
 }
 subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
-quantities_option = click.option(
-    "--quantity",
-    "quantities",
-    multiple=True,
-    default=("accelerations",),
-    show_default=True,
-    metavar="NAME",
-    help="What is compared: accelerations, or reactions, what each joint transmits; repeatable.",
+
+
+def quantities_option(without: str) -> Callable[..., Any]:
+    """--quantity, repeatable; ``without`` says what is compared where it is not given."""
+    help_text = f"What is compared, as mass_matrix or reactions, or all; repeatable. Without it {without}."
+    return click.option("--quantity", "quantities", multiple=True, metavar="NAME", help=help_text)
+
+
+quantity_option = click.option(
+    "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="What is compared, as mass_matrix or reactions."
 )
 states_option = click.option(
     "--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["quick"], show_default=True, help="States per system."
 )
-
-
-def known_quantities(names: Sequence[str]) -> Sequence[str]:
-    """The names, each of a quantity.
-
-    Raises:
-        InvalidRequest: there is no such quantity.
-    """
-    from harness.certify.quantities import find_quantities
-    from harness.errors import InvalidRequest
-    from harness.library import nearest
-    from harness.results.records import ACCELERATIONS
-
-    known = [ACCELERATIONS, *find_quantities()]
-    for name in names:
-        if name not in known:
-            raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
-    return names
 
 
 def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from harness.results.records import Record, Records, Run
+from harness.results.brief import quantities_in_brief
+from harness.results.records import ACCELERATIONS, Record, Records, Run
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT
 
@@ -140,6 +141,19 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
         say("", f"not as expected: {sentence}")
 
 
+def print_further_quantities(records: Sequence[Record]) -> None:
+    """A line for each subject: what it was asked for beside accelerations, and the worst of it."""
+    by_subject: dict[str, list[Record]] = {}
+    for record in records:
+        by_subject.setdefault(record.subject, []).append(record)
+    if records:
+        most = max(record.states for record in records)
+        names = ", ".join(dict.fromkeys(record.quantity for record in records))
+        say("", f"further quantities at {most} states each, of which harness check NAME --quantity QUANTITY tells more:", f"  {names}")
+    for subject, own in sorted(by_subject.items()):
+        say(f"  {subject}: {quantities_in_brief(own)}")
+
+
 def print_unexpected(records: Sequence[Record]) -> None:
     """Each unexpected record, and what there is to say of one that is as expected although it was compared."""
     for record in Records(records).unexpected:
@@ -202,6 +216,14 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
     if causes:
         systems = {cause.system for cause in causes}
         say("", f"the whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
+
+
+def print_quantity_diagnoses(records: Sequence[Record], settings: Settings) -> None:
+    """The command that says what is wrong with each quantity beside accelerations that is not as expected."""
+    wrong = [record for record in records if record.quantity != ACCELERATIONS and not record.as_expected]
+    for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
+        systems = sorted({record.system for record in own})
+        say("", f"the diagnosis of {quantity}: {settings.diagnosis('NAME' if len(systems) > 1 else systems[0], quantity)}")
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import subjects_option
+from harness.commands._options import quantities_option, subjects_option
 from harness.commands._terminal import print_sentences, print_titled, say
 
 
 @click.command("atlas")
 @click.argument("cases", nargs=-1, metavar="[CASE]...")
 @subjects_option
+@quantities_option("accelerations")
 @click.option("--motion", is_flag=True, help="Measure too when engines part in chaos, and the largest stable steps.")
 @computing(time_limit=600.0, scheduler=True, directory=True, seed=False)
-def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], motion: bool) -> None:
+def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], quantities: tuple[str, ...], motion: bool) -> None:
     """Check every subject along families of hard cases.
 
     Measures all CASEs (harness list cases) unless some are named, and adds them to the report.
@@ -23,6 +24,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     Examples:
       harness atlas
       harness atlas far_base --subject mujoco/mjcf
+      harness atlas --quantity mass_matrix --quantity energy
       harness atlas stiff_spring --motion --out atlas
     """
     from harness.hard.atlas import AtlasStudy
@@ -31,7 +33,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 
-    study = AtlasStudy(bracket.library, cases, subjects, motion)
+    study = AtlasStudy(bracket.library, cases, subjects, motion, quantities=quantities)
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
     bracket.complete(study, lambda: {"atlas": measured})
     summary = HardSummary(run, measured)

@@ -13,14 +13,14 @@ import click
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import cross_check, finish
 from harness.commands._model_files import refuse_alone
-from harness.commands._options import known_quantities, quantities_option, stand_in_options, states_option, subjects_option
+from harness.commands._options import quantities_option, stand_in_options, states_option, subjects_option
 
 
 @click.command("check")
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
-@quantities_option
+@quantities_option("accelerations, and all others at a few states")
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
@@ -50,6 +50,7 @@ def command(
       harness check --library mine --subject mujoco/mjcf --json out.json
       harness check robot.urdf --floating-base
     """
+    from harness.certify.quantities import select_quantities
     from harness.crosscheck.settings import Settings
 
     refuse_alone(bracket, "check", names, stand_ins)
@@ -66,7 +67,8 @@ def command(
         replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
     )
     bracket.begin(states, "check")
-    finish(bracket, cross_check(bracket, settings, known_quantities(quantities)))
+    asked = select_quantities(quantities)
+    finish(bracket, cross_check(bracket, settings, asked, brief=not quantities), asked)
 
 
 def _parse_state(text: str | None) -> Any:

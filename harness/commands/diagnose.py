@@ -9,42 +9,59 @@ import click
 
 from harness.commands._bracket import Bracket, computing
 from harness.commands._cross_check import causes_of
-from harness.commands._options import stand_in_options, states_option, subjects_option
+from harness.commands._options import quantity_option, stand_in_options, states_option, subjects_option
 from harness.commands._robots import find_differing_lines
+from harness.results.records import ACCELERATIONS
 
 
 @click.command("diagnose")
 @click.argument("name", metavar="NAME|FILE")
 @stand_in_options
 @subjects_option
+@quantity_option
 @states_option
 @click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default.")
 @computing(time_limit=60.0, floating_base=True)
 def command(
-    bracket: Bracket, name: str, stand_ins: Mapping[str, Path], subjects: tuple[str, ...], states: int, evaluations: int | None
+    bracket: Bracket,
+    name: str,
+    stand_ins: Mapping[str, Path],
+    subjects: tuple[str, ...],
+    quantity: str,
+    states: int,
+    evaluations: int | None,
 ) -> None:
     """Explain why a check of NAME is red.
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
     Of a robot's FILE it names what the engines' readers make of it. With --mjcf or --urdf
     FILE is the truth, and the other file suspected: the lines that differ are named, the one
-    that moves the accelerations most first.
+    that moves the accelerations most first. Of another quantity than accelerations it names the
+    blocks that are wrong, since when, and the number of the file that explains it.
 
     \b
     Examples:
       harness diagnose double_pendulum --mjcf edited.xml
       harness diagnose arm_2r --library mine --subject pinocchio/urdf
+      harness diagnose arm_2r --quantity mass_matrix --urdf edited.urdf
       harness diagnose robot.urdf --mjcf robot.xml
     """
+    from harness.certify.quantities import require_quantity
     from harness.commands._terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
-    from harness.crosscheck.run import CrossCheck
+    from harness.crosscheck.quantities import cross_check_of
+    from harness.crosscheck.quantity_judge import refuse_robots
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput, InvalidRequest
     from harness.verdict import Verdict
 
+    require_quantity(quantity)
     bracket.choose_library([name])
+    if quantity != ACCELERATIONS:
+        refuse_robots(bracket.library, quantity)
+        if evaluations is not None:
+            raise InvalidRequest("--evaluations counts changed models of a diagnosis of accelerations; leave it out")
     if evaluations is not None and bracket.library.is_of_robots:
         raise InvalidRequest("--evaluations counts changed models, of which the diagnosis of a robot's file makes none; leave it out")
     if stand_ins and bracket.library.is_of_robots:
@@ -57,10 +74,10 @@ def command(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
     )
     bracket.begin(states, "diagnose")
-    study = CrossCheck(settings)
+    study = cross_check_of(quantity, settings)
     found = bracket.complete(study)
     found.records.sort(key=lambda record: record.subject)
-    causes = causes_of(bracket, study, **({} if evaluations is None else {"evaluations": evaluations}))
+    causes = causes_of(bracket, study, quantity, **({} if evaluations is None else {"evaluations": evaluations}))
     held = find_differences(settings, name, bracket.pool) if causes else []
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
     print_table(found.records, bracket.run)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import subjects_option
+from harness.commands._options import quantity_option, subjects_option
 from harness.commands._terminal import say
 
 
 @click.command("search")
 @click.argument("name", metavar="NAME|FILE")
 @subjects_option
+@quantity_option
 @click.option("--budget", type=click.IntRange(min=1), show_default="8000", help="States to ask a subject for.")
 @click.option("--keep/--no-keep", default=True, show_default=True, help="Store what is found with the system, for every later run.")
 @computing(time_limit=600.0, scheduler=True, floating_base=True)
-def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int | None, keep: bool) -> None:
+def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: str, budget: int | None, keep: bool) -> None:
     """Search for the hardest states of NAME.
 
     Stores with the system the states at which each subject does worst; every later run compares them again.
@@ -25,6 +26,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
     Examples:
       harness search puma_560
       harness search chain_10 --subject mujoco/mjcf --budget 2000 --no-keep
+      harness search arm_7r --quantity mass_matrix
       harness search robot.urdf --no-keep
     """
     from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
@@ -35,6 +37,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], budget: int 
         library=bracket.library,
         name=name,
         subjects=subjects,
+        quantity=quantity,
         budget=budget or DEFAULT_BUDGET,
         seed=bracket.seed,
         keep=keep,

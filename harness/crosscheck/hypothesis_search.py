@@ -22,10 +22,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison
-from harness.certify.reference import Reference
 from harness.certify.sampling import strategy
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, Note, judge_by, truth_of
+from harness.crosscheck.tasks import Assignment, Note, unloaded_judge_of
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -109,25 +108,25 @@ class _Panel:
         self.failures: dict[str, Exception] = {}
         self.kept = 0
         self.simplest: dict[str, States] = {}
-        self._assignments = {str(assignment.subject): assignment for assignment in assignments}
-        self._truths = {subject: truth_of(assignment) for subject, assignment in self._assignments.items()}
-        self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._assignments}
+        self._judges = {str(assignment.subject): unloaded_judge_of(assignment) for assignment in assignments}
+        self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._judges}
         self._worst: dict[str, tuple[float, Array]] = {}
         self._note = note
 
     @property
     def subjects(self) -> list[str]:
         """Those that have not left."""
-        return [subject for subject in self._assignments if subject not in self.failures]
+        return [subject for subject in self._judges if subject not in self.failures]
 
     def judge(self, states: States) -> dict[str, Comparison]:
         """The judgement of each subject's answers at ``states``; each truth is certified once."""
         subjects = self.subjects if len(states) else []
-        references = {truth: truth.kernel.evaluate(states) for truth in {self._truths[subject] for subject in subjects}}
+        certifying = {self._judges[subject].key: self._judges[subject].certify for subject in subjects}
+        truths = {key: certify(states) for key, certify in certifying.items()}
         comparisons: dict[str, Comparison] = {}
         for subject in subjects:
             try:
-                comparison = comparisons[subject] = self._ask(subject, states, references[self._truths[subject]])
+                comparison = comparisons[subject] = self._ask(subject, states, truths[self._judges[subject].key])
             except Exception as error:
                 self.failures[subject] = error
                 continue
@@ -138,9 +137,9 @@ class _Panel:
                 self._worst[subject] = float(score[index]), rows_of(states[index : index + 1])[0]
         return comparisons
 
-    def _ask(self, subject: str, states: States, reference: Reference) -> Comparison:
+    def _ask(self, subject: str, states: States, truth: Any) -> Comparison:
         self._note(note_of(subject, states))
-        return judge_by(reference, self._assignments[subject], states)
+        return self._judges[subject].compare(truth, states)
 
     def worst(self, count: int) -> Array:
         """``count`` rows, (count, columns): the worst states of the subjects, in turn."""
@@ -157,7 +156,7 @@ class _Panel:
         index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
 
         def judge(states: States) -> Comparison:
-            return self._ask(subject, states, self._truths[subject].kernel.evaluate(states))
+            return self._ask(subject, states, self._judges[subject].certify(states))
 
         try:
             # The verdict is kept, however small the error becomes.

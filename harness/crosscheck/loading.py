@@ -54,7 +54,7 @@ class Loading(Asking):
         if not settings.names:
             for orphan in orphans(settings.library):
                 self.report(orphan)
-        self._systems = {name: System(name, {str(one): Pair(subject=one) for one in self.subjects_of(name)}) for name in self.names}
+        self._systems = {name: System(name, {pair.key: pair for pair in self._pairs_of(name)}) for name in self.names}
         self.steps = sum(len(system.pairs) for system in self._systems.values())
         if not self.steps:
             formats = " and ".join(settings.library.formats_of(self.names[0]))
@@ -64,9 +64,10 @@ class Loading(Asking):
         for subject in self.subjects:
             if failure := self.failure(engine_files(settings.library)[subject.engine].outcome):
                 for name, system in self._systems.items():
-                    if str(subject) in system.pairs:
-                        system.pairs[str(subject)].fail(failure)
-                        self.crashes.add((name, str(subject)))
+                    for pair in system.pairs.values():
+                        if pair.subject == subject:
+                            pair.fail(failure)
+                            self.crashes.add((name, str(subject)))
         for system in self._systems.values():
             self._load(system)
 
@@ -76,6 +77,10 @@ class Loading(Asking):
     def subjects_of(self, name: str) -> list[Subject]:
         """The subjects that are asked of a system or of a variant."""
         return asked_of(self.settings.library, name, self.subjects, more=self.settings.stand_ins)
+
+    def _pairs_of(self, name: str) -> list[Pair]:
+        """What is asked of a system or of a variant."""
+        return [Pair(subject=subject) for subject in self.subjects_of(name)]
 
     def _load(self, system: System) -> None:
         library, name, pairs = self.settings.library, system.name, list(system.pairs.values())

@@ -14,6 +14,7 @@ from harness.engines import Subject
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
+from harness.results.records import ACCELERATIONS
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
@@ -23,14 +24,21 @@ class Pair(Evidence):
     """A subject on a system while its answers come in.
 
     Attributes:
+        quantity: what it is asked for.
         pending: number of tasks that are still to answer for it.
         componentwise: the componentwise backward error at the worst state; None until it is asked for, NaN where it is not known.
     """
 
     subject: Subject
+    quantity: str = ACCELERATIONS
     assignment: Assignment | None = None
     pending: int = 0
     componentwise: float | None = None
+
+    @property
+    def key(self) -> str:
+        """Its name among the pairs of its system."""
+        return str(self.subject) if self.quantity == ACCELERATIONS else f"{self.subject} {self.quantity}"
 
     def fail(self, failure: str, unsupported: bool = False, refused: bool = False) -> None:
         """The first failure is the one that is reported."""

@@ -23,38 +23,45 @@ from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
 from harness.equations.states import States
-from harness.errors import InvalidRequest
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.verdict import Verdict
 
 NOT_OFFERED = "not offered: "
 
 
 class QuantityCheck(CrossCheck):
-    """A ``harness.study.Study`` like the cross-check, whose records are of one quantity.
+    """A ``harness.study.Study`` like the cross-check, whose records are of other quantities.
 
-    Raises:
-        InvalidRequest: the library is of robots, whose files have no second truth.
+    ``audits``: whether what engines hold after loading is compared as well, which a cross-check of accelerations does.
     """
 
-    def __init__(self, settings: Settings, quantity: Quantity) -> None:
-        if settings.library.is_of_robots:
-            raise InvalidRequest(f"{quantity.name} are checked of mechanisms; of a robot's file accelerations alone")
-        self.title, self._quantity = quantity.name, quantity
-        super().__init__(replace(settings, replay_options=[*settings.replay_options, "--quantity", quantity.name]))
+    def __init__(self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True) -> None:
+        names = [quantity.name for quantity in quantities]
+        self.title = names[0] if len(names) == 1 else "further quantities"
+        self._quantities, self._audits = names, audits
+        self._of_quantities = {name: load_expectations(settings.library, name) for name in names}
+        super().__init__(settings)
 
-    def _expectations(self) -> Expectations:
-        return load_expectations(self.settings.library, self._quantity.name)
+    def _pairs_of(self, name: str) -> list[Pair]:
+        return [Pair(subject=subject, quantity=quantity) for quantity in self._quantities for subject in self.subjects_of(name)]
+
+    def _expectations_of(self, pair: Pair) -> Expectations:
+        return self._of_quantities[pair.quantity]
+
+    def _replay_options_of(self, pair: Pair) -> Sequence[str]:
+        return [*self.settings.replay_options, "--quantity", pair.quantity]
 
     def _searched_of(self, system: System) -> int:
         return 0
 
     def _compare(self, system: System, states: States, pairs: Pairs) -> None:
-        assignments = [pair.assignment for pair in pairs]
-        self._ask(self._compared, system, pairs, compare_quantity, self._quantity.name, system.name, assignments, states, about=states)
+        asked = [(pair.key, pair.quantity, pair.assignment) for pair in pairs]
+        self._ask(self._compared, system, pairs, compare_quantities, system.name, asked, states, about=states)
 
     def _go_on(self, system: System) -> None:
-        self._hold(system, [pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS])
+        if self._audits and not self.settings.library.is_of_robots:
+            by_subject = {pair.subject: pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS}
+            self._hold(system, list(by_subject.values()))
 
     # In place of the componentwise error: the number of the file that explains what disagrees.
 
@@ -62,44 +69,51 @@ class QuantityCheck(CrossCheck):
         if pair.explained is not None or pair.verdict != Verdict.DISAGREES:
             return False
         pair.explained = ""
-        wanted = self._quantity.name, system.name, pair.assignment, self.settings.seed
+        wanted = pair.quantity, system.name, pair.assignment, self.settings.seed
         self._ask(self._explained, system, [pair], explain_difference, *wanted)
         return True
 
     def _record(self, name: str, pair: Pair) -> Record:
-        record = replace(super()._record(name, pair), quantity=self._quantity.name)
+        record = replace(super()._record(name, pair), quantity=pair.quantity)
         if pair.unsupported and record.message.startswith(NOT_OFFERED):
             # What nobody claims to compute needs no entry that excuses it.
             return replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=record.message.removeprefix(NOT_OFFERED))
         return record
 
 
+def cross_check_of(quantity: str, settings: Settings, audits: bool = True) -> CrossCheck:
+    """The cross-check of one quantity, accelerations or another; of these with ``audits``, see ``QuantityCheck``."""
+    return CrossCheck(settings) if quantity == ACCELERATIONS else QuantityCheck(settings, [find_quantities()[quantity]], audits)
+
+
 # Truths at one batch of states by their keys, with the seconds per state that they took: two files of a mechanism mostly say the same.
 Known = dict[Hashable, tuple[Certified, float]]
 
 
-def compare_quantity(
-    name: str, system: str, assignments: Sequence[Assignment], states: States, note: Note
+def compare_quantities(
+    system: str, asked: Sequence[tuple[str, str, Assignment]], states: States, note: Note
 ) -> tuple[float, float, dict[str, Answers]]:
-    """Seconds per certified state, 0, and by subject what it answered at ``states``; all assignments are of one mechanism."""
-    quantity, known, answers = find_quantities()[name], Known(), {}
-    for assignment in assignments:
-        note(json.dumps({"subject": str(assignment.subject)}))
+    """Seconds per certified state, 0, and by key what was answered at ``states``.
+
+    ``asked`` are keys, names of quantities, and assignments of one mechanism.
+    """
+    answers: dict[str, Answers] = {}
+    known: dict[str, Known] = {}
+    for key, name, assignment in asked:
+        note(json.dumps({"subject": key}))
         try:
-            answers[str(assignment.subject)] = _ask(quantity, system, assignment, states, known)
+            answers[key] = _ask(find_quantities()[name], system, assignment, states, known.setdefault(name, {}))
         except NotOffered as error:
-            answers[str(assignment.subject)] = Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
+            answers[key] = Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
         except Exception as error:
-            answers[str(assignment.subject)] = Answers.missing(error)
-    return max((seconds for _, seconds in known.values()), default=0.0), 0.0, answers
+            answers[key] = Answers.missing(error)
+    return max((seconds for one in known.values() for _, seconds in one.values()), default=0.0), 0.0, answers
 
 
 def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States, known: Known) -> Answers:
     """One subject's answers, timed and compared with the truth."""
     model = load_audited(assignment)
-    if assignment.model is None:
-        raise NotOffered(f"{assignment.subject} reads no model file, whose {quantity.name} these are")
-    truth = truth_of(quantity, system, assignment, assignment.model)
+    truth = truth_of(quantity, system, assignment)
     if truth.key not in known:
         started = time.perf_counter()
         certified = truth.evaluate(states)
@@ -111,6 +125,10 @@ def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States
     found = truth.answers(model, states)
     spent = (time.perf_counter() - started) / len(states)
     comparison = judge_answers(certified, found)
-    disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-    remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}" if disagrees else ""
+    if not (comparison.verdicts == Verdict.DISAGREES.value).any():
+        remark = ""
+    elif quantity.describe is None:
+        remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}"
+    else:
+        remark = quantity.describe(truth, states, certified, found)
     return Answers(comparison, [spent], remark=remark)

@@ -11,14 +11,14 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from msgspec import structs
 
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
-from harness.crosscheck.expected import AGREES
+from harness.crosscheck.expected import AGREES, Expectations
 from harness.crosscheck.explanation import explain
 from harness.crosscheck.judgement import LARGEST, judge
 from harness.crosscheck.loading import Loading
@@ -67,7 +67,7 @@ class CrossCheck(Loading):
             return
         seconds, compilation_seconds, answers = outcome.value
         for pair in pairs:
-            self._take(pair, answers[str(pair.subject)], states)
+            self._take(pair, answers[pair.key], states)
         if not system.seconds:
             self._go_on(system)
         system.seconds.append(seconds)
@@ -228,7 +228,7 @@ class CrossCheck(Loading):
                 continue
             if self._measure(system, pair):
                 continue
-            del system.pairs[str(pair.subject)]
+            del system.pairs[pair.key]
             record = replace(self._record(system.name, pair), features=asked_features(system, pair))
             self._found.records.append(record)
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
@@ -238,9 +238,15 @@ class CrossCheck(Loading):
                 self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
             system.mechanism = None
 
+    def _expectations_of(self, pair: Pair) -> Expectations:
+        return self.expectations
+
+    def _replay_options_of(self, pair: Pair) -> Sequence[str]:
+        return self.settings.replay_options
+
     def _record(self, name: str, pair: Pair) -> Record:
         """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self.expectations.of(self.settings.library.label(name), pair.subject)
+        expectation = self._expectations_of(pair).of(self.settings.library.label(name), pair.subject)
         if expectation is AGREES and pair.unsupported and engine_files(self.settings.library)[pair.subject.engine].elsewhere:
             # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
             expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
@@ -250,13 +256,15 @@ class CrossCheck(Loading):
             # So few states need not meet the one that the expectation is about.
             record = judge(name, str(pair.subject), pair, AGREES)
 
+        options = self._replay_options_of(pair)
+
         def replay(state: dict[str, list[float]]) -> str:
-            return replay_command(name, record.subject, state, self.settings.replay_options)
+            return replay_command(name, record.subject, state, options)
 
         if record.worst_state is not None:
             again = replay(record.worst_state)
         else:
-            command = ["harness", "check", name, "--subject", record.subject, *self.settings.replay_options]
+            command = ["harness", "check", name, "--subject", record.subject, *options]
             again = shlex.join([*command, "--states", str(self.settings.states), "--seed", str(self.settings.seed)])
         shown = record.representative and replace(record.representative, replay=replay(record.representative.state))
         origins = record.origins if self.settings.state is None else {}

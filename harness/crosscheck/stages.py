@@ -7,6 +7,7 @@ answers are held against it. What was loaded or compiled stays in the process fo
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import math
 import time
@@ -150,6 +151,7 @@ def timed_accelerations(model: Model, states: States) -> tuple[list[Array], list
     return answers, [one / len(states) for one in seconds[1:] or seconds]
 
 
+@functools.singledispatch
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     """Ask for one state after the other, noting each, so that a crash names its state."""
     model = load_audited(assignment)

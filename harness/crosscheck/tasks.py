@@ -7,9 +7,11 @@ stays in the process for the next task.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from harness.certify.compare import Comparison
 from harness.certify.componentwise import componentwise_error
@@ -102,10 +104,34 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float, 
     return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
 
 
-def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
-    """A function that asks the subject at n states at once and judges its answers by certified truth; raises as ``load_audited``."""
+@dataclass(frozen=True)
+class Judge:
+    """What asks a subject at n states at once and judges its answers by certified truth.
+
+    Attributes:
+        key: equal for judges by one truth. certify: that truth at states.
+        compare: the judgement of the subject's answers by the truth at the same states; raises as ``load_audited``.
+    """
+
+    key: Hashable
+    certify: Callable[[States], Any]
+    compare: Callable[[Any, States], Comparison]
+
+    def __call__(self, states: States) -> Comparison:
+        return self.compare(self.certify(states), states)
+
+
+def judge_of(assignment: Assignment) -> Judge:
+    """The judge of a subject, whose model is loaded; raises as ``load_audited``."""
     load_audited(assignment)
-    return lambda states: judge_by(reference_kernel_of(assignment).evaluate(states), assignment, states)
+    return unloaded_judge_of(assignment)
+
+
+@functools.singledispatch
+def unloaded_judge_of(assignment: Assignment) -> Judge:
+    """The judge of a subject, whose model is loaded when it is asked first; of accelerations, but where an assignment is of others."""
+    truth = truth_of(assignment)
+    return Judge(truth, lambda states: truth.kernel.evaluate(states), lambda found, states: judge_by(found, assignment, states))
 
 
 def judge_by(reference: Reference, assignment: Assignment, states: States) -> Comparison:

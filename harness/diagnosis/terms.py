@@ -19,8 +19,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import compare
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
-from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, quotient
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.engines import Model, Terms, accelerations
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -189,27 +189,6 @@ def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool
         terms = stated(truth.states.q, truth.states.v, truth.states.tau)
         findings = tuple(_finding(name, truth.terms, terms, truth.mechanism, truth.states, truth.kinds) for name in TERMS)
     return TermComparison(truth.mechanism.name, subject, findings, since, bool(unstable and not wrong))
-
-
-def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Array, Array, np.ndarray[Any, np.dtype[np.bool_]]]:
-    """Errors of each entry (n, nv, nv) or coordinate (n, nv), and of the whole term (n,) [data roundoffs]; (n,) finite answers.
-
-    The error of the whole is NaN where an answer is not finite or the reference not certified.
-    """
-    with np.errstate(all="ignore"):
-        difference = (getattr(terms, name) - getattr(reference.high, name)) - getattr(reference.low, name)
-        sensitivity = UNIT_ROUNDOFF * reference.sensitivity[name]
-        if name == MASS:
-            parts = quotient(np.abs(difference), sensitivity)
-            whole = parts.max(axis=(1, 2))
-        else:
-            # A component is at most the norm times sqrt(M_ii).
-            lengths = np.sqrt(np.diagonal(reference.high.mass, axis1=1, axis2=2))
-            parts = quotient(np.abs(difference) / lengths, sensitivity[:, None])
-            whole = quotient(dual_norm(reference.norm_factor, difference), sensitivity)
-            whole = np.where(difference.any(axis=1), whole, 0.0)
-        finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
-        return parts, np.where(finite & reference.certified[name], whole, np.nan), finite
 
 
 def _finding(

@@ -7,14 +7,18 @@ from harness.results.records import ACCELERATIONS
 from harness.study import Study
 
 
-def wanted_diagnosis(study: CrossCheck, **limits: int) -> Study | None:
-    """The study of why those records of accelerations are wrong that are not as expected; None where all are.
+def wanted_diagnosis(study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> Study | None:
+    """The study of why those records of a quantity are wrong that are not as expected; None where all are.
 
-    Its result is a list of ``Cause``; ``limits`` as for ``Diagnoses``.
+    Its result is a list of ``Cause``; ``limits`` as for ``Diagnoses``, which is of accelerations.
     """
-    records = [record for record in study.result().records if record.quantity == ACCELERATIONS]
+    records = [record for record in study.result().records if record.quantity == quantity]
     if all(record.as_expected for record in records):
         return None
+    if quantity != ACCELERATIONS:
+        from harness.diagnosis.quantities import QuantityDiagnoses
+
+        return QuantityDiagnoses(study.settings, records, crashes=study.crashes)
     from harness.diagnosis.causes import diagnoses_of
 
     return diagnoses_of(study.settings.library, study.settings, records, crashes=study.crashes, **limits)

@@ -15,9 +15,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from harness.arrays import Array
+from harness.engines._answers import InvalidAnswer as InvalidAnswer
+from harness.engines._answers import NotOffered as NotOffered
+from harness.engines._answers import Unsupported as Unsupported
+from harness.engines._answers import answer_of as answer_of
 from harness.engines._files import EQUATIONS as EQUATIONS
 from harness.engines._files import FORMATS as FORMATS
 from harness.engines._files import LOADING_SECONDS as LOADING_SECONDS
@@ -41,22 +43,12 @@ from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
 from harness.models.constraint_law import Impedance as Impedance
 from harness.models.constraint_law import InverseWeight as InverseWeight
 from harness.models.model_file import ModelFile
+from harness.models.step_rule import Part as Part
+from harness.models.step_rule import StepRule as StepRule
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
     from harness.equations.states import States
-
-
-class Unsupported(Exception):
-    """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
-
-
-class NotOffered(Unsupported):
-    """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
-
-
-class InvalidAnswer(Exception):
-    """An engine returned something else than accelerations; the message says what. Verdict ``error``."""
 
 
 class Model(Protocol):
@@ -64,7 +56,7 @@ class Model(Protocol):
 
     One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
 
-    An engine may also offer ``reactions(q, v, tau)``, see the function ``reactions``; ``gaps(q) -> Mapping[str, Array]``: what the rows of
+    An engine may also offer what ``harness.engines._answers`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
     arguments and columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
@@ -100,7 +92,7 @@ class Engine(Protocol):
     One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
     beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
-    names of the constraints.
+    names of the constraints. One that documents its integrators has ``step_rules(file) -> tuple[StepRule, ...]``.
     """
 
     requires: tuple[str, str]
@@ -157,38 +149,7 @@ def accelerations(model: Model, states: States) -> Array:
     """
     v = states.v
     time = (states.time,) if getattr(model, "takes_time", False) else ()
-    answer: Any = model.forward_dynamics(states.q, v, states.tau, *time)
-    if not isinstance(answer, np.ndarray):
-        found = f"a {type(answer).__name__}"
-    elif answer.shape != v.shape or not np.issubdtype(answer.dtype, np.floating):
-        found = f"an array of shape {answer.shape} of {answer.dtype}"
-    else:
-        return np.asarray(answer)
-    raise InvalidAnswer(f"forward_dynamics returned {found}; expected an array of shape {v.shape} of float64")
-
-
-def reactions(model: Model, joints: Sequence[str], states: States) -> Array:
-    """The answer of ``model.reactions(q, v, tau)``: what each joint transmits, (n, number of joints, 6), for ``joints`` in the order
-    of ``load``, each once.
-
-    A row is the force [N] and the moment [N m] that the parent exerts on the child through the joint, along the world's axes; the
-    moment is about the anchor of the last joint of the child, which moves with it. Springs between points pull from outside, and so do
-    constraints that hold points or frames together; couplings of joints act through the joints. The row of a free joint is not looked
-    at.
-
-    Raises:
-        InvalidAnswer: it is no array of that shape of floating-point numbers.
-        NotOffered: the model has no such method.
-    """
-    method = getattr(model, "reactions", None)
-    if method is None:
-        raise NotOffered("the engine offers no reactions")
-    answer: Any = method(states.q, states.v, states.tau)
-    expected = len(states), len(dict.fromkeys(joints)), 6
-    if not isinstance(answer, np.ndarray) or answer.shape != expected or not np.issubdtype(answer.dtype, np.floating):
-        shape = f"an array of shape {answer.shape} of {answer.dtype}" if isinstance(answer, np.ndarray) else f"a {type(answer).__name__}"
-        raise InvalidAnswer(f"reactions returned {shape}; expected an array of shape {expected} of float64")
-    return np.asarray(answer)
+    return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time), v.shape)
 
 
 def linear_velocity_in_body(engine: Engine) -> bool:
@@ -210,6 +171,12 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
     """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
     laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
     return {} if laws is None else laws(file)
+
+
+def step_rules(engine: Engine, file: ModelFile) -> tuple[StepRule, ...]:
+    """The rules that an engine documents of its integrators, of a file; none of one that integrates nothing."""
+    rules: Callable[[ModelFile], tuple[StepRule, ...]] | None = getattr(engine, "step_rules", None)
+    return () if rules is None else rules(file)
 
 
 def subjects(library: Library) -> list[Subject]:

@@ -24,20 +24,23 @@ from harness.engines import (
     ConstraintLaw,
     HeldModel,
     LoadedModel,
+    StepRule,
     Terms,
     _mujoco_held,
     _mujoco_law,
+    _mujoco_steps,
     _mujoco_urdf,
     _mujoco_versions,
     require_model,
 )
+from harness.engines._mujoco_quantities import MujocoQuantities
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
 
 
-class MujocoModel:
+class MujocoModel(MujocoQuantities):
     """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF."""
 
     def __init__(self, model: Any, joints: Sequence[str], building: str | None = None) -> None:
@@ -98,7 +101,7 @@ class MujocoModel:
         return {self.model.equality(one).name: np.array(rows)[:, owners == one] for one in range(self.model.neq)} if rows else {}
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
-        """See ``harness.engines.reactions``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
+        """See ``harness.engines._answers``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
 
         It stands as (moment, force) along the world's axes, about the centre of mass of the whole tree that the body is in.
         Spatial tendons and equality constraints pull at bodies from outside. The solver of constraints goes on until nothing improves: by
@@ -111,19 +114,20 @@ class MujocoModel:
         model, (positions, velocities) = copy.copy(self.model), self.addresses
         model.opt.tolerance = 0.0
         data = mujoco.MjData(model)
-        bodies = np.array([model.joint(name).bodyid[0] for name in dict.fromkeys(self._joints)])
-        last = model.body_jntadr[bodies] + model.body_jntnum[bodies] - 1
+        bodies = self._bodies
         found = np.empty((len(q), len(bodies), 6))
         for state in range(len(q)):
             data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
             mujoco.mj_forward(model, data)
             mujoco.mj_rnePostConstraint(model, data)
             moments, forces = np.split(data.cfrc_int[bodies], 2, axis=1)
-            # The anchor of a slide in xanchor is where it stood before it slid.
-            anchors = data.xpos[bodies] + np.einsum("bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), model.jnt_pos[last])
             found[state, :, :3] = forces
-            found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - anchors, forces)
+            found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - self.anchors(data), forces)
         return found
+
+    def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
+        """See ``harness.engines._answers`` and ``harness.engines._mujoco_steps``."""
+        return _mujoco_steps.step(copy.copy(self.model), self.addresses, q, v, tau, length, integrator)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
@@ -192,6 +196,10 @@ class MujocoEngine:
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """See ``harness.engines._mujoco_law``."""
         return _mujoco_law.constraint_laws(file)
+
+    def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
+        """See ``harness.engines._mujoco_steps``."""
+        return _mujoco_steps.step_rules(file)
 
 
 ENGINE = MujocoEngine()

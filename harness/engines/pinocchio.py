@@ -29,6 +29,7 @@ from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, _pinocch
 from harness.engines._pinocchio_constraints import LoopConstraints, Solver
 from harness.engines._pinocchio_forces import ForceElements
 from harness.engines._pinocchio_mimics import MimicJoints
+from harness.engines._pinocchio_quantities import PinocchioQuantities
 from harness.engines._pinocchio_versions import armature, read_urdf, set_armature
 from harness.engines._standard_error import captured_standard_error
 from harness.errors import InvalidModel
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
 
 
-class PinocchioModel:
+class PinocchioModel(PinocchioQuantities):
     """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
 
     def __init__(
@@ -52,11 +53,12 @@ class PinocchioModel:
         self.model = model
         self._joints = joints
         self._file = file
-        self.force_elements = ForceElements(model, file.force_elements, composites)
+        self.force_elements: ForceElements = ForceElements(model, file.force_elements, composites)
         self.constraints = mimics or (LoopConstraints(model, file.constraints) if file.constraints else None)
         # What both solve with.
         self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
+        self.numbers = [self.force_elements.places[name].joint for name in dict.fromkeys(joints)]
 
     def solved_by(self, solver: Solver) -> PinocchioModel:
         """The same model whose constraints another solver holds.
@@ -128,7 +130,7 @@ class PinocchioModel:
         return {} if self.constraints is None else self.constraints.gaps(self.columns(q, still, still)[0])
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
-        """See ``harness.engines.reactions``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
+        """See ``harness.engines._answers``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
 
         It is what a joint transmits to its body, in the frame of the joint. Springs between points, which neither algorithm knows,
         are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``, as are those of constraints.
@@ -139,8 +141,7 @@ class PinocchioModel:
         model, data = self.model, self._data
         configuration, velocity, force = self.columns(q, v, tau)
         force += self.force_elements.generalised_forces(configuration, velocity)
-        joints = [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
-        found = np.empty((len(q), len(joints), 6))
+        found = np.empty((len(q), len(self.numbers), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
             outside = self.force_elements.on_bodies(*inputs[:2])
             if self.constraints is None:
@@ -150,7 +151,7 @@ class PinocchioModel:
                 outside = [one + other for one, other in zip(outside, held, strict=True)]
             pinocchio.rnea(model, data, *inputs[:2], accelerations, outside)
             pinocchio.updateGlobalPlacements(model, data)
-            for place, joint in enumerate(joints):
+            for place, joint in enumerate(self.numbers):
                 turn, transmitted = data.oMi[joint].rotation, data.f[joint]
                 found[state, place] = *(turn @ transmitted.linear), *(turn @ transmitted.angular)
         return found

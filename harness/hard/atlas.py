@@ -5,21 +5,21 @@ One (case, subject) is one task, so that a crash costs that row alone; ``harness
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
+from harness.certify.quantities import select_quantities
 from harness.crosscheck.tasks import Note
-from harness.engines import (
-    Subject,
-    engine_files,
-    select_subjects,
-)
+from harness.engines import NotOffered, Subject, engine_files, select_subjects
 from harness.errors import InvalidRequest
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import failed, measure
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
+from harness.hard.quantity_measurement import measure_quantity
 from harness.library import Library, nearest
 from harness.results.atlas import Atlas, HardRow
+from harness.results.records import ACCELERATIONS
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
@@ -28,22 +28,29 @@ class AtlasStudy(Rounds):
     """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
 
     ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
-    native one is asked whose engine is installed, as the cases try engines, not readers. ``motion`` measures partings and stable
-    steps too; without ``families`` nothing else.
+    native one is asked whose engine is installed, as the cases try engines, not readers. ``quantities`` are what they are asked for;
+    what one does not offer has no row. ``motion`` measures partings and stable steps too; without ``families`` nothing else.
 
     Raises:
         InvalidInput: an engine or the file of expected verdicts cannot be used.
-        InvalidRequest: a case or subject that does not exist, or one by name whose engine is not installed.
+        InvalidRequest: a case, subject or quantity that does not exist, or a subject by name whose engine is not installed.
     """
 
     title = "atlas"
 
     def __init__(
-        self, library: Library, cases: Sequence[str] = (), subjects: Sequence[str] = (), motion: bool = False, families: bool = True
+        self,
+        library: Library,
+        cases: Sequence[str] = (),
+        subjects: Sequence[str] = (),
+        motion: bool = False,
+        families: bool = True,
+        quantities: Sequence[str] = (),
     ) -> None:
         super().__init__()
         self._measured = Atlas()
-        self._expected = load_hard_expectations(PATH, list(hard_cases()), [str(one) for one in select_subjects(library, ())])
+        known, chosen = [str(one) for one in select_subjects(library, ())], select_quantities(quantities)
+        self._expected = {name: load_hard_expectations(PATH, list(hard_cases()), known, name) for name in chosen}
         for name in cases:
             if name not in hard_cases():
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
@@ -53,8 +60,9 @@ class AtlasStudy(Rounds):
             asked.remove(subject)
             self._next.append(Task((self._refused, subject), _say, (self.failure(engine_files(library)[subject.engine].outcome),)))
         self._next += [
-            Task((self._rated, name, subject), measure, (name, subject, library))
+            Task((self._rated, name, subject, quantity), *_measuring(name, subject, quantity, library))
             for name in names
+            for quantity in chosen
             for subject in asked
             if not hard_cases()[name].subjects or str(subject) in hard_cases()[name].subjects
         ]
@@ -67,10 +75,14 @@ class AtlasStudy(Rounds):
     def result(self) -> Atlas:
         return self._measured
 
-    def _rated(self, outcome: Outcome, name: str, subject: Subject) -> Iterator[Part]:
+    def _rated(self, outcome: Outcome, name: str, subject: Subject, quantity: str) -> Iterator[Part]:
+        if isinstance(outcome.exception, NotOffered):
+            yield self._part(f"{name} {subject}", Atlas())
+            return
         failure = self.failure(outcome)
         row: HardRow = failed(hard_cases()[name], subject, failure, outcome.crash) if failure else outcome.value
-        yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected)]))
+        row = replace(row, quantity=quantity)
+        yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected[quantity])]))
 
     def _refused(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
         yield self._part(str(subject), Atlas(problems=[f"{subject}: {outcome.value}"]))
@@ -85,6 +97,13 @@ class AtlasStudy(Rounds):
     def _part(self, label: str, found: Atlas) -> Part:
         self._measured.extend(found)
         return Part(label, found)
+
+
+def _measuring(name: str, subject: Subject, quantity: str, library: Library) -> tuple[Callable[..., HardRow], tuple[object, ...]]:
+    """The function of a task that gives a row, and its arguments."""
+    if quantity == ACCELERATIONS:
+        return measure, (name, subject, library)
+    return measure_quantity, (name, subject, quantity, library)
 
 
 def _say(failure: str, note: Note) -> str:

@@ -3,7 +3,8 @@
 ``expected.toml`` beside this module holds ``[[expected]]`` tables with ``case``, ``subject``, ``verdict``, ``reason`` (the step
 of the algorithm that loses the digits), ``remedy`` (what a user can do) and ``link``; where answers are compared
 also ``backward_error``, the largest that the reason explains, and for ``unstable`` ``median_backward_error`` over those
-points and ``share``, how many of all points they are. A family has one entry for each verdict that occurs
+points and ``share``, how many of all points they are. An entry with a ``quantity`` is about that. One without is about
+accelerations, and where it is ``unsupported`` about every quantity. A family has one entry for each verdict that occurs
 along it; an entry whose verdict occurs nowhere fails.
 """
 
@@ -14,8 +15,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from harness.certify.quantities import find_quantities
 from harness.crosscheck.expected import Entry, Text, read_entries
 from harness.results.atlas import HardReason, HardRow
+from harness.results.records import ACCELERATIONS
 from harness.verdict import SEVERITY, Verdict
 
 PATH = Path(__file__).with_suffix(".toml")
@@ -31,16 +34,23 @@ class HardExpectation(Entry, frozen=True, kw_only=True):
 
     case: Text
     remedy: Text
+    quantity: Text = ACCELERATIONS
 
 
-def load_hard_expectations(path: Path, cases: Collection[str], subjects: Collection[str]) -> Mapping[Key, HardExpectation]:
-    """Expectations by case, subject and verdict.
+def load_hard_expectations(
+    path: Path, cases: Collection[str], subjects: Collection[str], quantity: str = ACCELERATIONS
+) -> Mapping[Key, HardExpectation]:
+    """Expectations of a quantity by case, subject and verdict.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a case or subject that does not exist any more.
     """
-    known = {"case": cases, "subject": subjects, "verdict": [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]}
-    return read_entries(path, HardExpectation, known, ("case", "subject", "verdict"), _COMPARED)
+    verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
+    known = {"case": cases, "subject": subjects, "verdict": verdicts, "quantity": [ACCELERATIONS, *find_quantities()]}
+    entries = read_entries(path, HardExpectation, known, ("case", "subject", "quantity", "verdict"), _COMPARED)
+    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
+    chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
+    return {(entry.case, entry.subject, entry.verdict): entry for entry in chosen}
 
 
 def judged(row: HardRow, expected: Mapping[Key, HardExpectation]) -> HardRow:

@@ -14,6 +14,7 @@ perturbations), 10.1 (scaled condition number and Cholesky).
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,8 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.quantity import farthest_block, judge_answers
 from harness.certify.reference import Reference
 from harness.crosscheck import tasks
+from harness.crosscheck.quantity_judge import QuantityAssignment
 from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.program import OUTPUTS, right_hand_side
 from harness.equations.states import States
@@ -46,7 +49,8 @@ class Loss:
     """The place where one answer lost its digits.
 
     Attributes:
-        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; "none" where it is not known.
+        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; of another quantity than accelerations the
+            block that is farthest off; "none" where it is not known.
         statement: the same in a sentence.
         at_rest: backward error where forces stand for the velocity terms, in the data roundoff of the state itself; None
             where that is not known.
@@ -62,6 +66,7 @@ def digits_lost(backward_error: float) -> float:
     return math.log10(backward_error) if backward_error > 1 else 0.0
 
 
+@functools.singledispatch
 def locate(assignment: tasks.Assignment, state: States) -> Loss:
     """The loss of the subject at ``state``, which is one."""
     kernel = tasks.reference_kernel_of(assignment)
@@ -101,6 +106,18 @@ def locate(assignment: tasks.Assignment, state: States) -> Loss:
             f"{share:.3g}; {evidence}"
         )
     return Loss(term, statement, at_rest)
+
+
+@locate.register
+def _farthest(assignment: QuantityAssignment, state: States) -> Loss:
+    """Of another quantity: the block that is farthest off."""
+    truth = assignment.truth
+    certified, answers = truth.evaluate(state), assignment.answers(state)
+    error = float(judge_answers(certified, answers).backward_error[0])
+    if not math.isfinite(error):
+        return Loss(NONE, "the answer is not finite" if certified.certified.all() else "the truth is not certified")
+    block = truth.blocks[farthest_block(certified, answers)]
+    return Loss(block, f"{error:.3g} data roundoffs in the {block}")
 
 
 def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[str, float]:

@@ -67,6 +67,11 @@ def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> H
     points = [point for point, _ in answered]
     if any(point.verdict == Verdict.UNSTABLE for point in points):
         points = explained(truths, answered, linear_velocity_in_body(engine))
+    return measured_row(case, subject, points, started)
+
+
+def measured_row(case: HardCase, subject: Subject, points: list[HardPoint], started: float) -> HardRow:
+    """The row of points that were measured since ``started`` on the clock ``time.perf_counter`` [s], with the growth along them."""
     return row_of(
         case,
         subject,
@@ -117,7 +122,10 @@ def point_of(case: HardCase, value: float, truth: TruePoint, subject: Subject, e
         answers = accelerations(loaded, states)
     except Exception as error:
         return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}"), None
-    return _judged(about, states, reference, compare(reference, answers, may_lose_digits)), answers
+    comparison = compare(reference, answers, may_lose_digits)
+    with np.errstate(all="ignore"):
+        bound = float((reference.instability / reference.sensitivity)[comparison.worst])
+    return replace(judged_point(about, states, comparison), unstable_bound=bound if math.isfinite(bound) else None), answers
 
 
 def explained(truths: Sequence[TruePoint], answered: Sequence[Answered], in_body: bool) -> list[HardPoint]:
@@ -160,11 +168,9 @@ def _about(value: float, system: str, reference: Reference) -> HardPoint:
     )
 
 
-def _judged(about: HardPoint, states: States, reference: Reference, comparison: Comparison) -> HardPoint:
+def judged_point(about: HardPoint, states: States, comparison: Comparison) -> HardPoint:
+    """A point with the judgement of the answers at its states."""
     backward, relative = (max(comparison.known(name).tolist(), default=None) for name in ("backward_error", "relative_error"))
-    worst = comparison.worst
-    with np.errstate(all="ignore"):
-        bound = float(reference.instability[worst] / reference.sensitivity[worst])
     remarks = [about.reason]
     not_finite = int((comparison.verdicts == Verdict.ERROR.value).sum())
     if not_finite:
@@ -174,9 +180,8 @@ def _judged(about: HardPoint, states: States, reference: Reference, comparison: 
         verdict=gravest(comparison.verdicts.tolist()),
         backward_error=backward,
         digits_lost=None if relative is None else max(0.0, math.log10(max(relative, UNIT_ROUNDOFF) / UNIT_ROUNDOFF)),
-        unstable_bound=bound if math.isfinite(bound) else None,
         reason="; ".join(filter(None, remarks)),
-        state=states.as_json(worst),
+        state=states.as_json(comparison.worst),
     )
 
 

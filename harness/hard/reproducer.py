@@ -10,8 +10,10 @@ from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
 from harness.crosscheck import tasks
+from harness.crosscheck.quantity_judge import quantity_of
 from harness.equations.states import States
 from harness.models.text import compact
+from harness.results.records import ACCELERATIONS
 
 
 @runtime_checkable
@@ -27,11 +29,13 @@ class Reproducible(Protocol):
 
 
 def reproduce(assignment: tasks.Assignment, state: States) -> str:
-    """The program for one state; "" where the subject's engine offers none.
+    """The program for one state; "" where the subject's engine offers none, and for what are no accelerations.
 
     Raises:
         InvalidModel: as ``harness.crosscheck.tasks.load_audited``.
     """
+    if quantity_of(assignment) != ACCELERATIONS:
+        return ""
     model = tasks.load_audited(assignment)
     if not isinstance(model, Reproducible) or assignment.model is None:
         return ""

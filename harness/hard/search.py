@@ -19,12 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from harness.certify.quantities import require_quantity
 from harness.crosscheck import tasks
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.hypothesis_search import note_of
+from harness.crosscheck.quantity_judge import asked_for, quantity_of, refuse_robots
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
-from harness.engines import Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
+from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
@@ -32,6 +34,7 @@ from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
+from harness.results.records import ACCELERATIONS
 from harness.results.search import Case, SearchResult
 from harness.study import Part, Rounds
 from harness.verdict import SEVERITY, Verdict
@@ -57,7 +60,7 @@ class SearchSettings:
         library, name: where, and which system.
         subjects: subjects as text; for none the native ones that have a model, as it is engines that are searched, not readers.
         budget: states a subject is asked for; what shrinking asks comes on top.
-        seed: of the random starts.
+        quantity: what the subjects are asked for. seed: of the random starts.
         keep: whether what is found is stored with the system.
         replay_options: command-line options that say where the library is, for replay commands.
     """
@@ -66,6 +69,7 @@ class SearchSettings:
     name: str
     subjects: Sequence[str] = ()
     budget: int = DEFAULT_BUDGET
+    quantity: str = ACCELERATIONS
     seed: int = 0
     keep: bool = True
     replay_options: Sequence[str] = ()
@@ -84,7 +88,8 @@ class Search(Rounds):
 
     Raises:
         InvalidInput: the expected verdicts or the stored states cannot be used; from ``take``, the system or a model.
-        InvalidRequest: a system or subject that does not exist, or an engine that cannot express the system.
+        InvalidRequest: a system, subject or quantity that does not exist, an engine that cannot express the system or does not offer the
+            quantity, or another quantity of a robot than accelerations.
     """
 
     title = "search"
@@ -93,7 +98,10 @@ class Search(Rounds):
         super().__init__()
         self.settings = settings
         (self.name,) = settings.library.select([settings.name])
-        self._expectations = load_expectations(settings.library)
+        require_quantity(settings.quantity)
+        if settings.quantity != ACCELERATIONS:
+            refuse_robots(settings.library, settings.quantity)
+        self._expectations = load_expectations(settings.library, settings.quantity)
         self._result = SearchResult(place=path_of(settings.library, self.name))
         self._subjects = self._select()
         self._hunts = hunts(settings.budget)
@@ -103,6 +111,8 @@ class Search(Rounds):
         # One crash of a subject is enough: each costs a process.
         self._crashes: dict[Subject, Crash] = {}
         self._found: list[tuple[FoundState, str]] = []
+        # Nobody claims to compute these.
+        self._not_offered: dict[Subject, str] = {}
 
     def rounds(self) -> Iterator[list[Task]]:
         library = self.settings.library
@@ -115,10 +125,10 @@ class Search(Rounds):
                 if one in formats
             ),
         ]
-        assignments = {
-            subject: tasks.Assignment(library, subject, self._loaded[MECHANISM], self._loaded.get(subject.format))
-            for subject in self._subjects
-        }
+        plain = [
+            tasks.Assignment(library, subject, self._loaded[MECHANISM], self._loaded.get(subject.format)) for subject in self._subjects
+        ]
+        assignments = {one.subject: asked_for(self.settings.quantity, self.name, one) for one in plain}
         yield [
             Task((self._take_hunt, assignment, number), hunt, (assignment, states, population, self.settings.seed))
             for number, (states, population) in enumerate(self._hunts)
@@ -179,6 +189,9 @@ class Search(Rounds):
         yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
         if isinstance(outcome.exception, InvalidInput):
             raise outcome.exception
+        if isinstance(outcome.exception, NotOffered) and not self.settings.subjects:
+            self._not_offered[subject] = str(outcome.exception)
+            return
         if isinstance(outcome.exception, Unsupported):
             raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
         if self._has_failed(outcome, subject):
@@ -222,10 +235,13 @@ class Search(Rounds):
     def _conclude(self) -> None:
         """Rank what was found, and store it."""
         settings, result = self.settings, self._result
+        if self._not_offered and not result.states:
+            raise InvalidRequest(f"{self.name}, {settings.quantity}: " + "; ".join(dict.fromkeys(self._not_offered.values())))
+        options = [*settings.replay_options, *([] if settings.quantity == ACCELERATIONS else ["--quantity", settings.quantity])]
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.of(settings.library.label(self.name), one.subject)
-            replay = replay_command(self.name, one.subject, one.state, settings.replay_options)
+            replay = replay_command(self.name, one.subject, one.state, options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit
             result.cases.append(Case(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
@@ -273,7 +289,8 @@ def _found(assignment: tasks.Assignment, **seen: Any) -> FoundState:
     """The stored form of what a subject answered at a state, with today's versions and date."""
     engine = load_engine(assignment.library, assignment.subject.engine)
     versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
-    return FoundState(subject=str(assignment.subject), versions=versions, date=datetime.now(UTC).date().isoformat(), **seen)
+    today, quantity = datetime.now(UTC).date().isoformat(), quantity_of(assignment)
+    return FoundState(subject=str(assignment.subject), quantity=quantity, versions=versions, date=today, **seen)
 
 
 def _noted(crash: Crash) -> States:

@@ -21,7 +21,7 @@ class Family:
     """One hard case with what was measured along it.
 
     Attributes:
-        name: of the case. rows: subject to its row, at least one.
+        name: of the case, and of the quantity where it is not accelerations. rows: subject to its row, at least one.
     """
 
     name: str
@@ -92,8 +92,8 @@ class HardSummary:
     def __init__(self, run: Run, atlas: Atlas) -> None:
         self.run, self.atlas = run, atlas
         self.subjects = sorted({row.subject for row in atlas.rows})
-        rows = sorted(atlas.rows, key=attrgetter("case", "subject"))
-        self.families = [Family(name, {row.subject: row for row in own}) for name, own in groupby(rows, key=attrgetter("case"))]
+        rows = sorted(atlas.rows, key=attrgetter("family", "subject"))
+        self.families = [Family(name, {row.subject: row for row in own}) for name, own in groupby(rows, key=attrgetter("family"))]
         # An engine that cannot be loaded is one problem, however many parts of the atlas it was asked for in.
         self.unexpected, self.problems = atlas.unexpected, list(dict.fromkeys(atlas.problems))
 

@@ -20,7 +20,7 @@ def rows_of(hard: HardSummary) -> Table:
     return Table.of(
         [row for family in hard.families for row in family.rows.values()],
         {
-            "family": "case",
+            "family": "family",
             "subject": "subject",
             "verdict": lambda row: Cell(row.verdict, tone=f"{row.verdict} {'expected' if row.as_expected else 'surprise'}"),
             Column("largest backward error", "error"): "worst",

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from harness.results.records import ACCELERATIONS
 from harness.results.study_result import StudyResult
 
 
@@ -75,6 +76,7 @@ class HardRow:
         reasons: why each verdict that is expected is.
         crashed: whether the engine's process died or ran out of time.
         seconds: wall time of the whole row.
+        quantity: what the subject was asked for.
     """
 
     case: str
@@ -95,6 +97,12 @@ class HardRow:
     reasons: list[HardReason] = field(default_factory=list)
     crashed: bool = False
     seconds: float = 0.0
+    quantity: str = ACCELERATIONS
+
+    @property
+    def family(self) -> str:
+        """The case, and the quantity where it is not the usual one."""
+        return self.case if self.quantity == ACCELERATIONS else f"{self.case}, {self.quantity}"
 
     @property
     def as_expected(self) -> bool:
@@ -184,7 +192,7 @@ class Atlas(StudyResult):
     @property
     def unexpected(self) -> list[str]:
         """A sentence for each thing that is not as expected."""
-        found = [f"{row.case}, {row.subject}: {problem}" for row in self.rows for problem in row.problems]
+        found = [f"{row.family}, {row.subject}: {problem}" for row in self.rows for problem in row.problems]
         found += [
             f"{one.motion}, {one.integrator} from {one.knob:g}: parts after {one.parted:g} s, sooner than {_seconds(one.earliest)}"
             for one in self.partings

@@ -22,7 +22,7 @@ import msgspec
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.plain_json import dumps
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.storage import write_atomically
 from harness.verdict import SEVERITY, Verdict
 
@@ -44,6 +44,7 @@ class FoundState:
         statement: that in a sentence.
         versions: distribution to version, of the harness and the engine.
         date: ISO 8601, of the search.
+        quantity: what it was asked for.
 
     Raises:
         ValueError: a field is not of that kind.
@@ -58,6 +59,7 @@ class FoundState:
     statement: str
     versions: dict[str, str]
     date: str
+    quantity: str = ACCELERATIONS
 
     def __post_init__(self) -> None:
         if list(self.state) not in (["q", "v", "tau"], ["q", "v", "tau", "time"]) or not all(
@@ -109,8 +111,8 @@ def load_found(library: Library, system: str) -> list[FoundState]:
 
 
 def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
-    """The states to store: of each subject, verdict and term the worst; in a fixed order, and without states that agree."""
-    key = attrgetter("subject", "verdict", "term")
+    """The states to store: of each subject, quantity, verdict and term the worst; in a fixed order, and without states that agree."""
+    key = attrgetter("subject", "quantity", "verdict", "term")
     return sorted(worst_of_each((found for found in [*stored, *new] if found.verdict != Verdict.AGREES), key), key=key)
 
 

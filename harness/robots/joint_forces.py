@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from harness.robots.nodes import NodeWriter
 from harness.robots.spatial import Three
-from harness.robots.tree import Coupling
+from harness.robots.tree import Coupling, Joint
 
 
 class JointForceWriter(NodeWriter):
@@ -24,15 +24,19 @@ class JointForceWriter(NodeWriter):
                 found[column] = self.difference(found[column], force)
             if joint.stiffness and joint.kind in ("hinge", "slide"):
                 (column,) = node.columns
-                moved = self.difference(self._position(joint), self.angle(joint.spring_reference, joint.in_degrees))
-                force = self.product(multiplier, self.product(self.given(joint.stiffness), moved))
+                stretch = self.difference(*self.position_and_rest(joint))
+                force = self.product(multiplier, self.product(self.given(joint.stiffness), stretch))
                 found[column] = self.difference(found[column], force)
         for coupling in self.tree.couplings:
             self._couple(coupling, found)
         return found
 
-    def _couple(self, coupling: Coupling, found: Three) -> None:
-        """Add the forces of a coupling to the generalised forces ``found``."""
+    def position_and_rest(self, joint: Joint) -> tuple[int, int]:
+        """The position of a hinge or slide, and that in which its spring is relaxed."""
+        return self._position(joint), self.angle(joint.spring_reference, joint.in_degrees)
+
+    def coupled(self, coupling: Coupling) -> tuple[int, int, int, list[tuple[int, int]]]:
+        """The sum that a coupling makes of positions, that in which its spring is relaxed, its rate, and (velocity, its share in that)."""
         joints = {node.joint.name: node for node in self.nodes}
         total, rate, rest, columns = self.zero, self.zero, self.zero, []
         for name, multiple in coupling.joints:
@@ -42,7 +46,12 @@ class JointForceWriter(NodeWriter):
             rate = self.sum(rate, self.product(slope, self._first_rate + node.columns[0]))
             rest = self.sum(rest, self.product(factor, self.angle(node.joint.spring_reference, node.joint.in_degrees)))
             columns.append((node.columns[0], slope))
-        stretch = self.difference(total, rest if coupling.rest is None else self.given(coupling.rest))
-        tension = self.sum(self.product(self.given(coupling.stiffness), stretch), self.product(self.given(coupling.damping), rate))
+        return total, rest if coupling.rest is None else self.given(coupling.rest), rate, columns
+
+    def _couple(self, coupling: Coupling, found: Three) -> None:
+        """Add the forces of a coupling to the generalised forces ``found``."""
+        total, rest, rate, columns = self.coupled(coupling)
+        stretch = self.difference(total, rest)
+        tension = self._tension(coupling, stretch, rate)
         for column, slope in columns:
             found[column] = self.difference(found[column], self.product(slope, tension))

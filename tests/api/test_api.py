@@ -77,6 +77,84 @@ def test_the_truth_is_within_its_bound(name: str, exact_of: Callable[[harness.Sy
                 assert abs(truth - mpmath.mpf(float(value))) <= bound <= 1.5e-16 * abs(truth)
 
 
+@pytest.mark.parametrize("name", ["double_pendulum", "collar"])
+def test_derivatives_are_within_their_bounds(name: str, exact_of: Callable[[harness.System], Any]) -> None:
+    """Against differences of the equations in mpmath at 80 digits."""
+    system, mechanism = harness.load(name), harness.load(name).mechanism
+    states, nv = generic_sample(mechanism, 2, 3), mechanism.nv
+    found = system.derivatives(states.q, states.v, states.tau)
+    exact, step = exact_of(load_system(BUILT_IN.system_path(name))[0]), mpmath.mpf(10) ** -30
+    assert found.certified.all() and found.error_bound.shape == (2, 3, nv, nv) and found.data_roundoff.shape == (2, 3, nv)
+    for index in range(2):
+        arguments = [*states.q[index], *states.v[index], *states.tau[index], 0.0, *mechanism.parameter_values]
+        for part, matrix in enumerate((found.by_position, found.by_velocity, found.by_force)):
+            for column in range(nv):
+                with mpmath.workdps(80):
+                    sides = []
+                    for sign in (1, -1):
+                        changed = [mpmath.mpf(float(value)) for value in arguments]
+                        changed[part * nv + column] += sign * step
+                        sides.append(exact.accelerations(changed))
+                    slopes = [(more - less) / (2 * step) for more, less in zip(*sides, strict=True)]
+                    for row, truth in enumerate(slopes):
+                        error, bound = abs(truth - float(matrix[index, row, column])), found.error_bound[index, part, row, column]
+                        assert error <= bound + mpmath.mpf(10) ** -25 and bound <= 1.5e-16 * abs(truth) + mpmath.mpf(10) ** -25
+
+
+def test_derivatives_along_tied_coordinates_are_refused() -> None:
+    with pytest.raises(InvalidRequest, match="four_bar: its constraints tie the joints"):
+        harness.load("four_bar").derivatives([0.0] * 3, [0.0] * 3)
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "collar"])
+def test_what_controllers_take_is_within_its_bound(name: str) -> None:
+    """Against the equations of SymPy at 60 digits; the bound is no wider than the rounding to float64."""
+    system, states = harness.load(name), generic_sample(harness.load(name).mechanism, 3, 3)
+    equations, accelerations = system.equations, sp.symbols(f"a:{system.mechanism.nv}")
+    bias = equations.velocity_terms + equations.gravity_terms
+    inverse = equations.mass_matrix * sp.Matrix(accelerations) + bias - equations.passive_forces
+    pairs = [
+        (system.mass_matrix(states.q), equations.mass_matrix),
+        (system.bias(states.q, states.v), bias),
+        (system.inverse_dynamics(states.q, states.v, states.tau), inverse),
+    ]
+    numbers = {name: value for name, value, _ in system.mechanism.parameters}
+    symbols = [*equations.coordinates, *equations.rates, *accelerations]
+    with mpmath.workdps(60):
+        for found, expression in pairs:
+            parameters = sorted(expression.free_symbols - set(symbols), key=str)
+            exact = sp.lambdify([*symbols, *parameters], expression, "mpmath")
+            assert found.certified.all()
+            for index in range(3):
+                given = [*states.q[index], *states.v[index], *states.tau[index], *(numbers[str(symbol)] for symbol in parameters)]
+                truths = list(exact(*(mpmath.mpf(float(number)) for number in given)))
+                for truth, value, bound in zip(truths, found.value[index].ravel(), found.error_bound[index].ravel(), strict=True):
+                    assert abs(truth - mpmath.mpf(float(value))) <= bound <= 1.5e-16 * abs(truth)
+
+
+@pytest.mark.parametrize("name", ["quadrotor", "heavy_top", "arm_3r"])
+def test_forces_and_accelerations_are_inverse(name: str) -> None:
+    """Applied forces follow from the accelerations that they cause, as far as these are known."""
+    system = harness.load(name)
+    states = generic_sample(system.mechanism, 8, 1)
+    caused = system.accelerations(states.q, states.v, states.tau)
+    found, mass = system.inverse_dynamics(states.q, states.v, caused.value), system.mass_matrix(states.q)
+    assert found.certified.all() and mass.certified.all()
+    unknown = np.einsum("nij,nj->ni", np.abs(mass.value), caused.error_bound) * (1 + 1e-9) + found.error_bound
+    assert (np.abs(found.value - states.tau) <= unknown).all()
+    # Without accelerations it is the bias, but for springs and dampers, of which these have none.
+    still = system.inverse_dynamics(states.q, states.v, np.zeros_like(states.v))
+    assert (np.abs(still.value - system.bias(states.q, states.v).value) <= 2 * still.error_bound).all()
+
+
+def test_accelerations_do_not_determine_the_forces_on_a_loop() -> None:
+    loop = harness.load("four_bar")
+    q, v = np.zeros(loop.mechanism.nq), np.zeros(loop.mechanism.nv)
+    assert loop.mass_matrix(q).value.shape == (1, len(v), len(v))
+    with pytest.raises(InvalidRequest, match="has constraints"):
+        loop.inverse_dynamics(q, v, v)
+
+
 def test_a_bound_is_infinite_where_nothing_is_certain() -> None:
     top = harness.load("heavy_top")
     found = top.accelerations([0.0] * top.mechanism.nq, [1.0] * top.mechanism.nv)
@@ -106,6 +184,11 @@ def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
     assert all(isinstance(record, harness.Record) and record.verdict == harness.Verdict.AGREES for record in records)
     assert "<table" in records._repr_html_() and "mujoco/mjcf" in str(records)
     assert [record.subject for record in harness.check("bar_pendulum", subjects="lagrange", states=40)] == ["lagrange"]
+    wanted = {"subjects": ["mujoco/mjcf"], "states": 20}
+    both = harness.check("bar_pendulum", quantities=["mass_matrix", "accelerations"], **wanted)
+    assert [(record.quantity, record.verdict) for record in both] == [("accelerations", "agrees"), ("mass_matrix", "agrees")]
+    with pytest.raises(InvalidRequest, match="did you mean 'mass_matrix'"):
+        harness.check("bar_pendulum", quantities="mass_matix")
     with pytest.raises(InvalidModel, match="no such file"):
         harness.check("bar_pendulum", mjcf=tmp_path / "none.xml", states=40)
 

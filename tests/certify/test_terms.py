@@ -20,9 +20,9 @@ from harness.certify.forward_mode import jacobians
 from harness.certify.interpreter import derivatives
 from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
 from harness.certify.sampling import generic_sample
-from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm
+from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, term_errors
 from harness.crosscheck.tasks import Assignment, reference_kernel_of
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names, term_errors
+from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.mechanism import Mechanism

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import completed, make_library
+from support import InThisProcess, completed, make_library
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison
@@ -81,6 +81,46 @@ def test_the_search_is_not_lucky_on_two_links(name: str) -> None:
 @pytest.mark.nightly
 def test_the_search_is_not_lucky_on_ten_links() -> None:
     assert min(worst_of_hunts(assignment_of("chain_10"), DEFAULT_BUDGET, seed) for seed in range(8)) >= 100
+
+
+# Other quantities than accelerations.
+
+SLIPPING_ENGINE = """
+from harness.engines.mujoco import MujocoEngine
+
+
+class Engine(MujocoEngine):
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        loaded = super().load(source, joints, gravity)
+        bias = loaded.bias
+        loaded.bias = lambda q, v: bias(q, v) * (1 + 1e-11 * (v[:, :1] > 4))
+        return loaded
+
+
+ENGINE = Engine()
+"""
+
+
+def test_a_search_finds_where_a_quantity_is_wrong(tmp_path: Path) -> None:
+    """The planted fault is felt above a speed, by the bias alone."""
+    library = Library.at(make_library(tmp_path / "library", ["double_pendulum"], {"slipping": SLIPPING_ENGINE}))
+    settings = SearchSettings(library=library, name="double_pendulum", subjects=["slipping/mjcf"], budget=400, quantity="bias")
+    result = completed(Search(settings), InThisProcess())
+    worst = result.cases[0]
+    assert not worst.as_expected and worst.found.verdict == "disagrees" and worst.found.quantity == "bias"
+    assert worst.found.state["v"][0] > 4 and worst.found.term.startswith("bias force on joint")
+    assert "--quantity bias --state" in worst.replay and worst.reproducer == ""
+    assert {one.quantity for one in load_found(library, "double_pendulum")} == {"bias"}
+
+
+def test_a_search_for_what_nobody_offers_is_refused() -> None:
+    for name, quantity, reason in (("four_bar", "inverse_dynamics", "not determined"), ("arm_2r", "bia", "did you mean 'bias'")):
+        with pytest.raises(InvalidRequest, match=reason):
+            completed(
+                Search(SearchSettings(library=Library.built_in(), name=name, budget=8, quantity=quantity, keep=False)), InThisProcess()
+            )
 
 
 # Hunts and their space.

@@ -1,0 +1,126 @@
+"""The truth of quantities that the numbers of a model file give at positions, velocities and accelerations, of trees and of loops.
+
+The file is held against the energies of its mechanism first: its mass matrix, velocity terms and gravity have to be theirs, at a few
+states. A robot has no energies; its file is all there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.quantities import Question
+from harness.certify.quantity import Certified, QuantityKernel
+from harness.certify.reference import ReferenceKernel
+from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
+from harness.engines import Model
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidModel
+from harness.robots.constraints import untied
+from harness.robots.mechanism import mechanism_of
+from harness.robots.quantity_writer import Block, ComputedQuantity, QuantityWriter
+from harness.storage import Kept
+from harness.verdict import AGREEMENT
+
+Writer = TypeVar("Writer", bound=QuantityWriter)
+# States at which a file is held against the energies.
+HELD_AT = 4
+# What a joint's applied force at the end of its range gives its coordinate alone [1/s^2]; see ``harness.certify.sampling``.
+LARGEST_ACCELERATION = 100.0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What an engine is asked at n states: q (n, nq), v and qdd (n, nv), of these ``joints``; ``zero``, (1, nq), is the position zero."""
+
+    joints: tuple[str, ...]
+    q: Array
+    v: Array
+    qdd: Array
+    zero: Array
+
+
+class FileTruth:
+    """The certified values of a quantity of one mechanism, by the numbers of one file.
+
+    ``blocks_of`` writes the quantity, ``answer`` asks a model for it and gives (n, components of all blocks) in the order of the blocks.
+    """
+
+    def __init__(
+        self,
+        question: Question,
+        writer: type[Writer],
+        blocks_of: Callable[[Writer], Iterable[Block]],
+        answer: Callable[[Model, Asked], Array],
+    ) -> None:
+        mechanism = question.mechanism
+        self._question, self._answer = question, answer
+        self._joints = tuple(dict.fromkeys(mechanism.joints))
+        robot = question.robot_of(question.declared)
+        self._robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
+        read = question.robot_of(question.read)
+        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree)
+        self._written: ComputedQuantity = own.written(blocks_of(own))
+        self.blocks: Sequence[str] = self._written.blocks
+        places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)
+        self._kernel = QuantityKernel(self._written.program, places.tolist(), sizes=self._written.sizes)
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``; the program has the numbers of a second file where that has other points."""
+        numbers = tuple(map(float, self._written.parameters))
+        return self._question.mechanism.key, self._text, self._written.program.key, numbers, self._question.linear_velocity_in_body
+
+    @property
+    def _text(self) -> str:
+        return "" if self._question.declared is None else self._question.declared.text
+
+    def evaluate(self, states: States) -> Certified:
+        """Raises InvalidModel where the numbers of the file are not those of the energies."""
+        mechanism, in_body = self._question.mechanism, self._question.linear_velocity_in_body
+        if self._question.declared is not None:
+            _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
+        n, numbers = len(states), [float(value) for value in self._written.parameters]
+        given = [states.q, states.v, self._accelerations(states), states.time[:, None], np.broadcast_to(numbers, (n, len(numbers)))]
+        return self._kernel.evaluate(np.concatenate(given, axis=1))
+
+    def answers(self, model: Model, states: States) -> Array:
+        """See ``Truth``."""
+        asked = Asked(self._joints, states.q, states.v, self._accelerations(states), zero_position(self._question.mechanism))
+        return self._answer(model, asked).reshape(len(states), len(self.blocks), -1)
+
+    def _accelerations(self, states: States) -> Array:
+        """Those that applied forces would give each coordinate alone, about."""
+        largest = np.array([max(map(abs, bounds)) for bounds in self._question.mechanism.force_ranges])
+        return np.where(largest > 0, LARGEST_ACCELERATION * states.tau / np.where(largest > 0, largest, 1.0), 0.0)
+
+    def _hold_against_energies(self, states: States) -> None:
+        mechanisms, in_body = (self._question.mechanism, mechanism_of(self._robot)), self._question.linear_velocity_in_body
+        energies, file = (certify_terms(ReferenceKernel(one, in_body), states) for one in mechanisms)
+        for name in (MASS, VELOCITY, GRAVITY):
+            # By what either grants: where algebra leaves nothing of a term, the energies tell of no roundoff. Low parts do not matter.
+            errors = [term_errors(name, one, other.high)[1] for one, other in ((energies, file), (file, energies))]
+            worst = float(np.nanmax(np.fmin(*errors), initial=0.0))
+            if worst > AGREEMENT:
+                apart = f"{worst:.3g} data roundoffs from those of the energies, expected up to {AGREEMENT:g}"
+                problem = f"the {name} terms of its numbers are {apart}; check accelerations first"
+                raise InvalidModel(self._robot.path, None, problem)
+
+
+# The files that were held against the energies, by mechanism and frame.
+_HELD: Kept[None] = Kept(64)
+
+
+def zero_position(mechanism: Mechanism) -> Array:
+    """(1, nq), where every quaternion is 1."""
+    found, first = np.zeros((1, mechanism.nq)), 0
+    for positions, velocities in mechanism.joint_sizes.values():
+        if positions > velocities:
+            found[0, first + positions - 4] = 1.0
+        first += positions
+    return found

@@ -1,0 +1,56 @@
+"""The mass matrix and generalised forces: what controllers take from an engine.
+
+The mass matrix, bias and gravity of a loop are those of the tree that is left without its constraints. Its inverse dynamics are
+not one vector: any force that the constraints bear may be added to the applied ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.quantities import Quantity, Question, Truth
+from harness.certify.quantities._file_truth import Asked, FileTruth
+from harness.engines import Model, NotOffered, answer_of
+from harness.robots.force_quantities import ForceQuantities
+from harness.robots.quantity_writer import Block
+
+
+def _quantity(name: str, blocks_of: Callable[[ForceQuantities], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
+    return Quantity(name, lambda question: FileTruth(question, ForceQuantities, blocks_of, answer))
+
+
+def _mass_matrix(model: Model, asked: Asked) -> Array:
+    if not hasattr(model, "mass_matrix") and hasattr(model, "terms"):
+        still = np.zeros_like(asked.v)
+        return np.asarray(model.terms(asked.q, still, still).mass)
+    return answer_of(model, "mass_matrix", (asked.q,), (*asked.v.shape, asked.v.shape[1]))
+
+
+def _gravity(model: Model, asked: Asked) -> Array:
+    if not hasattr(model, "gravity") and hasattr(model, "terms"):
+        still = np.zeros_like(asked.v)
+        return np.asarray(model.terms(asked.q, still, still).gravity)
+    return answer_of(model, "gravity", (asked.q,), asked.v.shape)
+
+
+def _bias(model: Model, asked: Asked) -> Array:
+    return answer_of(model, "bias", (asked.q, asked.v), asked.v.shape)
+
+
+def _inverse_dynamics(model: Model, asked: Asked) -> Array:
+    return answer_of(model, "inverse_dynamics", (asked.q, asked.v, asked.qdd), asked.v.shape)
+
+
+def _of_trees(question: Question) -> Truth:
+    if question.mechanism.constraints is not None:
+        raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
+    return FileTruth(question, ForceQuantities, ForceQuantities.inverse_dynamics, _inverse_dynamics)
+
+
+MASS_MATRIX = _quantity("mass_matrix", ForceQuantities.mass_matrix, _mass_matrix)
+BIAS = _quantity("bias", ForceQuantities.bias, _bias)
+GRAVITY = _quantity("gravity", ForceQuantities.gravity, _gravity)
+INVERSE_DYNAMICS = Quantity("inverse_dynamics", _of_trees)

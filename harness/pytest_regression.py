@@ -1,0 +1,277 @@
+"""The cross-check of a library as tests: one per system, subject and quantity."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from harness.library import BUILT_IN_NAME
+from harness.results.records import ACCELERATIONS
+
+if TYPE_CHECKING:
+    from harness.crosscheck.run import CrossCheck
+    from harness.engines import Subject
+    from harness.library import Library
+    from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
+    from harness.results.records import Record
+    from harness.study import Part
+    from harness.workers import Workers
+
+TLS_FILES = {
+    "ca-file": "certificate of the authority that a tls:// cluster trusts",
+    "cert": "certificate to show to a tls:// cluster",
+    "key": "key of that certificate",
+}
+
+
+def register(config: pytest.Config, chosen: str, states: int) -> None:
+    """Collect the library ``chosen``, a folder or an installed one's name, and compare at ``states`` per system.
+
+    Raises:
+        pytest.UsageError: there is no such library.
+    """
+    from harness.errors import InvalidInput
+    from harness.library import Library
+
+    try:
+        # From the folder where pytest was started; a name where there is no such folder.
+        directory = config.invocation_params.dir / chosen
+        library = Library.at(None if chosen == BUILT_IN_NAME else directory if directory.exists() else chosen)
+    except InvalidInput as error:
+        raise pytest.UsageError(str(error)) from error
+    config.pluginmanager.register(_Regression(config, library, chosen, states), "harness-regression")
+    # The option asks for the library; arguments on the command line may ask for something else besides.
+    if config.getoption("--harness-library"):
+        if config.args_source is not pytest.Config.ArgsSource.ARGS:
+            config.args[:] = []
+        config.args.append(str(library.systems))
+
+
+class _Regression:
+    """Collects one library and runs it once, however many of its tests are selected.
+
+    Where pytest-xdist spreads the tests over processes, each process runs the systems that come to it, one by one.
+    """
+
+    def __init__(self, config: pytest.Config, library: Library, chosen: str, states: int) -> None:
+        self.config = config
+        self.library = library
+        self.chosen = chosen
+        self.states = states
+        self._exit = contextlib.ExitStack()
+        self._started: dict[str, Workers] = {}
+        self._distributed = hasattr(config, "workerinput")
+        # By the systems that run together, all of them under one name where nothing is distributed; and by quantity.
+        self._checks: dict[tuple[str, str], tuple[CrossCheck, Iterator[Part]]] = {}
+        self._known: dict[tuple[str, str, str], Record] = {}
+        self._causes: dict[str, dict[str, Cause]] = {}
+        self._described = False
+        self._wanted: tuple[list[str], list[str]] = ([], [])
+
+    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
+        if file_path.parent != self.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
+            return None
+        return SystemFile.from_parent(parent, path=file_path, regression=self)
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        items = [item for item in session.items if isinstance(item, CrossCheckItem) and item.regression is self]
+        self._wanted = sorted({item.system for item in items}), sorted({item.subject for item in items})
+
+    def pytest_sessionfinish(self) -> None:
+        self._exit.close()
+
+    def pytest_report_header(self) -> str:
+        seed = self.config.getoption("--harness-seed")
+        named = f", {' '.join(self._named)}" if self._named else ""
+        return f"harness: library {self.library.name}, {self.states} states per system, seed {seed}{named}"
+
+    @cached_property
+    def quantities(self) -> list[str]:
+        """The quantities asked for, by default accelerations."""
+        from harness.certify.quantities import select_quantities
+        from harness.errors import InvalidRequest
+
+        try:
+            return select_quantities(self._named)
+        except InvalidRequest as error:
+            raise pytest.UsageError(str(error)) from error
+
+    @property
+    def _named(self) -> list[str]:
+        """The quantities as options or settings name them."""
+        return list(self.config.getoption("--harness-quantity") or self.config.getini("harness_quantity"))
+
+    def subjects(self) -> list[Subject]:
+        """The subjects asked for."""
+        from harness.engines import describe_engines, select_subjects
+        from harness.errors import InvalidInput, InvalidRequest
+
+        if not self._described:
+            self._described = bool(describe_engines(self.library, self._new_workers))
+        try:
+            return select_subjects(self.library, self.config.getoption("--harness-subject"))
+        except (InvalidInput, InvalidRequest) as error:
+            raise pytest.UsageError(str(error)) from error
+
+    def record(self, item: CrossCheckItem) -> Record:
+        """The record of one item, running the cross-check until it comes."""
+        while item.key not in self._known:
+            self._advance(item)
+        return self._known[item.key]
+
+    def _advance(self, item: CrossCheckItem) -> None:
+        _, coming = self._check_of(item)
+        self._take(next(coming))
+
+    def _take(self, part: Part) -> None:
+        [record] = part.value.records
+        self._known[record.system, record.subject, record.quantity] = record
+
+    def superfluous(self, item: CrossCheckItem) -> list[SuperfluousPart]:
+        """Superfluous parts of the model of an item whose record is known."""
+        check, _ = self._check_of(item)
+        return [part for part in check.result().superfluous if (part.system, part.subject) == (item.system, item.subject)]
+
+    def differs(self, item: CrossCheckItem) -> list[HeldDifference]:
+        """What an item whose record is known holds otherwise than most subjects do; of a finding that is nobody's, all items have it.
+
+        None where a record of the system is not as expected: there the difference is felt, and that record fails.
+        """
+        check, _ = self._check_of(item)
+        found = [finding for finding in check.result().differs if finding.system == item.system and finding.fails]
+        own = [finding for finding in found if item.subject in finding.subjects or not finding.subjects]
+        return own if own and all(record.as_expected for record in self._all_of(item)) else []
+
+    def _all_of(self, item: CrossCheckItem) -> list[Record]:
+        """The records of all subjects on an item's system, running the cross-check until they come."""
+        check, _ = self._check_of(item)
+        alike = item.system, item.quantity
+        while len([None for system, _, quantity in self._known if (system, quantity) == alike]) < len(check.subjects_of(item.system)):
+            self._advance(item)
+        return [record for record in self._known.values() if (record.system, record.quantity) == alike]
+
+    def explanation(self, item: CrossCheckItem) -> str:
+        """All that a person needs to go on from an item whose record is known and not as expected, with the cause as far as it is known."""
+        record, cause = self.record(item), self._cause(item)
+        diagnosis = self._check_of(item)[0].settings.diagnosis(item.system, item.quantity)
+        if cause is None:
+            return record.explanation if record.quantity == ACCELERATIONS else f"{record.explanation}\n  the diagnosis: {diagnosis}"
+        of_cause = [f"  {cause.inference}", *(f"  {term}" for term in cause.terms), f"  cause: {cause.first_line}"]
+        return "\n".join([record.explanation, *dict.fromkeys(of_cause), f"  the whole diagnosis: {diagnosis}"])
+
+    def _cause(self, item: CrossCheckItem) -> Cause | None:
+        """Why accelerations are not as expected; None of other quantities, of which the record itself says it."""
+        check, _ = self._check_of(item)
+        if item.quantity != ACCELERATIONS:
+            return None
+        if item.system not in self._causes:
+            from harness.diagnosis.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
+            from harness.diagnosis.model_side import EVALUATIONS
+
+            # The party at fault follows from those that agree.
+            records = self._all_of(item)
+            diagnosed = sum(map(len, self._causes.values()))
+            evaluations = EVALUATIONS if diagnosed * EVALUATIONS < EVALUATIONS_IN_ALL else LEAST_EVALUATIONS
+            found = find_causes(check.settings, records, self._workers("diagnosis"), evaluations=evaluations, crashes=check.crashes)
+            self._causes[item.system] = {cause.subject: cause for cause in found}
+        return self._causes[item.system].get(item.subject)
+
+    def _check_of(self, item: CrossCheckItem) -> tuple[CrossCheck, Iterator[Part]]:
+        """The cross-check that an item belongs to, and its records to come."""
+        from harness.crosscheck.quantities import cross_check_of
+        from harness.crosscheck.settings import Settings
+        from harness.study import run_study
+
+        group = item.system if self._distributed else "", item.quantity
+        if group not in self._checks:
+            settings = Settings(
+                library=self.library,
+                names=[item.system] if self._distributed else self._wanted[0],
+                subjects=self._wanted[1],
+                states=self.states,
+                seed=self.config.getoption("--harness-seed"),
+                replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
+            )
+            # The workers run one check at a time.
+            for _, coming in self._checks.values():
+                for part in coming:
+                    self._take(part)
+            check = cross_check_of(item.quantity, settings, audits=item.quantity == self.quantities[0])
+            self._checks[group] = check, run_study(check, self._workers("check"))
+        return self._checks[group]
+
+    def _workers(self, work: str) -> Workers:
+        """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
+        if work not in self._started:
+            self._started[work] = self._exit.enter_context(self._new_workers())
+        return self._started[work]
+
+    def _new_workers(self) -> Workers:
+        from harness.workers import Scheduler, Workers
+
+        option = self.config.getoption
+        count = option("--harness-workers") or (1 if self._distributed else None)
+        address = option("--harness-scheduler")
+        scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in TLS_FILES)) if address else None
+        return Workers(count, scheduler, option("--harness-time-limit"))
+
+
+class SystemFile(pytest.File):
+    """A system file, which holds one test per subject and quantity, and per variant. It is not imported here."""
+
+    def __init__(self, *, regression: _Regression, **options: Any) -> None:
+        super().__init__(**options)
+        self.regression = regression
+
+    def collect(self) -> Iterator[CrossCheckItem]:
+        from harness.engines import asked_of
+
+        library, regression = self.regression.library, self.regression
+        names = library.names_in(self.path)
+        for name in [*names, *(variant for variant in library.variant_names() if library.system_of(variant) in names)]:
+            for subject in map(str, asked_of(library, name, regression.subjects())):
+                for quantity in regression.quantities:
+                    # The members of a family and variants share a file, so their tests carry the name too.
+                    title = subject if name == self.path.stem else f"{name}:{subject}"
+                    title += "" if quantity == ACCELERATIONS else f"[{quantity}]"
+                    about = {"system": name, "subject": subject, "quantity": quantity}
+                    yield CrossCheckItem.from_parent(self, name=title, regression=regression, **about)
+
+
+class CrossCheckItem(pytest.Item):
+    """One subject on one system in one quantity: passes where the verdict is the expected one, and neither a superfluous part of the
+    model nor a difference after loading fails."""
+
+    def __init__(self, *, regression: _Regression, system: str, subject: str, quantity: str, **options: Any) -> None:
+        super().__init__(**options)
+        self.regression = regression
+        self.system = system
+        self.subject = subject
+        self.quantity = quantity
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """As its record has it."""
+        return self.system, self.subject, self.quantity
+
+    def runtest(self) -> None:
+        record = self.regression.record(self)
+        self.user_properties += [("verdict", record.verdict), ("backward_error", record.backward_error), ("states", record.states)]
+        if not record.as_expected:
+            pytest.fail(self.regression.explanation(self), pytrace=False)
+        if superfluous := self.regression.superfluous(self):
+            text = "\n".join(["superfluous parts of the model:", *(f"  {part}" for part in superfluous)])
+            if any(part.fails for part in superfluous):
+                pytest.fail(text, pytrace=False)
+            warnings.warn(pytest.PytestWarning(text), stacklevel=2)
+        if differs := self.regression.differs(self):
+            pytest.fail("\n".join(["not held alike after loading:", *(f"  {finding}" for finding in differs)]), pytrace=False)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        return self.path, None, f"{self.system}[{self.name.rpartition(':')[2]}]"
