@@ -79,6 +79,7 @@ def test_every_contract_is_kept() -> None:
     assert broken == set(), printed
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("contract", "module", "imported", "named"),
     [

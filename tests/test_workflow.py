@@ -80,6 +80,15 @@ def test_what_a_job_may_do_is_what_its_steps_need() -> None:
     assert WORKFLOW["concurrency"] == {"group": "nightly"}
 
 
+def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
+    tests, settings = WORKFLOW["jobs"]["tests"], (FILE.parents[2] / ".ci" / "run").read_text(encoding="utf-8")
+    [command] = [shlex.split(step["run"]) for step in tests["steps"] if "pytest" in step.get("run", "")]
+    assert command[:5] == ["python", "-m", "pytest", "-m", "nightly"]
+    # What is drawn for CI depends on CI, and both take as many states.
+    assert tests["env"] == {"CI": "true"} and command[5:] == re.findall(r"--harness-states=\d+", settings)
+    assert tests["if"] == "${{ !inputs.resume }}"
+
+
 def run(name: str, folder: Path, **variables: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
     """A step with stand-ins for ``gh`` and ``harness``, and what it called."""
     programs = folder / "programs"

@@ -102,7 +102,7 @@ class _Writer(BodyWriter):
             own = self.multiplied(turn, self.rotation(Placement(rotation=(Direction(joint.axis),)))) if joint.kind == "planar" else turn
             self._joints[joint.name] = moved_by, joint, body, anchor, self.turned(turn, axis), own
             if joint.kind == "hinge":
-                turn = self.multiplied(turn, self.about(axis, at_zero)) if self._value(at_zero) != 0 else turn
+                turn = self.multiplied(turn, self.about(axis, at_zero)) if self._values.get(at_zero) != 0 else turn
                 shift = self.added(anchor, self.minus(self.turned(turn, local)))
             elif joint.kind == "slide":
                 shift = self.added(shift, self.times(at_zero, self.turned(turn, axis)))

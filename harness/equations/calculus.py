@@ -8,7 +8,6 @@ Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., sections 3.1 and 3.2
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
@@ -48,6 +47,8 @@ class ProgramWriter(Assembler):
 
     def __init__(self, program: StraightLineProgram) -> None:
         super().__init__(program.inputs)
+        # Every sum and product asks for the values of its operands, and most programs hold few numbers.
+        self._values: dict[int, Fraction] = {}
         self.outputs = self.append(program)
 
     def append(self, program: StraightLineProgram) -> dict[str, list[int]]:
@@ -57,28 +58,37 @@ class ProgramWriter(Assembler):
             places.append(self.again(*with_operands(instruction, places)))
         return {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
 
+    def add(self, *instruction: Any) -> int:
+        place = super().add(*instruction)
+        if instruction[0] == "rational" and place not in self._values:
+            self._values[place] = Fraction(int(instruction[1]), int(instruction[2]))
+        return place
+
     def number(self, value: Fraction | int) -> int:
         """The literal ``value``."""
         return self.add("rational", str(value.numerator), str(value.denominator))
 
     def sum(self, first: int | None, second: int) -> int:
         """first + second; None stands for 0."""
-        if first is None or self._value(first) == 0:
+        if first is None:
             return second
-        if self._value(second) == 0:
-            return first
-        known = self._value(first), self._value(second)
-        if known[0] is not None and known[1] is not None:
-            return self.number(known[0] + known[1])
-        for one, other in ((first, second), (second, first)):
-            if self.instructions[other][0] == "neg":
-                return self.difference(one, self.instructions[other][1])
+        known, other = self._values.get(first), self._values.get(second)
+        if known is not None and not known:
+            return second
+        if other is not None:
+            if not other:
+                return first
+            if known is not None:
+                return self.number(known + other)
+        for one, place in ((first, second), (second, first)):
+            if self.instructions[place][0] == "neg":
+                return self.difference(one, self.instructions[place][1])
         return self.add("add", *sorted((first, second)))
 
     def difference(self, first: int, second: int) -> int:
-        if self._value(second) == 0:
+        if self._values.get(second) == 0:
             return first
-        if self._value(first) == 0:
+        if self._values.get(first) == 0:
             return self.negative(second)
         if first == second:
             return self.number(0)
@@ -87,7 +97,7 @@ class ProgramWriter(Assembler):
         return self.add("sub", first, second)
 
     def negative(self, place: int) -> int:
-        value = self._value(place)
+        value = self._values.get(place)
         if value is not None:
             return self.number(-value)
         operation, *operands = self.instructions[place]
@@ -96,15 +106,17 @@ class ProgramWriter(Assembler):
         return self.add("sub", operands[1], operands[0]) if operation == "sub" else self.add("neg", place)
 
     def product(self, first: int, second: int) -> int:
-        factor, other = self._value(first), self._value(second)
+        factor, other = self._values.get(first), self._values.get(second)
         if factor is None and other is not None:
             first, second, factor, other = second, first, other, factor
-        if factor is not None and other is not None:
-            return self.number(factor * other)
-        if factor == 0 or factor == 1:
-            return first if factor == 0 else second
-        if factor == -1:
-            return self.negative(second)
+        if factor is not None:
+            # Most numbers are the zeros and ones of frames that are not turned.
+            if not factor or factor == 1:
+                return second if factor else first
+            if other is not None:
+                return self.number(factor * other)
+            if factor == -1:
+                return self.negative(second)
         for one, place in ((second, first), (first, second)):
             if self.instructions[place][0] == "neg":
                 return self.negative(self.product(one, self.instructions[place][1]))
@@ -112,16 +124,16 @@ class ProgramWriter(Assembler):
         if factor is not None and operation in ("mul", "div"):
             # Twice the half of x is x.
             for known, rest in (operands, operands[::-1]) if operation == "mul" else (operands[::-1],):
-                value = self._value(known)
+                value = self._values.get(known)
                 if value is not None:
                     return self.product(self.number(factor * value if operation == "mul" else factor / value), rest)
         return self.add("mul", *((first, second) if factor is not None else sorted((first, second))))
 
     def quotient(self, first: int, second: int) -> int:
-        return first if self._value(second) == 1 or self._value(first) == 0 else self.add("div", first, second)
+        return first if self._values.get(second) == 1 or self._values.get(first) == 0 else self.add("div", first, second)
 
     def inverse(self, place: int) -> int:
-        value = self._value(place)
+        value = self._values.get(place)
         return self.number(1 / value) if value else self.quotient(self.number(1), place)
 
     def dot(self, first: Sequence[int], second: Sequence[int]) -> int:
@@ -183,13 +195,3 @@ class ProgramWriter(Assembler):
             return self.negative(*operands)
         write = {"add": self.sum, "sub": self.difference, "mul": self.product}.get(operation)
         return self.add(operation, *operands) if write is None else write(*operands)
-
-    def _value(self, place: int) -> Fraction | None:
-        instruction = self.instructions[place]
-        return _fraction(instruction[1], instruction[2]) if instruction[0] == "rational" else None
-
-
-# Every sum and product asks for the values of its operands, and most programs hold few numbers.
-@functools.lru_cache(maxsize=4096)
-def _fraction(numerator: str, denominator: str) -> Fraction:
-    return Fraction(int(numerator), int(denominator))

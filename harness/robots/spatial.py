@@ -89,7 +89,7 @@ class SpatialWriter(ProgramWriter):
     def unit(self, values: Three) -> Three:
         """A vector at length 1."""
         length = self.dot(values, values)
-        return values if self._value(length) == 1 else [self.quotient(value, self.add("sqrt", length)) for value in values]
+        return values if self._values.get(length) == 1 else [self.quotient(value, self.add("sqrt", length)) for value in values]
 
     # Rotations.
 

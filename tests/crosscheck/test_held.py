@@ -324,6 +324,7 @@ def random_chain(seed: int, links: int) -> dict[str, str]:
     }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(4))
 def test_roundings_of_a_deep_chain_are_sound_and_a_mistake_of_1e_10_is_not(seed: int) -> None:
     """More than 256 ulps, but no more than (30 / 8)^2 times that, where a planted mistake makes hundreds of thousands."""

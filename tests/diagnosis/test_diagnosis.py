@@ -187,6 +187,7 @@ def flipped(own: Case) -> Callable[[ModelFile], Array]:
     return lambda model: sound(model) + twice
 
 
+@pytest.mark.costly
 def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)

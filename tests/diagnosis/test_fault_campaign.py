@@ -231,6 +231,7 @@ def test_families_come_by_their_smallest_member_and_models_that_nobody_can_write
     assert {model_format for name, model_format in left_out if name == "rolling_disc"} == {"mjcf", "urdf"}
 
 
+@pytest.mark.costly
 def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     options = ["--kind", "damping", "--kind", "number", "--size", "1e-6", "--states", "64", "--diagnoses", "1", "--workers", "1"]

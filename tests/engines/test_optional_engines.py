@@ -82,6 +82,7 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
     assert unit_roundoff(engine) == (2.0**-24 if name.endswith("float32") else UNIT_ROUNDOFF)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("gravity", "declaration", "verdict"), [
     ("9.81", "unit_roundoff = 2.0**-24", "agrees"),
     ("9.81 * (1 + 2e-5)", "unit_roundoff = 2.0**-24", "disagrees"),

@@ -94,6 +94,7 @@ def test_a_warm_load_imports_no_heavy_library(cache: Path) -> None:
     assert modules() == "[]"
 
 
+@pytest.mark.costly
 def test_mechanisms_survive_json(built_in_mechanism: Mechanism) -> None:
     again = Mechanism.from_json(built_in_mechanism.to_json())
     assert again == built_in_mechanism
@@ -164,6 +165,7 @@ DAMAGE: dict[str, Any] = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_entry_is_derived_again_and_replaced(cache: Path, derivations: list[str], damage: str) -> None:
     sound = load_mechanism(Library.built_in(), NAME)

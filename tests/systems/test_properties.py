@@ -398,6 +398,7 @@ def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: 
             assert abs(given - (parts[0] + parts[1]) / 2 + parts[2]) <= AT_ZERO * (size(parts) + largest * size(v))
 
 
+@pytest.mark.costly
 def test_time_reversal(case: Case) -> None:
     """M (qdd(q, v) - qdd(q, -v)) = F(q, v) - F(q, -v), F = Q - J' lambda, which is zero for a conservative system: it runs back
     as it came.
@@ -439,6 +440,7 @@ def check_time_reversal(case: Case) -> None:
             assert abs(found - expected) <= mass[i][i].sqrt() * allowed + AT_ZERO * abs(expected), case.states.as_json(index)
 
 
+@pytest.mark.costly
 def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
     """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau, and what it changes in -J' lambda."""
     for index in range(COUNT):

@@ -30,6 +30,7 @@ from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot, robot_of
 from harness.robots.tied_mechanism import Tied, tied_mechanism
 from harness.robots.tree import Given
+from harness.storage import Kept
 
 # States at which the independent rows of constraints are found.
 _STATES, _SEED = 4, 0
@@ -151,12 +152,19 @@ class ReactionTruth:
 
 
 def _tied(robot: Robot, question: Question) -> Tied:
+    """The declared file's mechanism under its constraints; written once per process, whoever reads which file."""
     mechanism, declared = question.mechanism, question.declared
     assert mechanism.constraints is not None and declared is not None
+    constraints, rows = mechanism.constraints, declared.constraints
+
+    def write() -> Tied:
+        return tied_mechanism(robot, rows, constraints, sample(mechanism, _STATES, _SEED))
+
     try:
-        return tied_mechanism(robot, declared.constraints, mechanism.constraints, sample(mechanism, _STATES, _SEED))
+        return _TIED.get((declared.text, declared.format, mechanism.key, robot.joints), write)
     except ValueError as problem:
         raise NotOffered(str(problem)) from problem
 
 
+_TIED: Kept[Tied] = Kept(64)
 REACTIONS = Quantity("reactions", ReactionTruth)
