@@ -187,6 +187,7 @@ class Site:
     Attributes:
         run: what was run, as of ``harness.results.records.Run``; versions: distribution to version; limit: backward error up to which
             an answer agrees [data roundoffs].
+        cells: of accelerations; quantities: of other quantities.
         tables: every table of every page, with its numbers in full.
     """
 
@@ -199,6 +200,7 @@ class Site:
     counts: list[SiteCount] = field(default_factory=list)
     features: list[FeatureLine] = field(default_factory=list)
     findings: list[SiteFinding] = field(default_factory=list)
+    quantities: list[SiteCell] = field(default_factory=list)
     tables: list[ShownTable] = field(default_factory=list)
 
 
