@@ -6,6 +6,7 @@ Read a mechanism, and evaluate its certified accelerations:
     pendulum.M, pendulum.C, pendulum.g, pendulum.latex      # SymPy; a notebook shows the equations of ``pendulum`` itself
     truth = pendulum.accelerations(q=[0.3, -0.2], v=[1.0, 0.5])
     truth.value, truth.error_bound                           # the truth is certainly within the bound
+    pendulum.derivatives([0.3, -0.2], [1.0, 0.5]).by_velocity
     pendulum.mass_matrix(q), pendulum.bias(q, v), pendulum.inverse_dynamics(q, v, qdd)
 
 Hold engines, model files, or your own program against that truth:

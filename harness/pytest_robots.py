@@ -75,13 +75,13 @@ class RobotFile(pytest.File):
         self.robots = robots
 
     def collect(self) -> Iterator[RobotItem]:
-        from harness.comparison.callers import find_callers
+        from harness.comparison.asking import robot_subjects
         from harness.comparison.collection import format_of
 
         model_format = format_of(self.path)
-        for engine, caller in find_callers().items():
-            if model_format in caller.formats:
-                yield RobotItem.from_parent(self, name=f"{engine}/{model_format}", robots=self.robots)
+        for subject in robot_subjects():
+            if subject.format == model_format:
+                yield RobotItem.from_parent(self, name=str(subject), robots=self.robots)
 
 
 class RobotItem(pytest.Item):

@@ -24,6 +24,7 @@ from harness.bench.methods import select_methods
 from harness.bench.robot_growth import arms
 from harness.certify.encoding import encode
 from harness.certify.manifold import closed
+from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import generic_sample
@@ -57,6 +58,8 @@ FASTER_WITH_INPUTS = {"free_body": 18.0, "quadrotor": 12.0}
 BARS = {("mpmath", "certified reference"): 80.0}
 # Of the certified reference: over a solution in balls of 128 bits, which has no data roundoff yet; and over pin.aba in a loop.
 FASTER_THAN_BALLS, SLOWER_THAN_ABA = 10.0, 20.0
+# Of 147 certified entries with data roundoff over seven accelerations without, where balls take 0.6 ms a state: 20 ms.
+DERIVATIVES_OVER_BALLS = 34.0
 SEED_SYSTEMS = ("double_pendulum", "cart_pendulum", "spherical_pendulum", "spring_damper", "arm_3r")
 MILLION = 1_000_000
 # Cost of the first method over that of the second, on one thread each: at least, or at most.
@@ -192,6 +195,54 @@ def test_certified_reference_over_pinocchio_in_a_loop(name: str) -> None:
     aba, certified = np.min(rounds, axis=0)
     print(f"\n{name}: the certified reference costs {certified / aba:.1f} times pin.aba; the bar is {SLOWER_THAN_ABA:g}")
     assert certified <= SLOWER_THAN_ABA * aba
+
+
+def fastest(*calls: Callable[[], object]) -> list[float]:
+    """CPU seconds of the fastest run of each call, timed in turns."""
+
+    def seconds(call: Callable[[], object]) -> float:
+        started = time.process_time()
+        call()
+        return time.process_time() - started
+
+    return [float(seconds) for seconds in np.min([[seconds(call) for call in calls] for _ in range(5)], axis=0)]
+
+
+def test_certified_derivatives_over_accelerations_in_balls() -> None:
+    """Of all 147 entries of three matrices with their data roundoff, over seven accelerations alone, in balls of 128 bits."""
+    mechanism = load_mechanism(LIBRARY, "arm_7r")
+    states, kernel = generic_sample(mechanism, FEWEST, seed=0), ReferenceKernel(mechanism)
+    parameters = np.broadcast_to(np.array(mechanism.parameter_values), (FEWEST, len(mechanism.parameters)))
+    [(chart, _)] = kernel.by_chart(states)
+    truth = DerivativeTruth(FORWARD, mechanism, linear_velocity_in_body=False)
+    truth.evaluate(states[:1])
+    balls, derivatives = fastest(lambda: chart.balls.solve(states, parameters, PRECISIONS[0]), lambda: truth.evaluate(states))
+    print(f"\narm_7r: certified derivatives in {1e3 * derivatives / FEWEST:.1f} ms a state, {derivatives / balls:.1f} times balls")
+    assert derivatives <= DERIVATIVES_OVER_BALLS * balls
+
+
+@pytest.mark.parametrize("name", ["arm_7r", "puma_560", "stanford_arm", "quadrotor"])
+def test_kernel_of_derivatives_over_pinocchio_in_a_loop(name: str) -> None:
+    import pinocchio
+
+    mechanism = load_mechanism(LIBRARY, name)
+    loaded: Any = load_model(LIBRARY, Subject("pinocchio", "urdf"), mechanism, read_model(LIBRARY.model_path(name, "urdf"), "urdf"))
+    model, states, data = loaded.model, generic_sample(mechanism, FEW, seed=0), loaded.model.createData()
+    rows = [tuple(map(np.ascontiguousarray, row)) for row in zip(*(part.T for part in loaded.columns(*inputs_of(states))), strict=True)]
+    kernel = mechanism.derivatives()
+    kernel.forward(*inputs_of(states))
+
+    def loop() -> None:
+        for row in rows:
+            pinocchio.computeABADerivatives(model, data, *row)
+
+    analytic, own = fastest(loop, lambda: kernel.forward(*inputs_of(states)))
+    print(f"\n{name}: the whole call is {analytic / own:.1f} times as fast as pin.computeABADerivatives in a loop; the bar is 1")
+    assert own <= analytic
+
+
+def inputs_of(states: States) -> tuple[Any, Any, Any]:
+    return states.q, states.v, states.tau
 
 
 def test_certifying_a_million_states_of_the_first_systems() -> None:

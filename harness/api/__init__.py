@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from harness.api.loaded_system import Accelerations as Accelerations
 from harness.api.loaded_system import CertifiedValues as CertifiedValues
+from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
 from harness.library import Library
 from harness.results.records import ACCELERATIONS, Records

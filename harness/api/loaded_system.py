@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from harness.certify.compare import Comparison
     from harness.certify.equation_values import EquationValues
+    from harness.certify.quantities.derivatives import DerivativeTruth
     from harness.certify.reference import Reference, ReferenceKernel
     from harness.equations.lagrange import EquationsOfMotion
     from harness.equations.mechanism import Mechanism
@@ -35,6 +36,26 @@ class Accelerations:
     """
 
     value: Array
+    error_bound: Array
+    data_roundoff: Array
+    certified: np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Certified derivatives of the accelerations of n states; rows are those of accelerations.
+
+    Attributes:
+        by_position, by_velocity, by_force: (n, nv, nv) the float64 nearest to the truth. Those by positions are along the velocities: of a
+            ball or free joint by turns about the axes of its body, and by displacements along the axes of its parent.
+        error_bound: (n, 3, nv, nv) the truth is certainly no farther from the three than this; inf where nothing could be certified.
+        data_roundoff: (n, 3, nv) how far each column moves, in the energy norm, when every input moves by half an ulp.
+        certified: (n,) whether the truth is known far below its data roundoff.
+    """
+
+    by_position: Array
+    by_velocity: Array
+    by_force: Array
     error_bound: Array
     data_roundoff: Array
     certified: np.ndarray[Any, np.dtype[np.bool_]]
@@ -135,6 +156,26 @@ class LoadedSystem:
         reference = self._kernel.evaluate(self._states(q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
+    def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
+        """Certified derivatives of the accelerations by q, v and tau; arguments as of ``accelerations``.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism.
+            harness.errors.InvalidRequest: constraints tie its coordinates.
+        """
+        from harness.certify.numbers import UNIT_ROUNDOFF
+
+        states, nv = self._states(q, v, tau), self.mechanism.nv
+        found = self._derivatives.evaluate(states)
+        shape = (len(states), 3, nv, nv)
+        bound = np.abs(found.low) + _reach(found.norm_factor)[:, None] * found.radius[:, :, None]
+        bound = np.where(found.certified[:, None, None], bound * (1 + 1e-6), np.inf)
+        # Blocks are columns.
+        matrices, bounds = (blocks.reshape(shape).transpose(0, 1, 3, 2) for blocks in (found.high, bound))
+        data_roundoff = UNIT_ROUNDOFF * found.sensitivity.reshape(shape[:3])
+        by_position, by_velocity, by_force = matrices.transpose(1, 0, 2, 3)
+        return Derivatives(by_position, by_velocity, by_force, bounds, data_roundoff, found.certified)
+
     def mass_matrix(self, q: Any) -> CertifiedValues:
         """Certified mass matrix, with reflected inertias; under constraints that of the tree which is left without them.
 
@@ -207,6 +248,16 @@ class LoadedSystem:
 
         return ReferenceKernel(self.mechanism)
 
+    @cached_property
+    def _derivatives(self) -> DerivativeTruth:
+        from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
+        from harness.engines import NotOffered
+
+        try:
+            return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)
+        except NotOffered as reason:
+            raise InvalidRequest(f"{self.name}: {reason}") from reason
+
     def _states(self, q: Any, v: Any, tau: Any) -> States:
         from harness.equations.states import States
 
@@ -223,7 +274,11 @@ def _error_bound(reference: Reference) -> Array:
     |x_i| <= |x|_M |row i of R^-1|, with R the factor of M (Cauchy and Schwarz). The radius carries all digits that matter, so
     the last factor covers the roundings of this bound.
     """
-    inverse = np.linalg.inv(np.where(np.isfinite(reference.norm_factor), reference.norm_factor, np.eye(reference.high.shape[1])))
-    reach = np.sqrt((inverse**2).sum(axis=2)) * reference.radius[:, None]
-    bound = (np.abs(reference.low) + reach) * (1 + 1e-6)
+    bound = (np.abs(reference.low) + _reach(reference.norm_factor) * reference.radius[:, None]) * (1 + 1e-6)
     return np.where(reference.certified[:, None], bound, np.inf)
+
+
+def _reach(norm_factor: Array) -> Array:
+    """How large each component of a vector of energy norm 1 can be, (n, nv)."""
+    inverse = np.linalg.inv(np.where(np.isfinite(norm_factor), norm_factor, np.eye(norm_factor.shape[1])))
+    return np.asarray(np.sqrt((inverse**2).sum(axis=2)))

@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
+from harness.bench.derivative_cost import derivative_costs
 from harness.bench.energy_drift import drifts
-from harness.bench.methods import Method, find_methods, select_methods
+from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
+from harness.bench.thoroughness import THOROUGHNESS, Thoroughness
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.bench.yardstick import Stopwatch
 from harness.crosscheck.scene import Scene
@@ -26,45 +28,9 @@ from harness.results.benchmark import Benchmark, Yardstick
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
+ACCELERATIONS, DERIVATIVES, MOTION = "accelerations", "derivatives", "motion"
 # Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
 MOST_INSTRUCTIONS_OF_MOTION = 5000
-
-
-@dataclass(frozen=True, kw_only=True)
-class Thoroughness:
-    """The extent of a benchmark.
-
-    Attributes:
-        states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
-        sizes: numbers of bodies of the growing chain; arms: of seven joints, of the growing robot.
-        steps: steps of the integrators [s]; horizon: length of those motions [s].
-        seconds: longest that an integrator may take with one step, else the step is left out.
-        long_steps: steps of a long run, or as many as take an integrator ``long_seconds``.
-        time_limit: seconds a task may take.
-    """
-
-    states: int
-    minimum_seconds: float
-    sizes: Sequence[int]
-    arms: Sequence[int]
-    steps: Sequence[float]
-    horizon: float
-    seconds: float
-    long_steps: int
-    long_seconds: float
-    time_limit: float
-
-
-THOROUGHNESS = {
-    "quick": Thoroughness(
-        states=1000, minimum_seconds=0.05, sizes=(1, 2, 4, 8, 16), arms=(1, 2, 4, 8, 14),
-        steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5, long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
-    ),
-    "nightly": Thoroughness(
-        states=10_000, minimum_seconds=0.5, sizes=(1, 2, 4, 8, 16, 32), arms=(1, 2, 4, 8, 14), horizon=10.0, seconds=30.0,
-        steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
-    ),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +41,7 @@ class BenchmarkSettings:
         library: where systems and models are.
         names: systems; all for none.
         methods: names of methods and integrators, all for none; of a part, those of its own kind.
-        motion: whether to measure motion too.
+        motion, derivatives: whether to measure these too.
         profile: name of one of ``THOROUGHNESS``.
         seed: of the sampled states.
     """
@@ -84,6 +50,7 @@ class BenchmarkSettings:
     names: Sequence[str] = ()
     methods: Sequence[str] = ()
     motion: bool = False
+    derivatives: bool = False
     profile: str = "quick"
     seed: int = 0
 
@@ -104,7 +71,7 @@ class BenchmarkPart:
     Attributes:
         name: in words.
         measure: what a worker does with settings and a scene, which is None for a part that belongs to one system or family.
-        moving: whether it is about motion.
+        kind: what its methods compute: accelerations, derivatives or motion.
         timed: whether it must run by itself because its times are compared.
         system: the one system or family it belongs to; "" for a part that is measured on every system.
         by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
@@ -113,7 +80,7 @@ class BenchmarkPart:
 
     name: str
     measure: Callable[[BenchmarkSettings, Any, Note], Benchmark]
-    moving: bool
+    kind: str
     timed: bool
     system: str = ""
     by_methods: bool = True
@@ -195,14 +162,25 @@ def _figures(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
     return Benchmark(figures=figures(settings.library, note))
 
 
+def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    if scene.mechanism.constraints is not None:
+        # None is along motions that they allow.
+        return Benchmark()
+    extent, methods = settings.thoroughness, [one for one in find_derivative_methods() if one.name in settings.methods]
+    # A tenth, as each method is timed at several numbers of states.
+    costs = derivative_costs(scene, methods, extent.derivative_states, settings.seed, extent.minimum_seconds / 10, note)
+    return Benchmark(derivatives=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
+
+
 PARTS = (
-    BenchmarkPart(name="accelerations", measure=_accelerations, moving=False, timed=True),
-    BenchmarkPart(name="growth", measure=_growth, moving=False, timed=True, system=FAMILY),
-    BenchmarkPart(name="growth of robots", measure=_robot_growth, moving=False, timed=True, system=FAMILY, by_methods=False),
-    BenchmarkPart(name="motion", measure=_motion, moving=True, timed=True),
-    BenchmarkPart(name="long runs", measure=_drifts, moving=True, timed=False, needs_energies=True),
-    BenchmarkPart(name="stationary action", measure=_stationarity, moving=True, timed=False, needs_energies=True),
-    BenchmarkPart(name="figures of the text", measure=_figures, moving=True, timed=False, system=SYSTEM),
+    BenchmarkPart(name="accelerations", measure=_accelerations, kind=ACCELERATIONS, timed=True),
+    BenchmarkPart(name="derivatives", measure=_derivatives, kind=DERIVATIVES, timed=True),
+    BenchmarkPart(name="growth", measure=_growth, kind=ACCELERATIONS, timed=True, system=FAMILY),
+    BenchmarkPart(name="growth of robots", measure=_robot_growth, kind=ACCELERATIONS, timed=True, system=FAMILY, by_methods=False),
+    BenchmarkPart(name="motion", measure=_motion, kind=MOTION, timed=True),
+    BenchmarkPart(name="long runs", measure=_drifts, kind=MOTION, timed=False, needs_energies=True),
+    BenchmarkPart(name="stationary action", measure=_stationarity, kind=MOTION, timed=False, needs_energies=True),
+    BenchmarkPart(name="figures of the text", measure=_figures, kind=MOTION, timed=False, system=SYSTEM),
 )
 
 
@@ -220,20 +198,31 @@ class BenchmarkStudy(Rounds):
         super().__init__()
         self.settings = settings
         self.names = settings.library.select(settings.names)
-        methods, moving = (
-            list(dict.fromkeys(one.name for kind in settings.kinds for one in find(kind))) for find in (find_methods, integrators)
-        )
+        known = self._known()
+        asked = {ACCELERATIONS: True, DERIVATIVES: settings.derivatives, MOTION: settings.motion}
         for name in settings.methods:
-            if name not in (*methods, *moving):
+            kind = next((kind for kind, names in known.items() if name in names), None)
+            if kind is None:
                 self._refuse_other_kind(name)
-                raise InvalidRequest(f"no method or integrator is called {name!r}; {nearest(name, [*methods, *moving])}")
-            if name in moving and not settings.motion:
-                raise InvalidRequest(f"{name!r} computes motion; ask for it with --motion")
-        chosen = settings.methods or [*methods, *(moving if settings.motion else ())]
-        # By whether it is motion that they compute.
-        self._methods = {False: [name for name in methods if name in chosen], True: [name for name in moving if name in chosen]}
+                raise InvalidRequest(
+                    f"no method or integrator is called {name!r}; {nearest(name, [one for names in known.values() for one in names])}"
+                )
+            if not asked[kind]:
+                raise InvalidRequest(f"{name!r} computes {kind}; ask for it with --{kind}")
+        # By what they compute.
+        self._methods = {
+            kind: [name for name in names if asked[kind] and name in (settings.methods or names)] for kind, names in known.items()
+        }
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
+
+    def _known(self) -> dict[str, list[str]]:
+        """The names of all methods by what they compute, those that may be measured on the library's systems."""
+        methods, moving = (
+            list(dict.fromkeys(one.name for kind in self.settings.kinds for one in find(kind))) for find in (find_methods, integrators)
+        )
+        of_trees = [] if self.settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
+        return {ACCELERATIONS: methods, DERIVATIVES: of_trees, MOTION: moving}
 
     def _refuse_other_kind(self, name: str) -> None:
         other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
@@ -243,13 +232,13 @@ class BenchmarkStudy(Rounds):
     @property
     def constrained(self) -> list[str]:
         """The systems whose action is not varied, because variations would have to keep their constraints."""
-        varied = [part for part in PARTS if part.measure is _stationarity and self._methods[part.moving]]
+        varied = [part for part in PARTS if part.measure is _stationarity and self._methods[part.kind]]
         return [name for name, scene in self._scenes.items() if varied and scene.mechanism.constraints is not None]
 
     @property
     def left_out(self) -> list[str]:
         """The names of the parts that were asked for and need energies, where there are none."""
-        chosen = (part for part in PARTS if part.needs_energies and self._methods[part.moving])
+        chosen = (part for part in PARTS if part.needs_energies and self._methods[part.kind])
         return [part.name for part in chosen] if self.settings.library.is_of_robots else []
 
     @property
@@ -268,13 +257,13 @@ class BenchmarkStudy(Rounds):
         for part in PARTS:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
-                    given = replace(self.settings, methods=self._methods[part.moving]), self._scenes.get(name)
+                    given = replace(self.settings, methods=self._methods[part.kind]), self._scenes.get(name)
                     # Two timings at once would take turns on memory and caches, and measure each other.
                     yield Task((self._taken, name, part.name), part.measure, given, affinity="timed" if timed else None)
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
-        if not self._methods[part.moving] or (self.settings.methods and not part.by_methods):
+        if not self._methods[part.kind] or (self.settings.methods and not part.by_methods):
             return []
         if part.name in self.left_out:
             return []

@@ -125,10 +125,10 @@ def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     """
     count, n = inputs.shape
     values: list[Array] = []
-    # None for what depends on no input.
+    # None for what depends on no input, and for what no later instruction takes.
     slopes: list[Array | None] = []
     with np.errstate(all="ignore"):
-        for instruction in program.instructions:
+        for instruction, done in zip(program.instructions, _last_uses(program), strict=True):
             operation, *operands = instruction
             if operation == "input":
                 slope = np.zeros((count, n))
@@ -145,8 +145,30 @@ def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
                 pairs = zip(earlier, PARTIAL_DERIVATIVES[operation](np, *arguments, values[-1]), strict=True)
                 parts = [known * partial for place, partial in pairs if (known := slopes[place]) is not None]
                 slopes.append(sum(parts[1:], parts[0]) if parts else None)
+                for place in done:
+                    slopes[place] = None
     zero = np.zeros((count, n))
     return {
         name: np.array([zero if slopes[index] is None else slopes[index] for index in indices]).reshape(len(indices), count, n)
         for name, indices in program.outputs.items()
     }
+
+
+def most_at_once(program: StraightLineProgram) -> int:
+    """How many instructions have derivatives that ``jacobians`` holds at once, at most."""
+    held = most = 0
+    for done in _last_uses(program):
+        held += 1
+        most, held = max(most, held), held - len(done)
+    return most
+
+
+def _last_uses(program: StraightLineProgram) -> list[list[int]]:
+    """For each instruction the earlier results that it is the last to take, and that are no outputs."""
+    taken = {place for places in program.outputs.values() for place in places}
+    found: list[list[int]] = []
+    for instruction in reversed(program.instructions):
+        last = set(earlier_results(instruction)) - taken
+        taken |= last
+        found.append(sorted(last))
+    return found[::-1]

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.forward_mode import jacobians
-from harness.certify.quantity import Between, QuantityKernel
+from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Flags
 from harness.equations.constraint_forces import MULTIPLIERS
 from harness.equations.mechanism import Mechanism
@@ -48,7 +48,6 @@ class MultiplierKernel:
         none = np.zeros((n, 0))
         if not self._rows:
             return Multipliers(none, none, none, np.zeros((n, 0, count)), np.ones(n, dtype=np.bool_))
-        nothing = Between(none, none, none, none, np.zeros((n, 0, count)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
-        found = self._kernel.evaluate(inputs, nothing)
+        found = self._kernel.evaluate(inputs)
         slopes = jacobians(self._program, np.ascontiguousarray(inputs.T))[MULTIPLIERS].transpose(2, 0, 1)
         return Multipliers(found.high[:, :, 0], found.low[:, :, 0], found.radius, slopes, found.certified)

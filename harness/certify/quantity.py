@@ -8,8 +8,8 @@ both steps does not make the same errors in both, so that they need not cancel.
 
 Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
 says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
-moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to an
-answer that would fail without it.
+moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to a
+block that would fail without it.
 
 Sources: those of ``harness.certify.reference``.
 """
@@ -24,7 +24,7 @@ import numpy as np
 
 from harness.arrays import Array, Rows
 from harness.certify.compare import Comparison
-from harness.certify.forward_mode import jacobians, values
+from harness.certify.forward_mode import jacobians, most_at_once, values
 from harness.certify.in_balls import parts_of
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SMALLEST_SCALE, SOUGHT_RADIUS, Flags
@@ -78,6 +78,7 @@ class Certified(Rows):
         sensitivity: (n, blocks) how far a block moves when each input, and each value between, moves by the whole of itself; the data
             roundoff is UNIT_ROUNDOFF times it.
         sizes: (n, blocks) how large the parts are that an algorithm may form and cancel; 0 where the quantity names none.
+        norm_factor: (n, size, size) R, where the length of a block x is |R x|.
         certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of sensitivity and size, and their sum is known.
         bits: (n,) precision that was needed.
     """
@@ -87,6 +88,7 @@ class Certified(Rows):
     radius: Array
     sensitivity: Array
     sizes: Array
+    norm_factor: Array
     certified: Flags
     bits: Indices
 
@@ -111,17 +113,25 @@ class QuantityKernel:
         self.program, self._of_sizes, self._between = program, sizes, between
         self._blocks = np.array(blocks, dtype=np.int64)
         self._kernel = BallKernel(program, 0)
+        self._at_once = most_at_once(program)
         self._bound: dict[int, Any] = {}
 
-    def evaluate(self, inputs: Array, between: Between) -> Certified:
-        """The values at ``inputs``, (n, number of inputs), in whose columns ``between`` stand the midpoints of the values between."""
-        rows = max(1, _ROOM // (len(self.program.instructions) * inputs.shape[1]))
+    def evaluate(self, inputs: Array, between: Between | None = None, norm_factor: Array | None = None) -> Certified:
+        """The values at ``inputs``, (n, number of inputs), in whose columns ``between`` stand the midpoints of the values between.
+
+        Lengths of blocks are those of ``norm_factor``, see ``Certified``; Euclidean ones for None.
+        """
+        between = Between.none(*inputs.shape) if between is None else between
+        if norm_factor is None:
+            size = self._blocks.shape[1]
+            norm_factor = np.broadcast_to(np.eye(size), (len(inputs), size, size))
+        rows = max(1, _ROOM // (self._at_once * inputs.shape[1]))
         batches = [slice(start, start + rows) for start in range(0, max(len(inputs), 1), rows)]
         with np.errstate(all="ignore"):
-            return Certified.concatenate([self._evaluate(inputs[batch], between[batch]) for batch in batches])
+            return Certified.concatenate([self._evaluate(inputs[batch], between[batch], norm_factor[batch]) for batch in batches])
 
-    def _evaluate(self, inputs: Array, between: Between) -> Certified:
-        sensitivity, doubt, shared = self._sensitivity(inputs, between)
+    def _evaluate(self, inputs: Array, between: Between, norm_factor: Array) -> Certified:
+        sensitivity, doubt, shared = self._sensitivity(inputs, between, norm_factor)
         sizes = self._sizes(inputs, shared)
         # What an answer is held against in the end; where it is 0, the block is 0 whatever the inputs are.
         largest = sensitivity + sizes
@@ -134,13 +144,13 @@ class QuantityKernel:
             for index in pending.tolist():
                 high[index], low[index], radii[index] = self._in_balls(inputs[index], between[[index]], precision)
             bits[pending] = precision
-            radius[pending] = np.linalg.norm(radii[pending], axis=2)
+            radius[pending] = _lengths(np.abs(norm_factor[pending]), radii[pending])
             pending = pending[~(radius[pending] <= SOUGHT_RADIUS * largest[pending]).all(axis=1)]
             # More bits do not shrink the balls of the values between.
             if not len(pending) or not (between.radius[pending] == 0).all():
                 break
         certified = (known & (radius <= CERTIFIED_RADIUS * largest)).all(axis=1) & between.certified
-        return Certified(high, low, radius, sensitivity, sizes, certified, bits)
+        return Certified(high, low, radius, sensitivity, sizes, norm_factor, certified, bits)
 
     def _in_balls(self, inputs: Array, between: Between, precision: int) -> tuple[Array, Array, Array]:
         """High, low and radius, (blocks, size) each, at one state."""
@@ -156,7 +166,7 @@ class QuantityKernel:
         high, low, radius = (parts[:, part][self._blocks] for part in range(3))
         return high, low, radius
 
-    def _sensitivity(self, inputs: Array, between: Between) -> tuple[Array, Array, Array]:
+    def _sensitivity(self, inputs: Array, between: Between, norm_factor: Array) -> tuple[Array, Array, Array]:
         """(n, blocks) of the blocks, how much of it rounding may be, and what the shares of the values between do to them."""
         slopes = np.concatenate(list(jacobians(self.program, np.ascontiguousarray(inputs.T)).values())).transpose(2, 0, 1)
         through = slopes[:, :, self._between]
@@ -168,14 +178,14 @@ class QuantityKernel:
         changes = [direct * scales + passed_on, passed_on, through * np.abs(between.high)[:, None]]
         doubt = (np.abs(direct) + np.abs(through) @ np.abs(between.slopes)) * scales
         return (
-            self._lengths(np.concatenate(changes, axis=2)),
-            _ROUNDINGS * UNIT_ROUNDOFF * self._lengths(doubt),
-            self._lengths(through @ between.shares),
+            self._lengths(np.concatenate(changes, axis=2), norm_factor),
+            _ROUNDINGS * UNIT_ROUNDOFF * self._lengths(doubt, np.abs(norm_factor)),
+            self._lengths(through @ between.shares, norm_factor),
         )
 
-    def _lengths(self, columns: Array) -> Array:
+    def _lengths(self, columns: Array, norm_factor: Array) -> Array:
         """(n, blocks), the sum over columns (n, outputs, columns) of their lengths in each block."""
-        return np.asarray(np.linalg.norm(columns[:, self._blocks], axis=2).sum(axis=2))
+        return np.asarray(np.linalg.norm(norm_factor[:, None] @ columns[:, self._blocks], axis=2).sum(axis=2))
 
     def _sizes(self, inputs: Array, shared: Array) -> Array:
         if self._of_sizes is None:
@@ -192,7 +202,7 @@ def judge_answers(certified: Certified, answers: Array) -> Comparison:
         errors, granted = _in_roundoffs(certified, answers)
         worst = errors.argmax(axis=1)[:, None]
         size, error = (
-            np.take_along_axis(np.linalg.norm(values, axis=2), worst, axis=1)[:, 0]
+            np.take_along_axis(_lengths(certified.norm_factor, values), worst, axis=1)[:, 0]
             for values in (certified.high, errors_of(certified, answers))
         )
         relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
@@ -227,18 +237,29 @@ def errors_of(certified: Certified, answers: Array) -> Array:
 def whitened(certified: Certified, differences: Array) -> Array:
     """Differences of answers, (n, blocks, size), in multiples of the most that a block is held against; 0 where nothing is certified."""
     with np.errstate(all="ignore"):
-        found = differences / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, :, None])
+        found = _in_metric(certified.norm_factor, differences) / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, :, None])
     return np.where(certified.certified[:, None, None] & np.isfinite(found), found, 0.0)
 
 
 def _in_roundoffs(certified: Certified, answers: Array) -> tuple[Array, Flags]:
-    """(n, blocks) errors in data roundoffs, with the share of the parts at the states (n,) to which it is granted."""
+    """(n, blocks) errors in data roundoffs, with the share of the parts in the blocks that fail without; the states (n,) that agree so."""
     with np.errstate(all="ignore"):
-        error = np.linalg.norm(errors_of(certified, answers), axis=2)
+        error = _lengths(certified.norm_factor, errors_of(certified, answers))
         plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
         shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
-    granted = ~(plain.max(axis=1) <= AGREEMENT) & (shared.max(axis=1) <= AGREEMENT) & certified.certified
-    return np.where(granted[:, None], shared, plain), granted
+    needing = ~(plain <= AGREEMENT) & (shared <= AGREEMENT)
+    errors = np.where(needing, shared, plain)
+    return errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
+
+
+def _in_metric(norm_factor: Array, values: Array) -> Array:
+    """R x for blocks x, (n, blocks, size), and R, (n, size, size)."""
+    return np.asarray(values @ norm_factor.transpose(0, 2, 1))
+
+
+def _lengths(norm_factor: Array, values: Array) -> Array:
+    """(n, blocks) lengths of blocks."""
+    return np.asarray(np.linalg.norm(_in_metric(norm_factor, values), axis=2))
 
 
 def _ratio(error: Array, roundoff: Array) -> Array:

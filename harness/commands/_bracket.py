@@ -181,6 +181,7 @@ class Bracket:
         from harness.results.atlas import Atlas
         from harness.results.benchmark import Benchmark
         from harness.results.cross_check import CrossCheckResult
+        from harness.results.trend import MOST_NIGHTS
 
         history, library = self.history, self.library.name
         benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
@@ -188,8 +189,13 @@ class Bracket:
         if number is None:
             number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
         given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas, "robots": self._survey()}
+        if benchmark is not None:
+            recent = history.recent(Benchmark, library, benchmark[0].profile)
+            given["earlier_benchmarks"] = list(itertools.islice(recent, 1, MOST_NIGHTS))
         if number is not None:
-            given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": history.earlier(number)}
+            earlier = itertools.islice(history.earlier(number, CrossCheckResult, "records"), MOST_NIGHTS - 1)
+            records = [(run, found.records) for run, found in earlier]
+            given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": records}
         if any(given.values()):
             write(self.directory, build(**given))
             say(f"report: {self.directory / 'index.html'}")

@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     help="Only this way of computing accelerations or motion; repeatable. harness list methods and harness list integrators have them.",
 )
 @click.option("--motion", is_flag=True, help="Measure integrators too.")
+@click.option("--derivatives", is_flag=True, help="Measure derivatives by q and v too, finite differences over their steps.")
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
 @time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True, floating_base=True)
-def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, profile: str) -> None:
+def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, derivatives: bool, profile: str) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
@@ -37,6 +38,7 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     Examples:
       harness bench
       harness bench cart_pendulum --motion
+      harness bench arm_3r --derivatives
       harness bench double_pendulum --methods "pinocchio aba"
       harness bench robot.urdf
     """
@@ -46,7 +48,9 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
     from harness.results.pareto import with_cheapest
 
     bracket.choose_library(names)
-    settings = BenchmarkSettings(library=bracket.library, names=names, methods=methods, motion=motion, profile=profile, seed=bracket.seed)
+    settings = BenchmarkSettings(
+        library=bracket.library, names=names, methods=methods, motion=motion, derivatives=derivatives, profile=profile, seed=bracket.seed
+    )
     study = BenchmarkStudy(settings)
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     # The report is that of a library of mechanisms, whose page a robot would take the place of.
@@ -82,6 +86,7 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     for finding in summary.benchmark.findings:
         say("", f"finding: {finding.method} on {finding.system}: {finding.statement}")
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
+    print_titled("derivatives by q and v", tables.derivatives(summary.benchmark.derivatives).without("remark"))
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
     print_titled("true motion", tables.truths(summary).without("cost", "start"))
     gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]

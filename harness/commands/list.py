@@ -56,9 +56,24 @@ def _methods() -> Table:
     return Table.of(_of_all(find_methods), {"method": "name", "reads": "format", "of": _of, "cost grows as bodies to the": "growth"})
 
 
+def _derivatives() -> Table:
+    from harness.bench.methods import find_derivative_methods
+
+    return Table.of(
+        find_derivative_methods(),
+        {
+            "method": "name",
+            "reads": "format",
+            "of": lambda method: "tau" if method.is_inverse else "qdd",
+            "step": lambda method: "tried over a range" if method.steps else "none",
+        },
+    )
+
+
 # What can be listed beside the mechanisms: its rows, and the command that takes the names.
 _KINDS: Mapping[str, tuple[Callable[[], Table], str]] = {
     "cases": (_cases, "harness atlas CASE"),
+    "derivatives": (_derivatives, "harness bench --derivatives --methods NAME"),
     "faults": (_faults, "harness faults --kind KIND"),
     "integrators": (_integrators, "harness bench --motion --methods NAME"),
     "methods": (_methods, "harness bench --methods NAME"),
@@ -72,7 +87,8 @@ def command(bracket: Bracket, kind: str | None) -> None:
     """List mechanisms, engines and all other names.
 
     Without an argument: mechanisms, engines with their versions, and installed libraries. Otherwise the names that other
-    commands take: cases (harness atlas), faults (harness faults --kind), integrators and methods (harness bench --methods).
+    commands take: cases (harness atlas), faults (harness faults --kind), derivatives, integrators and methods
+    (harness bench --methods).
 
     \b
     Examples:

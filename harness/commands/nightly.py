@@ -167,11 +167,12 @@ def _write(bracket: Bracket, course: Course, summary: NightSummary) -> None:
 
 
 def _print(bracket: Bracket, summary: NightSummary) -> None:
-    from harness.report.night import changes_table, counts_table
+    from harness.report.night import counts_table
+    from harness.report.summary import trend_changes_table
 
     for case in summary.bad:
         say("", f"{case.stage}: {case.title}: {case.outcome}", *(f"  {line}" for line in (case.details or case.message).split("\n")))
         say(*([f"  replay: {case.replay}"] if case.replay and case.replay not in case.details else []))
     print_titled("cases", counts_table(summary))
-    print_titled("changed in the trend", changes_table(summary.changes))
+    print_titled("changed in the trend", trend_changes_table(summary.changes))
     say("", summary.sentence, f"summary: {bracket.directory / SUMMARY}", f"JUnit XML: {bracket.directory / JUNIT}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from harness.commands._bracket import Bracket, computing
+from harness.commands._options import subjects_option
 from harness.commands._robots import compare_robots
 from harness.commands._terminal import say
 
@@ -12,8 +13,9 @@ from harness.commands._terminal import say
 @click.command("survey")
 @click.argument("places", nargs=-1, required=True, metavar="FOLDER|PACKAGE...")
 @click.option("--states", type=click.IntRange(min=1), default=32, show_default=True, help="States per file.")
+@subjects_option
 @computing(time_limit=300.0, library=False, directory=True, floating_base=True)
-def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
+def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tuple[str, ...]) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
     Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
@@ -32,7 +34,9 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int) -> None:
     from harness.report.comparison import survey_overview
     from harness.results.comparison import Comparison, survey_profile
 
-    study = RobotComparison(Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False), "survey")
+    study = RobotComparison(
+        Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False, subjects=subjects), "survey"
+    )
     profile = survey_profile(places, bracket.floating_base)
     before = bracket.history.latest(Comparison, bracket.library.name, profile)
     bracket.begin(states, profile, Comparison)

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.questions import Caller, Loaded, Refused, Run
+from harness.comparison.questions import Answers, Caller, Loaded, Question, Refused, Run, ask
 from harness.comparison.states import request_of, spread
-from harness.engines import Unsupported
+from harness.engines import NotOffered, Unsupported
+from harness.engines._answers import METHODS
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.robots.mechanism import RobotMechanism
@@ -48,7 +49,10 @@ class AidedModel:
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         run = self.prepare(q, v, tau)
-        run.compute()
+        try:
+            run.compute()
+        except Refused as refusal:
+            raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
         return self.accelerations(run)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> Run:
@@ -71,6 +75,23 @@ class AidedModel:
             raise Unsupported("springs or dampers are supplied as applied forces, which no step of the engine's own feels")
         return self.loaded_robot.model
 
+    def __getattr__(self, name: str) -> Any:
+        """What the engine computes beside accelerations, as ``harness.engines._answers`` says.
+
+        Raises:
+            NotOffered: states would have to be converted on the way, or the engine is asked about accelerations alone.
+        """
+        if name not in METHODS:
+            raise AttributeError(name)
+        if self.is_coupled:
+            raise NotOffered("joints that mimic others are eliminated from accelerations alone")
+        if not all(joint.is_measured_in_the_world for joint in self._joints):
+            raise NotOffered("a free joint is measured in a frame of the file")
+        quantities = getattr(self.loaded_robot, "quantities", None)
+        if quantities is None:
+            raise NotOffered("robots' files are asked about accelerations alone")
+        return getattr(quantities(self.robot.joints), name)
+
     @property
     def addresses(self) -> tuple[list[int], list[int]]:
         """Positions and velocities of the joints in the engine's own q and v, in the order of ``robot.joints``."""
@@ -86,7 +107,11 @@ class AidedEngine:
 
     def __init__(self, caller: Caller) -> None:
         self._caller = caller
-        self.requires, self.formats = caller.requires, caller.formats
+        self.requires, self.formats, self.optional = caller.requires, caller.formats, caller.optional
+
+    def ask(self, question: Question) -> Answers:
+        """See ``harness.comparison.questions.ask``; the engine is plain where nothing is supplied."""
+        return ask(self._caller, question)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> AidedModel:
         if not isinstance(source, RobotMechanism):

@@ -26,8 +26,11 @@ class RobotDiagnoses(RobotComparison):
 
     def __init__(self, settings: Settings, records: Sequence[Record], floating_base: bool) -> None:
         self._wrong = [record for record in records if record.verdict in _EXPLAINED and not record.as_expected]
+        subjects = tuple(dict.fromkeys(record.subject for record in self._wrong))
         paths = tuple(dict.fromkeys(Path(record.system) for record in self._wrong))
-        compared = ComparisonSettings(paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(True,))
+        compared = ComparisonSettings(
+            paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(True,), subjects=subjects
+        )
         super().__init__(compared, "diagnosis")
 
     def causes(self) -> list[Cause]:

@@ -18,7 +18,8 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
-from harness.comparison.questions import Answers, Caller, Held, Question, ask
+from harness.comparison.asking import ask_engine
+from harness.comparison.questions import Answers, Caller, Held, Question
 from harness.comparison.readings import element_at, find_readings
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
@@ -30,9 +31,9 @@ from harness.equations.states import States
 from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.robots.equalities import Equality, Meeting, TendonLinkage
-from harness.robots.equality_rows import TiedTree, tied_tree
 from harness.robots.inverse_weights import inverse_weights_of
 from harness.robots.robot import Robot
+from harness.robots.tied_mechanism import TiedTree, tied_tree
 from harness.robots.tree import WORLD
 from harness.verdict import Verdict
 
@@ -49,7 +50,7 @@ def judge_equalities(meant: Meant, caller: Caller) -> EqualitiesRecord:
     about: dict[str, Any] = {"path": str(robot.path), "engine": caller.engine, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
-    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format)).robot)
+    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format, caller.reader)).robot)
     why_not = {number: reason for number, one in enumerate(robot.equalities) if (reason := _why_not(one, read.robot))}
     judged = [number for number in range(len(robot.equalities)) if number not in why_not]
     free = _asked(meant, caller, ())
@@ -102,7 +103,7 @@ def _asked(meant: Meant, caller: Caller, switched_on: Sequence[int], most: int |
     request = request_of(meant.robot, aided=False)
     states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
-    return ask(caller, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
+    return ask_engine(caller.engine, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
 
 
 def _effect(read: Meant, answers: Answers) -> float | None:
@@ -118,7 +119,7 @@ def _declared_truth(read: Meant, caller: Caller, numbers: Sequence[int]) -> Refe
     chosen = {f"{robot.equalities[number].kind} {number}": robot.equalities[number] for number in numbers}
     root = element_at(robot.tree.place)
     laws = caller.laws(root, robot.format, [one.declared(name) for name, one in chosen.items()])
-    tied = tied_tree(robot.tree, robot.joints, chosen)
+    tied = tied_tree(robot.tree, robot.joints, {name: one.rows for name, one in chosen.items() if one.rows is not None})
     weights = inverse_weights_of(
         robot.tree,
         (part for law in laws.values() for row in law.weights or () for part in row),

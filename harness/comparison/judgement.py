@@ -35,7 +35,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = find_readings(caller.engine, meant.robot.format)
+    readings = find_readings(caller.engine, meant.robot.format, caller.reader)
     folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)

@@ -179,7 +179,11 @@ class Run(Protocol):
     """States in an engine's own conventions, ready to be computed any number of times."""
 
     def compute(self) -> None:
-        """Let the engine compute all states: nothing is converted."""
+        """Let the engine compute all states: nothing is converted.
+
+        Raises:
+            Refused: the engine has read the file, and refuses what it holds once it is asked for accelerations.
+        """
 
     def accelerations(self) -> Array:
         """(n, velocities of the loaded joints): what the last ``compute`` found."""
@@ -188,17 +192,23 @@ class Run(Protocol):
 class Loaded(Protocol):
     """A file in an engine.
 
+    One that is asked for more than accelerations has ``quantities(names)``: an object with methods of ``harness.engines._answers``, whose
+    q and v are of the joints of these names.
+
     Attributes:
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
-        model: the engine's own. is_supplied_with_forces: whether forces that its reader leaves out are applied to it.
+        model: the engine's own; raises ``Unsupported`` where none can be asked by itself.
+        is_supplied_with_forces: whether forces that its reader leaves out are applied to it.
     """
 
     joints: tuple[Asked, ...]
     notes: tuple[str, ...]
     further: tuple[str, ...]
-    model: Any
+
+    @property
+    def model(self) -> Any: ...
 
     @property
     def is_supplied_with_forces(self) -> bool: ...
@@ -211,7 +221,7 @@ class Loaded(Protocol):
 
 
 class Caller(Protocol):
-    """The ``CALLER`` of a module of ``harness.comparison.callers``: an engine as its user calls it.
+    """The ``CALLER`` of a module of ``harness.comparison.callers``: an engine as its user calls it. It derives from this class.
 
     Attributes:
         engine: its name. formats: which it reads. requires: importable module and distribution name of the program behind it.
@@ -220,6 +230,12 @@ class Caller(Protocol):
         call: the user's code for each format, on one line.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+        optional: whether not everybody installs it, as of ``harness.engines.Engine``.
+        reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
+
+    One of an engine with integrators has ``step_rules(root, model_format) -> Sequence[StepRule]``, those of a file with this root
+    element; what it loads has ``advanced(q, v, rule, steps)``, q and v after so many steps without applied forces, of the joints of
+    the request, (nq,) and (nv,).
     """
 
     engine: str
@@ -228,14 +244,18 @@ class Caller(Protocol):
     supplied: Mapping[str, str]
     factorises_mass_matrix: bool
     call: Mapping[str, str]
-    takes_inertias_about_tree: bool
+    takes_inertias_about_tree: bool = False
     why_no_equalities: str
+    optional: bool = False
+    reader: str = ""
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
         """What the engine documents of constraints of the file with this root element, by their names; of none where it holds none."""
+        return {}
 
     def fuses(self, root: Any, model_format: str) -> bool:
         """Whether its reader makes bodies that no joint moves one with their parents."""
+        return False
 
     def load(self, request: Request) -> Loaded:
         """Load the file once.
@@ -249,10 +269,10 @@ def ask(caller: Caller, question: Question) -> Answers:
     """Load the file and return accelerations at all states; a refusal of the file is an answer, no exception."""
     try:
         loaded = caller.load(question)
+        run = loaded.prepare(question.q, question.v, question.tau)
+        run.compute()
     except Refused as refusal:
         return Answers(refusal=str(refusal), element=refusal.element)
-    run = loaded.prepare(question.q, question.v, question.tau)
-    run.compute()
     return Answers(by_joint(loaded.joints, run.accelerations()), notes=loaded.notes, further=loaded.further)
 
 

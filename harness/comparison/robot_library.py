@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import robot_subjects
+from harness.comparison.callers import CallersLibrary, caller_of
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.truth import joints_without_inertia
 from harness.crosscheck.settings import Settings
@@ -31,7 +32,7 @@ from harness.study import Study
 
 
 @dataclass(frozen=True)
-class RobotLibrary(Library):
+class RobotLibrary(CallersLibrary):
     """Robots' files, each a system with a model in one format.
 
     Attributes:
@@ -58,8 +59,17 @@ class RobotLibrary(Library):
             )
         (folder,) = folders.values()
         names = ", ".join(Path(path).name for path in formats)
-        callers = Path(__file__).parent / "callers"
-        return cls(names, folder, folder, callers, folder / "expected_verdicts.toml", folder / "hard_states", formats, floating_base)
+        callers = cls.without_files()
+        return replace(
+            callers,
+            name=names,
+            systems=folder,
+            models=folder,
+            expected_verdicts=folder / "expected_verdicts.toml",
+            hard_states=folder / "hard_states",
+            formats=formats,
+            floating_base=floating_base,
+        )
 
     def __hash__(self) -> int:
         return hash((tuple(self.formats), self.floating_base))
@@ -114,13 +124,6 @@ class RobotLibrary(Library):
     def is_of_robots(self) -> bool:
         return True
 
-    def engine_folders(self) -> list[Path]:
-        return [self.engines]
-
-    def native(self, formats: Sequence[str]) -> Sequence[str]:
-        """All: a user has one file, and asks about every engine that reads it."""
-        return formats
-
     def orphaned_models(self) -> list[Path]:
         return []
 
@@ -130,9 +133,9 @@ class RobotLibrary(Library):
 
     def _supplied(self) -> Iterator[str]:
         for model_format in dict.fromkeys(self.formats.values()):
-            for engine, caller in find_callers().items():
-                if model_format in caller.formats:
-                    yield f"{engine}/{model_format}, aided: {caller.supplied[model_format]}"
+            for subject in robot_subjects():
+                if subject.format == model_format:
+                    yield f"{subject}, aided: {caller_of(subject.engine).supplied[model_format]}"
 
     def _likenesses(self) -> Iterator[str]:
         for path, model_format in self.formats.items():

@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import ask_engine, robot_subjects
+from harness.comparison.callers import caller_of
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.meshes import compiled_meshes
-from harness.comparison.questions import Answers, Question, ask
+from harness.comparison.questions import Answers, Question
 from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
@@ -36,6 +37,7 @@ class Settings:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
         renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
         stances: of the engines: False for plain, True for aided; none where no engine is asked.
+        subjects: names of those that are asked; for none every one that is installed anywhere.
     """
 
     paths: Sequence[Path]
@@ -45,18 +47,23 @@ class Settings:
     renamed: Mapping[str, str] = field(default_factory=dict)
     pairwise: bool = True
     stances: Sequence[bool] = (False, True)
+    subjects: Sequence[str] = ()
 
 
 class RobotComparison(Rounds):
-    """Every file with every engine that reads its format, plain and aided."""
+    """Every file with every engine that reads its format, plain and aided.
+
+    Raises:
+        InvalidRequest: from the constructor, for a subject that is none.
+    """
 
     def __init__(self, settings: Settings, title: str = "comparison") -> None:
         super().__init__()
         self.settings, self.title = settings, title
-        self._callers = find_callers()
+        self._subjects = robot_subjects(settings.subjects) if settings.stances else []
         self._meant: dict[Path, Meant] = {}
         self._found = Comparison()
-        self.steps = len(settings.paths) * (1 + len(settings.stances) * len(self._callers))
+        self.steps = len(settings.paths) * (1 + len(settings.stances) * len({one.engine for one in self._subjects}))
 
     def result(self) -> Comparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
@@ -95,16 +102,17 @@ class RobotComparison(Rounds):
         found: Meant = outcome.value
         self._meant[path] = found
         record = _file_record(found)
-        for engine, caller in self._callers.items():
-            if found.robot.format in caller.formats and found.joints:
+        for subject in self._subjects:
+            if found.robot.format == subject.format and found.joints:
                 for aided in (one for one in self.settings.stances if not one or found.certified is not None):
-                    self._next.append(Task((self._take_answer, path, engine, aided), _ask, (engine, question_of(found, aided))))
+                    asked = Task((self._take_answer, path, subject.engine, aided), _ask, (subject.engine, question_of(found, aided)))
+                    self._next.append(asked)
         return [self._keep(record)]
 
     def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
-        found, caller = self._meant[path], self._callers[engine]
+        found = self._meant[path]
         if failure := self.failure(outcome):
-            about = subject_of(found, caller, aided)
+            about = subject_of(found, caller_of(engine), aided)
             return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure))]
         self._next.append(Task((self._take_record, path, engine, aided), _judge, (found, outcome.value, engine, aided), affinity=path))
         if found.robot.equalities and found.certified is not None and not aided and not outcome.value.refusal:
@@ -121,7 +129,7 @@ class RobotComparison(Rounds):
 
     def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
         if failure := self.failure(outcome):
-            about = subject_of(self._meant[path], self._callers[engine], aided)
+            about = subject_of(self._meant[path], caller_of(engine), aided)
             return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failure))]
         return [self._keep_subject(outcome.value)]
 
@@ -180,15 +188,15 @@ def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Calla
 
 
 def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answers:
-    return ask(find_callers()[engine], question)
+    return ask_engine(engine, question)
 
 
 def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
-    return judge(found, answers, find_callers()[engine], aided)
+    return judge(found, answers, caller_of(engine), aided)
 
 
 def _judge_equalities(found: Meant, engine: str, note: Callable[[str], None]) -> EqualitiesRecord:
-    return judge_equalities(found, find_callers()[engine])
+    return judge_equalities(found, caller_of(engine))
 
 
 def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:

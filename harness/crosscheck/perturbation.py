@@ -154,11 +154,12 @@ def find_columns(
     reference: Reference,
     candidates: Iterable[Candidate],
     is_spent: Callable[[], bool] = lambda: False,
+    step_of: Callable[[Candidate], float] = lambda candidate: DIFFERENCE * candidate.scale,
 ) -> list[Column]:
     """Columns of all candidates with a free value on which some acceleration depends, at the model as it is.
 
-    ``answer`` gives the accelerations (n, nv) of a text, None where it is refused. Of candidates of one statement and place,
-    later ones stand in for those that are refused in both directions.
+    ``answer`` gives the accelerations (n, nv) of a text, None where it is refused; ``step_of`` the step of a value in either direction.
+    Of candidates of one statement and place, later ones stand in for those that are refused in both directions.
     """
     whitening = Whitening(reference)
     found: list[Column] = []
@@ -169,7 +170,7 @@ def find_columns(
         identity = candidate.hypothesis, candidate.place
         if candidate.start is None or (candidate.hypothesis == NUMBER and identity in answered):
             continue
-        step = DIFFERENCE * candidate.scale
+        step = step_of(candidate)
         slope = derivative(answer, candidate.text, candidate.start, step)
         if slope is None:
             continue

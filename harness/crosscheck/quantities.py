@@ -16,8 +16,7 @@ from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
-from harness.crosscheck.quantity_judge import refuse_robots
-from harness.crosscheck.quantity_truth import declared_model, truth_of
+from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
@@ -35,14 +34,10 @@ class QuantityCheck(CrossCheck):
     """A ``harness.study.Study`` like the cross-check, whose records are of other quantities.
 
     ``audits``: whether what engines hold after loading is compared as well, which a cross-check of accelerations does.
-
-    Raises:
-        InvalidRequest: the library is of robots, whose files have no second truth.
     """
 
     def __init__(self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True) -> None:
         names = [quantity.name for quantity in quantities]
-        refuse_robots(settings.library, ", ".join(names))
         self.title = names[0] if len(names) == 1 else "further quantities"
         self._quantities, self._audits = names, audits
         self._of_quantities = {name: load_expectations(settings.library, name) for name in names}
@@ -65,7 +60,7 @@ class QuantityCheck(CrossCheck):
         self._ask(self._compared, system, pairs, compare_quantities, system.name, asked, states, about=states)
 
     def _go_on(self, system: System) -> None:
-        if self._audits:
+        if self._audits and not self.settings.library.is_of_robots:
             by_subject = {pair.subject: pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS}
             self._hold(system, list(by_subject.values()))
 
@@ -123,9 +118,7 @@ def compare_quantities(
 def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States, known: Known) -> Answers:
     """One subject's answers, timed and compared with the truth."""
     model = load_audited(assignment)
-    # Equations have the coordinates of the file whose numbers are the truth.
-    read = declared_model(assignment.library, system) if assignment.model is None else assignment.model
-    truth = truth_of(quantity, system, assignment, read)
+    truth = truth_of(quantity, system, assignment)
     if truth.key not in known:
         started = time.perf_counter()
         certified = truth.evaluate(states)
@@ -137,6 +130,10 @@ def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States
     found = truth.answers(model, states)
     spent = (time.perf_counter() - started) / len(states)
     comparison = judge_answers(certified, found)
-    disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-    remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}" if disagrees else ""
+    if not (comparison.verdicts == Verdict.DISAGREES.value).any():
+        remark = ""
+    elif quantity.describe is None:
+        remark = f"Farthest off is the {truth.blocks[farthest_block(certified, found)]}"
+    else:
+        remark = quantity.describe(truth, states, certified, found)
     return Answers(comparison, [spent], remark=remark)

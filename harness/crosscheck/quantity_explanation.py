@@ -61,7 +61,7 @@ def explain_difference(name: str, system: str, assignment: Assignment, seed: int
     """
     if assignment.model is None:
         return None
-    truth = truth_of(find_quantities()[name], system, assignment, assignment.model)
+    truth = truth_of(find_quantities()[name], system, assignment)
     search = _Search(assignment, assignment.model, truth, diagnostic_states(assignment.mechanism, seed, STATES))
     found = [text for text, _ in zip(search.explanations(), range(NAMED), strict=False)]
     if not found:

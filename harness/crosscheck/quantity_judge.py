@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from harness.arrays import Array
 from harness.certify.quantities import Truth, find_quantities
 from harness.certify.quantity import judge_answers
-from harness.crosscheck.quantity_truth import declared_model, truth_of
+from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.tasks import Assignment, Judge, Note, load_audited, unloaded_judge_of
 from harness.equations.states import States
@@ -31,9 +31,7 @@ class QuantityAssignment(Assignment):
     @property
     def truth(self) -> Truth:
         """What the subject is held against; raises as ``harness.crosscheck.quantity_truth.truth_of``."""
-        # Equations have the coordinates of the file whose numbers are the truth.
-        read = declared_model(self.library, self.system) if self.model is None else self.model
-        return truth_of(find_quantities()[self.quantity], self.system, self, read)
+        return truth_of(find_quantities()[self.quantity], self.system, self)
 
     def answers(self, states: States) -> Array:
         """Those of the subject; raises as ``load_audited`` and ``Truth.answers``."""
@@ -55,7 +53,7 @@ def quantity_of(assignment: Assignment) -> str:
 def refuse_robots(library: Library, quantities: str) -> None:
     """Raises InvalidRequest where the library is of robots, whose files have no second truth."""
     if library.is_of_robots:
-        raise InvalidRequest(f"{quantities}: checked of mechanisms; of a robot's file accelerations alone")
+        raise InvalidRequest(f"{quantities}: of mechanisms here; harness check takes quantities of a robot's file")
 
 
 @unloaded_judge_of.register

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.crosscheck.tasks import Assignment, frame_of
 from harness.crosscheck.truth import softened, softness_of
-from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine
+from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine, step_rules
 from harness.engines._audit import require_constraints
 from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -15,22 +15,29 @@ from harness.models.model_file import ModelFile, read_model
 from harness.storage import Kept
 
 
-def truth_of(quantity: Quantity, system: str, assignment: Assignment, read: ModelFile, declared: ModelFile | None = None) -> Truth:
-    """The truth for the readers of one file, made once per process; ``declared`` has its numbers, by default ``declared_model``.
+def truth_of(quantity: Quantity, system: str, assignment: Assignment, declared: ModelFile | None = None) -> Truth:
+    """The truth for the readers of the subject's file, made once per process; equations have the coordinates of the declared file.
+
+    ``declared`` has its numbers, by default ``declared_model``.
 
     Raises:
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
     """
-    mechanism, softening = assignment.mechanism, None
+    mechanism, in_body, softening = assignment.mechanism, frame_of(assignment), None
+    if assignment.library.is_of_robots:
+        return _TRUTHS.get((quantity.name, mechanism.key, in_body), lambda: quantity.truth(Question(mechanism, None, None, in_body)))
     declared = declared or declared_model(assignment.library, system)
+    read = declared if assignment.model is None else assignment.model
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    rules = step_rules(engine, read)
     laws: Mapping[str, ConstraintLaw] = {}
     if mechanism.constraints is not None:
         require_constraints(declared, mechanism)
         require_constraints(read, mechanism)
-        laws = constraint_laws(load_engine(assignment.library, assignment.subject.engine), read)
+        laws = constraint_laws(engine, read)
         softening = _softening(laws, read) if laws else None
-    key = quantity.name, mechanism.key, declared.text, read.text, frame_of(assignment), tuple(laws.items())
-    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, frame_of(assignment), softening)))
+    key = quantity.name, mechanism.key, declared.text, read.text, in_body, tuple(laws.items()), rules
+    return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, in_body, softening, rules)))
 
 
 def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:

@@ -26,11 +26,11 @@ MOST_STEPS = 20
 SHORTENED, MOST_SHORTENED = 0.3, 6
 # No step is longer than this times the larger of the value and its scale.
 LONGEST = 4.0
-# The secant of a shorter step, relative to the value, is rounding.
-SHORTEST_SECANT = 1e-7
+# The secant between residuals that differ by less, in data roundoffs, is rounding.
+LEAST_DIFFERENCE = 1e3
 # Where nothing is left in the end every full step gains much; one that leaves more than this share of the residual ends the fit.
 LEAST_GAIN = 0.9
-# A shorter decimal explains as well as the fitted value up to this residual, or this many times the fit's own.
+# Another value explains as well as a fitted one up to this residual, or this many times the fitted one's own.
 AS_WELL, TIMES_AS_WELL = 8.0, 4.0
 # A candidate whose column leaves more than this [data roundoffs, root mean square] is not fitted because of it.
 NOT_WORTH_FITTING = 1e3 * AGREEMENT
@@ -71,7 +71,7 @@ def fit(
         stalled = taken is None
         if taken is not None:
             reached, there, smaller = taken
-            if abs(reached - value) > SHORTEST_SECANT * max(abs(value), scale):
+            if float(np.linalg.norm(there - here)) > LEAST_DIFFERENCE:
                 slope, fresh = (there - here) / (reached - value), False
             stalled = smaller > LEAST_GAIN * size and abs(step) < longest
             value, here, size = taken
@@ -118,6 +118,11 @@ def shortest_decimal(value: float, uncertainty: float, will_do: Callable[[float]
     return value
 
 
+def as_well(left: float) -> float:
+    """The residual up to which another value explains as well as one that leaves ``left`` [data roundoffs]."""
+    return max(AS_WELL, TIMES_AS_WELL * left)
+
+
 def settled(value: float, slope: Array | None, left: float, tolerance: float, left_at: Callable[[float], float]) -> tuple[float, float]:
     """(value, largest backward error) of the shortest decimal that explains as well as a fitted value which leaves ``left``.
 
@@ -127,7 +132,7 @@ def settled(value: float, slope: Array | None, left: float, tolerance: float, le
     steepest = 0.0 if slope is None else float(np.linalg.norm(slope, axis=1).max())
     if not 0 < steepest < np.inf:
         return value, left
-    limit = min(tolerance, max(AS_WELL, TIMES_AS_WELL * left))
+    limit = min(tolerance, as_well(left))
     short = shortest_decimal(value, 2 * limit / steepest, lambda at: left_at(at) <= limit)
     return short, left if short == value else left_at(short)
 

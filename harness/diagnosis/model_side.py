@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.one_number import Projection, explaining_directions
@@ -64,6 +66,7 @@ def diagnose(
     if search.is_needed and not search.explaining:
         search.try_zeros(numbers)
         search.fit_best(columns)
+        search.fit_closely(columns)
         if search.is_large or not search.explaining:
             search.try_without_value(candidate for candidate in structural if candidate.start is None)
         search.fit_best(find_columns(search.evaluated, reference, valued, lambda: search.is_spent))
@@ -82,6 +85,8 @@ class _ModelSearch(Search[Array]):
     def __init__(self, watch: Watch, reference: Reference, tolerance: float, evaluations: int, factorises: bool) -> None:
         super().__init__(reference, watch.healthy, tolerance, evaluations, factorises)
         self._watch = watch
+        # Step of derivatives, relative to a value or its scale.
+        self._step = DIFFERENCE
 
     def evaluate(self, text: str) -> Array | None:
         return self._watch.accelerations(text)
@@ -102,8 +107,25 @@ class _ModelSearch(Search[Array]):
             if Verdict.DISAGREES.value not in compare(self.reference, mended, factorises=True).verdicts[self.certified]:
                 self._tried[id(candidate), value] = Tried(candidate, value, self.left_of(mended), True)
 
+    def fit_closely(self, columns: Sequence[Column]) -> None:
+        """Fit the candidates of columns again, if nothing explains a small error, by derivatives over steps as small as the error.
+
+        Answers may bend within the usual step: where a wrong length keeps redundant rows from holding together, an engine that
+        iterates with a proximal parameter feels it by its square, until the row that is new counts in full.
+        """
+        if self.is_large or self.explaining or not columns:
+            return
+        size = float(np.linalg.norm(self.residual_of(self.accelerations)[self.seen]))
+        # The relative change that the number felt most would make up for the error by.
+        self._step = min(DIFFERENCE, size / max(column.norm * column.candidate.scale for column in columns))
+        candidates = [column.candidate for column in columns]
+        closely = find_columns(self.evaluated, self.reference, candidates, lambda: self.is_spent, lambda one: self._step * one.scale)
+        self.fit_best(closely)
+        if not self.explaining:
+            self._step = DIFFERENCE
+
     def slope(self, candidate: Candidate, value: float) -> Array | None:
-        slope = derivative(self.evaluated, candidate.text, value, DIFFERENCE * max(candidate.scale, abs(value)))
+        slope = derivative(self.evaluated, candidate.text, value, self._step * max(candidate.scale, abs(value)))
         return None if slope is None else self.whitening.change(slope)[self.seen]
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.crosscheck.perturbation import NUMBER, Column, Whitening, held_out
 from harness.diagnosis.base_parameters import are_parallel
-from harness.diagnosis.fit import fit, screen, settled
+from harness.diagnosis.fit import as_well, fit, screen, settled
 from harness.diagnosis.hypotheses import Candidate
 from harness.diagnosis.result import PARAMETER, Conclusion, Diagnosis, TriedChange, digits_of
 from harness.verdict import Verdict
@@ -56,6 +56,14 @@ class Tried:
     value: float | None
     left: float
     explains: bool
+
+    @property
+    def is_slight(self) -> bool:
+        """True for a structural mistake of next to no size; a number that is written wrong is likelier, as by its last digits."""
+        candidate, value = self.candidate, self.value
+        if candidate.hypothesis in (NUMBER, PARAMETER) or value is None:
+            return False
+        return abs(value - (candidate.start or 0.0)) <= ALL_BUT_ZERO * candidate.scale
 
 
 class Search(ABC, Generic[Evaluated]):
@@ -220,15 +228,12 @@ class Search(ABC, Generic[Evaluated]):
         return Diagnosis(file, self._conclusion(), self.before, tried, self.evaluations, stopped)
 
     def _result(self) -> list[Tried]:
-        """The changes tried, best first: explaining before others, then without a free value, round values, and little residual."""
-        found: dict[tuple[int, float | None], Tried] = {}
+        """The changes tried, at round values, best first; of those that do not explain, a few."""
+        found: dict[tuple[int, float | None], tuple[Tried, float]] = {}
         for tried in self._tried.values():
             rounded = self._rounded(tried)
-            found.setdefault((id(tried.candidate), rounded.value), rounded)
-        best = sorted(
-            found.values(),
-            key=lambda tried: (not tried.explains, (tried.value is not None, digits_of(tried.value)) if tried.explains else (), tried.left),
-        )
+            found.setdefault((id(tried.candidate), rounded.value), (rounded, tried.left))
+        best = best_first(list(found.values()))
         return best[: sum(tried.explains for tried in best) + UNEXPLAINING_SHOWN]
 
     def _rounded(self, tried: Tried) -> Tried:
@@ -239,3 +244,20 @@ class Search(ABC, Generic[Evaluated]):
         slope, left_at = self.slope(candidate, value), partial(self._left, candidate)
         value, left = settled(value, slope, tried.left, self.tolerance, left_at)
         return replace(tried, value=value, left=left)
+
+
+def best_first(tried: Sequence[tuple[Tried, float]]) -> list[Tried]:
+    """Changes at round values, each beside what its fitted value leaves [data roundoffs], the likeliest first.
+
+    What explains comes before what does not. Of what explains, first is what leaves about as little as the least; then comes what is
+    no structural mistake of next to no size, then what has no free value, a value of few digits, and little residual.
+    """
+    enough = as_well(min((left for one, left in tried if one.explains), default=0.0))
+
+    def rank(pair: tuple[Tried, float]) -> tuple[Any, ...]:
+        one, left = pair
+        if not one.explains:
+            return True, one.left
+        return False, left > enough, one.is_slight, one.value is not None, digits_of(one.value), one.left
+
+    return [one for one, _ in sorted(tried, key=rank)]

@@ -43,6 +43,8 @@ from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
 from harness.models.constraint_law import Impedance as Impedance
 from harness.models.constraint_law import InverseWeight as InverseWeight
 from harness.models.model_file import ModelFile
+from harness.models.step_rule import Part as Part
+from harness.models.step_rule import StepRule as StepRule
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
@@ -90,7 +92,7 @@ class Engine(Protocol):
     One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
     beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
     One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
-    names of the constraints.
+    names of the constraints. One that documents its integrators has ``step_rules(file) -> tuple[StepRule, ...]``.
     """
 
     requires: tuple[str, str]
@@ -169,6 +171,12 @@ def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintL
     """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
     laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
     return {} if laws is None else laws(file)
+
+
+def step_rules(engine: Engine, file: ModelFile) -> tuple[StepRule, ...]:
+    """The rules that an engine documents of its integrators, of a file; none of one that integrates nothing."""
+    rules: Callable[[ModelFile], tuple[StepRule, ...]] | None = getattr(engine, "step_rules", None)
+    return () if rules is None else rules(file)
 
 
 def subjects(library: Library) -> list[Subject]:

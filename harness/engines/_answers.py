@@ -7,6 +7,10 @@ was given, each once.
   An engine that offers ``terms`` need not offer these two.
 - ``bias(q, v)``: velocity terms and gravity, (n, nv), without springs and dampers.
 - ``inverse_dynamics(q, v, qdd)``: the applied forces that give these accelerations beside springs and dampers, (n, nv).
+- ``forward_dynamics_derivatives(q, v, tau)``: of the accelerations by q, v and tau, (n, 3, nv, nv), the accelerations by rows; and
+  ``inverse_dynamics_derivatives(q, v, qdd)``: of the applied forces by q, v and qdd. Derivatives by q are along the engine's own
+  velocities, whose components in v are kept: a ball joint turns about the axes of its body, and a free joint moves along these or along
+  those of its parent, as ``linear_velocity_in_body`` says. Springs and dampers take part.
 - ``energies(q, v)``: kinetic energy, and potential energy up to a constant, of gravity and springs, (n, 2) [J].
 - ``momenta(q, v)``: of all that moves, (n, 9): momentum [N s], and moments of momentum about the world's origin and about the centre
   of mass [N m s].
@@ -17,6 +21,8 @@ was given, each once.
 - ``reactions(q, v, tau)``: what each joint transmits, (n, joints, 6): the force [N] and the moment [N m] that the parent exerts on the
   child; the moment is about the point of ``positions``. Springs between points pull from outside, and so do constraints that hold
   points or frames together; couplings of joints act through the joints. The row of a free joint is not looked at.
+- ``step(q, v, tau, length, integrator)``: q and v after one step of that length [s] by an integrator that the engine declares a rule of,
+  (n, nq + nv).
 
 Vectors are along the world's axes.
 """
@@ -33,6 +39,21 @@ from harness.arrays import Array
 if TYPE_CHECKING:
     from harness.engines import Model
 
+METHODS = (
+    "mass_matrix",
+    "gravity",
+    "bias",
+    "inverse_dynamics",
+    "energies",
+    "momenta",
+    "positions",
+    "velocities",
+    "jacobians",
+    "reactions",
+    "forward_dynamics_derivatives",
+    "inverse_dynamics_derivatives",
+)
+
 
 class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
@@ -46,7 +67,7 @@ class InvalidAnswer(Exception):
     """An engine returned something else than was asked for; the message says what. Verdict ``error``."""
 
 
-def answer_of(model: Model, method: str, arguments: Sequence[Array], shape: tuple[int, ...]) -> Array:
+def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[int, ...]) -> Array:
     """What a method of the model returns, which may hold numbers that are not finite.
 
     Raises:

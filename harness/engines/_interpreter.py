@@ -57,6 +57,10 @@ class Interpreter:
         number, attributes, methods = self._ask("load", str(path), module, name, arguments)
         return DistantModel(self, number, attributes, methods)
 
+    def evaluate(self, path: Path, module: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
+        """See ``_server.Server.evaluate``; raises what the method raises."""
+        return self._ask("evaluate", str(path), module, name, method, arguments)
+
     def call(self, number: int, method: str, *arguments: Any) -> Any:
         """What a method of a model returns, or raises.
 

@@ -2,6 +2,7 @@
 
 JAX computes in float32 unless its 64 bits are switched on, so that each precision is an engine of its own. XLA compiles anew for every
 number of states, which takes longer than the rest: states go through one compiled function in blocks of ``BLOCK``, the last one filled up.
+A model's numbers are arguments of that function, so that models of one structure share it; JAX's persistent cache keeps it on disk.
 
 Its constraints are MuJoCo's, soft by the law that the file declares (``harness.engines._mujoco_law``).
 
@@ -10,6 +11,7 @@ Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not im
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -20,16 +22,37 @@ from harness.arrays import Array
 from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Unsupported, _mujoco_law, require_model
 from harness.engines.mujoco import MujocoModel
 from harness.models.model_file import ModelFile
+from harness.storage import cache_directory
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
 
 BLOCK = 64
 FLOAT32 = 2.0**-24
+# XLA's fusion on CPUs computes what several elements of a chain of bodies share once for each: seven bodies take 51 CPU seconds to compile
+# and 20 ms for each state with it, 8 s and 0.3 ms without and with the least effort of LLVM. Answers differ by roundoff.
+COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion,fusion_wrapper", "xla_backend_optimization_level": 0}
+
+
+@functools.cache
+def _accelerations() -> Any:
+    """The function of a model, its empty data, and a block of positions, velocities and applied forces; compiled at its first call."""
+    import jax
+    from mujoco import mjx
+
+    # What takes less than a second to compile is kept as well: a check asks many models.
+    jax.config.update("jax_compilation_cache_dir", str(cache_directory() / "jax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+    def accelerations(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
+        return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
+
+    of_a_block = jax.vmap(accelerations, in_axes=(None, None, 0, 0, 0))
+    return jax.jit(of_a_block, compiler_options=COMPILER_OPTIONS)
 
 
 class MjxModel:
-    """An ``mjx.Model`` of the ``MjModel`` that the file compiles to, and the compiled function of a block of states."""
+    """An ``mjx.Model`` of the ``MjModel`` that the file compiles to."""
 
     def __init__(self, model: Any, joints: Sequence[str], in_float64: bool) -> None:
         import jax
@@ -38,12 +61,7 @@ class MjxModel:
         self._compiled = MujocoModel(model, joints)
         self._in_float64 = in_float64
         with jax.enable_x64(in_float64):
-            on_device, empty = mjx.put_model(model), mjx.make_data(model)
-
-            def accelerations(q: Any, v: Any, tau: Any) -> Any:
-                return mjx.forward(on_device, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
-
-            self._accelerations = jax.jit(jax.vmap(accelerations))
+            self._on_device, self._empty = mjx.put_model(model), mjx.make_data(model)
 
     def loaded(self) -> LoadedModel:
         return self._compiled.loaded()
@@ -70,12 +88,12 @@ class MjxModel:
                 own[:count, places] = given[states]
                 own[count:] = own[0]
             with jax.enable_x64(self._in_float64):
-                found = np.asarray(self._accelerations(qpos, qvel, applied))
+                found = np.asarray(_accelerations()(self._on_device, self._empty, qpos, qvel, applied))
             answer[states] = found[:count, velocities]
         return answer
 
 
-def _keep_what_is_on(model: Any) -> None:
+def keep_what_is_on(model: Any) -> None:
     """Have what is switched off of springs and dampers weigh nothing, and both switched on: MJX leaves out both where one is off.
 
     Source: mujoco/mjx/_src/passive.py, ``passive``; https://github.com/google-deepmind/mujoco/pull/3440.
@@ -114,7 +132,7 @@ class MjxEngine:
             why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
             raise Unsupported(f"line {one.line}: {one.kind} constraint {one.name!r}: {why}")
         model = mujoco.MjModel.from_xml_string(file.text)
-        _keep_what_is_on(model)
+        keep_what_is_on(model)
         try:
             return MjxModel(model, joints, self._in_float64)
         except NotImplementedError as error:

@@ -14,6 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import _mujoco_versions
+from harness.engines._answers import NotOffered
 
 
 class MujocoQuantities:
@@ -53,6 +54,14 @@ class MujocoQuantities:
             mujoco.mj_inverse(self.model, data)
             found[state] = data.qfrc_inverse[velocities]
         return found
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """``mjd_transitionFD`` are differences of a step."""
+        raise NotOffered("MuJoCo has finite differences of a step alone, mjd_transitionFD, which harness bench measures")
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``mjd_inverseFD`` are differences."""
+        raise NotOffered("MuJoCo has finite differences of it alone, mjd_inverseFD, which harness bench measures")
 
     def energies(self, q: Array, v: Array) -> Array:
         """``mj_energyVel`` and ``mj_energyPos``."""

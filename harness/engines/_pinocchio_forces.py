@@ -30,11 +30,19 @@ class JointPlace(NamedTuple):
     joint: int
 
 
-class _Pull(NamedTuple):
-    """A stretched spring: its ends in the world, the direction from the first to the second, the gradient of its length, its tension."""
+class Pull(NamedTuple):
+    """A stretched spring at one state.
 
-    point_a: Array
-    point_b: Array
+    Attributes:
+        spring: as the file has it. points: its ends in the world, (2, 3) [m]. jacobians: of their velocities and of the angular
+            velocities of their bodies, (2, 6, nv). length: between the ends [m]; along: the direction from the first to the second.
+        gradient: of the length, (nv,). tension: (spring and damper) [N].
+    """
+
+    spring: PointSpring
+    points: Array
+    jacobians: Array
+    length: float
     along: Array
     gradient: Array
     tension: float
@@ -60,7 +68,7 @@ class ForceElements:
         self._model = model
         self._data = model.createData()
         self.elements = tuple(elements)
-        self.places = _joint_places(model, composites or {})
+        self.places: Mapping[str, JointPlace] = _joint_places(model, composites or {})
         springs = [(self.places[element.joint], element) for element in elements if isinstance(element, JointSpring)]
         dampers = [(self.places[element.joint], element) for element in elements if isinstance(element, JointDamper)]
         # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.
@@ -111,25 +119,35 @@ class ForceElements:
         ]
 
     def _of_point_springs(self, configuration: Array, velocity: Array) -> Array:
-        import pinocchio
-
-        pinocchio.computeJointJacobians(self._model, self._data, configuration)
         total = np.zeros(self._model.nv)
-        for spring in self._point_springs:
-            pull = self._pull(spring, velocity)
+        for pull in self.pulls(configuration, velocity):
             total -= pull.tension * pull.gradient
         return total
+
+    def pulls(self, configuration: Array, velocity: Array) -> list[Pull]:
+        """The springs between points at one configuration (nq,) and velocity (nv,)."""
+        import pinocchio
+
+        if self._point_springs:
+            pinocchio.computeJointJacobians(self._model, self._data, configuration)
+        return [self._pull(spring, velocity) for spring in self._point_springs]
+
+    def stiffness_and_damping(self) -> tuple[Array, Array]:
+        """By how much the forces of springs and dampers in joints fall with positions and with velocities, (nv, nv) each."""
+        stiffness, damping = np.zeros((self._model.nv, self._model.nv)), np.zeros((self._model.nv, self._model.nv))
+        for _, row, of_spring, _ in self._joint_springs:
+            stiffness[row, row] += of_spring
+        for rows, of_damper in self._joint_dampers:
+            damping[rows, rows] += of_damper * np.eye(rows.stop - rows.start)
+        return stiffness, damping
 
     def on_bodies(self, configuration: Array, velocity: Array) -> list[Any]:
         """What springs between points do to the body of each joint, as a ``pinocchio.Force`` in the frame of the joint, at one state."""
         import pinocchio
 
         found = [pinocchio.Force.Zero() for _ in range(self._model.njoints)]
-        if self._point_springs:
-            pinocchio.computeJointJacobians(self._model, self._data, configuration)
-        for spring in self._point_springs:
-            pull = self._pull(spring, velocity)
-            for body, point, sign in ((spring.body_a, pull.point_a, 1.0), (spring.body_b, pull.point_b, -1.0)):
+        for pull in self.pulls(configuration, velocity):
+            for (body, _), point, sign in zip(pull.spring.ends, pull.points, (1.0, -1.0), strict=True):
                 if joint := self._joint_of(body):
                     place = self._data.oMi[joint]
                     force = sign * pull.tension * pull.along
@@ -137,17 +155,17 @@ class ForceElements:
                     found[joint] += pinocchio.Force(turn @ force, turn @ np.cross(point - place.translation, force))
         return found
 
-    def _pull(self, spring: PointSpring, velocity: Array) -> _Pull:
+    def _pull(self, spring: PointSpring, velocity: Array) -> Pull:
         """A spring at the configuration of the Jacobians in ``_data``."""
-        point_a, jacobian_a = self._point(spring.body_a, np.array(spring.point_a))
-        point_b, jacobian_b = self._point(spring.body_b, np.array(spring.point_b))
-        span = point_b - point_a
-        length = np.linalg.norm(span)
+        ends = [self._point(body, np.array(point)) for body, point in spring.ends]
+        points, jacobians = np.array([point for point, _ in ends]), np.array([jacobian for _, jacobian in ends])
+        span = points[1] - points[0]
+        length = float(np.linalg.norm(span))
         along = span / length
         # Rate of the length is (its gradient) . velocity; the tension does work along it.
-        gradient = along @ (jacobian_b - jacobian_a)
+        gradient = along @ (jacobians[1] - jacobians[0])[:3]
         tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ velocity)
-        return _Pull(point_a, point_b, along, gradient, float(tension))
+        return Pull(spring, points, jacobians, length, along, gradient, float(tension))
 
     def _joint_of(self, body: str) -> int:
         """The joint of the model that carries a body; 0 for the world."""
@@ -158,18 +176,18 @@ class ForceElements:
         return parent_joint(self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)])
 
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
-        """World position (3,) and translational Jacobian (3, nv) of a point fixed in ``body``."""
+        """World position (3,) of a point fixed in ``body``; Jacobian (6, nv) of its velocity and of the body's angular velocity."""
         import pinocchio
 
         if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
-            return local, np.zeros((3, self._model.nv))
+            return local, np.zeros((6, self._model.nv))
         frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
         joint = parent_joint(frame)
         placement = self._data.oMi[joint] * frame.placement
         position = placement.act(local)
         if joint == 0:
-            return position, np.zeros((3, self._model.nv))
+            return position, np.zeros((6, self._model.nv))
         # A single column comes back with one axis.
         jacobian = pinocchio.getJointJacobian(self._model, self._data, joint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         arm = position - self._data.oMi[joint].translation
-        return position, jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:]
+        return position, np.concatenate([jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:], jacobian[3:]])

@@ -7,21 +7,42 @@ Source: Pinocchio documentation.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines._pinocchio_forces import ForceElements
+from harness.engines import _pinocchio_derivatives
+from harness.engines._pinocchio_forces import JointPlace, Pull
+
+
+class Supplied(Protocol):
+    """The springs and dampers that are supplied to a model, in its own order."""
+
+    places: Mapping[str, JointPlace]
+
+    def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
+        """(nv, n) [N or N m] at configurations (nq, n) and velocities (nv, n)."""
+
+    def potential_energy(self, configuration: Array) -> float:
+        """Of the springs [J], at one configuration (nq,)."""
+
+    def stiffness_and_damping(self) -> tuple[Array, Array]:
+        """By how much the forces of those in joints fall with positions and with velocities, (nv, nv) each."""
+
+    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
+        """The springs between points at one configuration (nq,) and velocity (nv,)."""
 
 
 class PinocchioQuantities:
     """The methods of a ``pinocchio.Model`` whose joints have places in q and v."""
 
     model: Any
-    force_elements: ForceElements
+    force_elements: Supplied
+    # Of the joint of the model that each joint is, or a part of.
+    numbers: Sequence[int]
+    constraints: Any
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]
     _data: Any
@@ -66,6 +87,14 @@ class PinocchioQuantities:
         forces = [np.array(pinocchio.rnea(self.model, self._data, *state)) for state in states]
         return self._ordered([force - own for force, own in zip(forces, passive.T, strict=True)])
 
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """``computeABADerivatives``."""
+        return _pinocchio_derivatives.forward(self, q, v, tau)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``computeRNEADerivatives``."""
+        return _pinocchio_derivatives.inverse(self, q, v, qdd)
+
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""
         import pinocchio
@@ -94,10 +123,10 @@ class PinocchioQuantities:
         """``forwardKinematics``, ``data.oMi``."""
         import pinocchio
 
-        found = np.empty((len(q), len(self._numbers), 12))
+        found = np.empty((len(q), len(self.numbers), 12))
         for state, position in enumerate(self._configurations(q)):
             pinocchio.forwardKinematics(self.model, self._data, position)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 pose = self._data.oMi[number]
                 found[state, place] = *pose.translation, *pose.rotation.ravel()
         return found
@@ -107,10 +136,10 @@ class PinocchioQuantities:
         import pinocchio
 
         configuration, velocity, _ = self.columns(q, v, v)
-        found = np.empty((len(q), len(self._numbers), 6))
+        found = np.empty((len(q), len(self.numbers), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, strict=True)):
             pinocchio.forwardKinematics(self.model, self._data, *inputs)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 found[state, place] = pinocchio.getVelocity(self.model, self._data, number, pinocchio.LOCAL_WORLD_ALIGNED).vector
         return found
 
@@ -118,19 +147,14 @@ class PinocchioQuantities:
         """``getJointJacobian`` along the world's axes."""
         import pinocchio
 
-        velocities, found = self.addresses[1], np.empty((len(q), len(self._numbers), 6, len(self.addresses[1])))
+        velocities, found = self.addresses[1], np.empty((len(q), len(self.numbers), 6, len(self.addresses[1])))
         for state, position in enumerate(self._configurations(q)):
             pinocchio.computeJointJacobians(self.model, self._data, position)
-            for place, number in enumerate(self._numbers):
+            for place, number in enumerate(self.numbers):
                 own = pinocchio.getJointJacobian(self.model, self._data, number, pinocchio.LOCAL_WORLD_ALIGNED)
                 # A single column comes back with one axis.
                 found[state, place] = np.reshape(own, (6, -1))[:, velocities]
         return found
-
-    @cached_property
-    def _numbers(self) -> list[int]:
-        """The number of the joint of the model that each joint is, or a part of."""
-        return [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
 
     def _configurations(self, q: Array) -> Array:
         still = np.zeros((len(q), len(self.addresses[1])))

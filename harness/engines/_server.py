@@ -34,16 +34,20 @@ class Server:
             path: of the engine file. module: its name among the harness's own modules, "" for a file of a library.
             name: of the engine.
         """
-        from harness.library import run_file
-
-        source = importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")
-        model = source.ENGINE.load(*arguments)
+        model = self.evaluate(path, module, name, "load", arguments)
         self._loaded += 1
         self._models[self._loaded] = model
         public = [name for name in dir(type(model)) if not name.startswith("_")]
         plain = {name: value for name, value in vars(model).items() if isinstance(value, bool | int | float | str)}
         plain |= {name: value for name in public if isinstance(value := getattr(type(model), name), bool | int | float | str)}
         return self._loaded, plain, [name for name in public if callable(getattr(type(model), name))]
+
+    def evaluate(self, path: str, module: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
+        """What a method of the ``ENGINE`` of an engine file returns; the file as of ``load``."""
+        from harness.library import run_file
+
+        source = importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")
+        return getattr(source.ENGINE, method)(*arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
         return getattr(self._models[number], method)(*arguments)

@@ -73,7 +73,7 @@ class AdamEngine:
         own_joints = [name for name in file.joint_lines if name != root]
         gravities = np.array([0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
         try:
-            computations = KinDynComputations(_with_origins(text), own_joints, gravity=gravities)
+            computations = KinDynComputations(with_origins(text.encode()), own_joints, gravity=gravities)
         except ValueError as error:
             # Of a prismatic joint it puts numbers of other shapes together than of a revolute one.
             if 'type="prismatic"' in text:
@@ -82,10 +82,10 @@ class AdamEngine:
         return AdamModel(computations, file, joints, root, own_joints)
 
 
-def _with_origins(text: str) -> str:
+def with_origins(content: bytes) -> str:
     """The links and joints of a URDF alone, every frame with its origin and turn written out: adam takes no default for them, and its
     parser raises an error at elements that it does not know."""
-    root = etree.fromstring(text.encode())
+    root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
     for element in list(root.iterchildren("*")):
         if element.tag not in ("link", "joint"):
             root.remove(element)

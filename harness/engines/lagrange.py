@@ -16,7 +16,6 @@ from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
-    from harness.equations.mechanism_kernel import MechanismKernel
 
 
 class LagrangeModel:
@@ -24,14 +23,20 @@ class LagrangeModel:
 
     takes_time = True
 
-    def __init__(self, kernel: MechanismKernel) -> None:
-        self._kernel = kernel
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._kernel, self._derivatives = mechanism.float64(), mechanism.derivatives()
 
     def loaded(self) -> None:
         return None
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         return self._kernel.accelerations(q, v, tau, time)
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        return self._derivatives.forward(q, v, tau, time)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array, time: Array | None = None) -> Array:
+        return self._derivatives.inverse(q, v, qdd, time)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))
@@ -55,7 +60,7 @@ class LagrangeEngine:
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> LagrangeModel:
         if isinstance(source, ModelFile):
             raise TypeError("lagrange takes equations, not a model file")
-        return LagrangeModel(source.float64())
+        return LagrangeModel(source)
 
 
 ENGINE = LagrangeEngine()

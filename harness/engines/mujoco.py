@@ -24,9 +24,11 @@ from harness.engines import (
     ConstraintLaw,
     HeldModel,
     LoadedModel,
+    StepRule,
     Terms,
     _mujoco_held,
     _mujoco_law,
+    _mujoco_steps,
     _mujoco_urdf,
     _mujoco_versions,
     require_model,
@@ -123,6 +125,10 @@ class MujocoModel(MujocoQuantities):
             found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - self.anchors(data), forces)
         return found
 
+    def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
+        """See ``harness.engines._answers`` and ``harness.engines._mujoco_steps``."""
+        return _mujoco_steps.step(copy.copy(self.model), self.addresses, q, v, tau, length, integrator)
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
         and constraints.
@@ -190,6 +196,10 @@ class MujocoEngine:
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """See ``harness.engines._mujoco_law``."""
         return _mujoco_law.constraint_laws(file)
+
+    def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
+        """See ``harness.engines._mujoco_steps``."""
+        return _mujoco_steps.step_rules(file)
 
 
 ENGINE = MujocoEngine()

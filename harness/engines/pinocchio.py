@@ -53,11 +53,12 @@ class PinocchioModel(PinocchioQuantities):
         self.model = model
         self._joints = joints
         self._file = file
-        self.force_elements = ForceElements(model, file.force_elements, composites)
+        self.force_elements: ForceElements = ForceElements(model, file.force_elements, composites)
         self.constraints = mimics or (LoopConstraints(model, file.constraints) if file.constraints else None)
         # What both solve with.
         self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
+        self.numbers = [self.force_elements.places[name].joint for name in dict.fromkeys(joints)]
 
     def solved_by(self, solver: Solver) -> PinocchioModel:
         """The same model whose constraints another solver holds.
@@ -140,7 +141,7 @@ class PinocchioModel(PinocchioQuantities):
         model, data = self.model, self._data
         configuration, velocity, force = self.columns(q, v, tau)
         force += self.force_elements.generalised_forces(configuration, velocity)
-        found = np.empty((len(q), len(self._numbers), 6))
+        found = np.empty((len(q), len(self.numbers), 6))
         for state, inputs in enumerate(zip(configuration.T, velocity.T, force.T, strict=True)):
             outside = self.force_elements.on_bodies(*inputs[:2])
             if self.constraints is None:
@@ -150,7 +151,7 @@ class PinocchioModel(PinocchioQuantities):
                 outside = [one + other for one, other in zip(outside, held, strict=True)]
             pinocchio.rnea(model, data, *inputs[:2], accelerations, outside)
             pinocchio.updateGlobalPlacements(model, data)
-            for place, joint in enumerate(self._numbers):
+            for place, joint in enumerate(self.numbers):
                 turn, transmitted = data.oMi[joint].rotation, data.f[joint]
                 found[state, place] = *(turn @ transmitted.linear), *(turn @ transmitted.angular)
         return found

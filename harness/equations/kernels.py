@@ -53,8 +53,8 @@ class Float64Kernel:
     def accelerations(self, inputs: Array) -> Array:
         """qdd, (nv, n), by L D L' factorisation without pivoting."""
         if self.nv <= MOST_UNROLLED:
-            return _evaluated(self._accelerations, inputs)
-        entries = list(_evaluated(self._terms, inputs))
+            return evaluated(self._accelerations, inputs)
+        entries = list(evaluated(self._terms, inputs))
         first = position_count(self.program) + self.nv
         sizes = [len(entries) - 3 * self.nv, *[self.nv] * 3]
         outputs = {name: [entries.pop(0) for _ in range(size)] for name, size in zip(OUTPUTS, sizes, strict=True)}
@@ -62,7 +62,7 @@ class Float64Kernel:
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
-        flat = _evaluated(self._terms, inputs)
+        flat = evaluated(self._terms, inputs)
         pairs = upper_triangle(self.nv)
         mass = np.empty((inputs.shape[1], self.nv, self.nv))
         for row, (i, j) in enumerate(pairs):
@@ -109,7 +109,7 @@ class Float64Kernel:
         return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
 
 
-def _evaluated(function: Any, inputs: Array) -> Array:
+def evaluated(function: Any, inputs: Array) -> Array:
     """``function`` of every column, each in a full SIMD vector, so that a state alone is rounded as it is among others.
 
     heyoka evaluates what is left over one by one, with other sines and cosines.

@@ -17,6 +17,7 @@ from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, used_
 from harness.equations.states import States
 
 if TYPE_CHECKING:
+    from harness.equations.derivative_kernel import DerivativeKernel
     from harness.equations.mechanism_kernel import MechanismKernel
 
 
@@ -133,6 +134,12 @@ class Mechanism:
         from harness.equations.mechanism_kernel import MechanismKernel
 
         return MechanismKernel(self)
+
+    def derivatives(self) -> DerivativeKernel:
+        """The evaluator of derivatives of accelerations and of forces in float64; what it compiles stays in the process."""
+        from harness.equations.derivative_kernel import DerivativeKernel
+
+        return DerivativeKernel(self)
 
     def inputs(self, states: States, parameters: Array | None = None) -> Array:
         """The program's inputs at ``states``, (number of inputs, n), one column a state.

@@ -63,7 +63,7 @@ def _point_of(case: HardCase, value: float, place: int, subject: Subject, quanti
         loaded = case.configured(loaded, value)
     assignment = Assignment(engines, subject, mechanism, read)
     try:
-        truth = truth_of(find_quantities()[quantity], mechanism.name, assignment, read or declared, declared)
+        truth = truth_of(find_quantities()[quantity], mechanism.name, assignment, declared)
         certified = truth.evaluate(states)
     except InvalidModel as error:
         return replace(about, reason=str(error))

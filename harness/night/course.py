@@ -110,11 +110,7 @@ class Course:
 
     def earlier(self, stage: Stage, most: int, part: str = "%") -> list[tuple[Run, Any]]:
         """The studies of the stage's profile before this one, newest first, that found anything; all of each, or one part."""
-        own, profile = self._study_of(stage), stage.profile(self.choice)
-        runs = self.history.studies(stage.kind, self.run.library)
-        alike = ((number, run) for number, run in runs.items() if number < own and run.profile == profile)
-        studies = ((run, self.history.read(number, stage.kind, part)) for number, run in alike)
-        return list(islice(((run, found) for run, found in studies if any(found.stored_parts())), most))
+        return list(islice(self.history.earlier(self._study_of(stage), stage.kind, part), most))
 
     def night_before(self, stages: Sequence[Stage]) -> list[Case] | None:
         """The cases of the latest night before this one that has ended, for the stages of this one; None where there is none."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from harness.night.course import Course
 from harness.night.stage import Stage
 from harness.results.change_points import Reading
-from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last
+from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, comparable
 
 
 def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
@@ -20,5 +20,5 @@ def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, Reading]]:
     if stage.numbers is None:
         return []
     states, read = stage.states(course.choice), stage.numbers.readings
-    earlier = [read(found) for run, found in course.earlier(stage, MOST_NIGHTS - 1, stage.numbers.part) if run.states == states]
-    return [*reversed(earlier), read(course.found(stage))]
+    earlier = comparable(states, course.earlier(stage, MOST_NIGHTS - 1, stage.numbers.part))
+    return [*(read(found) for _, found in reversed(earlier)), read(course.found(stage))]

@@ -30,14 +30,62 @@ def plots(summary: BenchmarkSummary) -> dict[str, plotting.figure | None]:
 
 
 def plots_of(summary: BenchmarkSummary, system: str) -> dict[str, plotting.figure | None]:
-    """The plots of one system by name, "accelerations", "motion seconds" and "motion evaluations"; None without data."""
-    return {"accelerations": _accelerations(summary, system)} | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
+    """The plots of one system by name, as "accelerations", "derivative errors" and "motion seconds"; None without data."""
+    derived = {"derivative errors": _derivative_errors(summary, system), "derivative costs": _derivative_costs(summary, system)}
+    return {"accelerations": _accelerations(summary, system)} | derived | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
 
 
 def method_styles(summary: BenchmarkSummary) -> dict[str, Style]:
     """The style of each method, the same in all plots."""
     growing = {growth.method for growth in summary.benchmark.growth}
     return styles(sorted({*summary.methods, *growing}))
+
+
+def derivative_styles(summary: BenchmarkSummary) -> dict[str, Style]:
+    """The style of each way of computing derivatives, the same in all plots."""
+    return styles(sorted({cost.method for cost in summary.benchmark.derivatives}))
+
+
+def _derivative_errors(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
+    """Errors over the steps of finite differences, with those of derivatives without one as level lines."""
+    costs = [cost for cost in summary.derivatives(system) if cost.states]
+    steps = [step for cost in costs for step in cost.steps]
+    if not steps:
+        return None
+    y_range = low, high = log_range([error for cost in costs for error in cost.errors], _STATE_ERRORS)
+    plot = log_figure(380, "step", "relative error", log_range(steps), y_range)
+    for cost in costs:
+        style, x = derivative_styles(summary)[cost.method], cost.steps or [min(steps), max(steps)]
+        errors = cost.errors if cost.steps else cost.errors * 2
+        y = [inside(error, low, high) for error in errors]
+        plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
+        words = {"method": [cost.method] * len(x), "step": [f"{step:g}" if cost.steps else "none" for step in x]}
+        scatter(plot, style, x, y, words | {"error": [error_text(error) for error in errors]})
+    hover(plot)
+    return plot
+
+
+def _derivative_costs(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
+    """The error at the best step over what a state costs, by how many states are asked for at once."""
+    costs = [cost for cost in summary.derivatives(system) if cost.states and drawable(cost.error)]
+    if not costs:
+        return None
+    y_range = low, high = log_range([cost.error for cost in costs], _STATE_ERRORS)
+    plot = log_figure(
+        380, "time per state [s]", "relative error", log_range([one for cost in costs for one in cost.seconds_per_state]), y_range
+    )
+    for cost in costs:
+        style, x, y = derivative_styles(summary)[cost.method], cost.seconds_per_state, [inside(cost.error, low, high)] * len(cost.states)
+        plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
+        words = {
+            "method": [cost.method] * len(x),
+            "states at once": [f"{count:,}" for count in cost.states],
+            "time per state": [seconds_text(one) for one in x],
+            "error": [error_text(cost.error)] * len(x),
+        }
+        scatter(plot, style, x, y, words)
+    hover(plot)
+    return plot
 
 
 def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | None:

@@ -8,17 +8,20 @@ from operator import attrgetter
 from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
-from harness.results.benchmark import AccelerationCost, Cheapest, Drift, Figure, MotionCost, Order, Stationarity
-from harness.results.pareto import cost_of, error_of
+from harness.report.sparkline import NO_TREND, Sparkline
+from harness.results.benchmark import AccelerationCost, Cheapest, DerivativeCost, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.pareto import cost_of, error_of, way_of
 from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
+from harness.results.trend import Trend
 
 _Entry = TypeVar("_Entry")
 KINDS = {"accelerations": "per state", "motion": "per second of motion"}
 _CAPTIONS = {"accelerations": "Accelerations: worst relative error over the states", "motion": "Motion: relative error of the end state"}
 
 
-def accelerations(costs: Iterable[AccelerationCost]) -> Table:
-    """One row per way of computing accelerations."""
+def accelerations(costs: Iterable[AccelerationCost], trends: Iterable[Trend] = ()) -> Table:
+    """One row per way of computing accelerations; with the trend of its cost where ``trends`` are given."""
+    lines = {(trend.system, trend.subject): Sparkline.of(trend) for trend in trends}
     return Table.of(
         costs,
         {
@@ -35,9 +38,30 @@ def accelerations(costs: Iterable[AccelerationCost]) -> Table:
             Column("worst relative error", "relative"): "relative_error",
             Column("distance from rigid", "relative"): "from_rigid",
             Column("states", "count"): "states",
+            **({"trend of the cost": lambda cost: lines.get((cost.system, way_of(cost)), NO_TREND)} if lines else {}),
             "remark": "note",
         },
         "Accelerations: cost and error of each method",
+    )
+
+
+def derivatives(costs: Iterable[DerivativeCost]) -> Table:
+    """One row per way of computing derivatives by q and v."""
+    return Table.of(
+        costs,
+        {
+            "system": "system",
+            "of": "of",
+            "method": "method",
+            "loop over states": "loop",
+            Column("best step", "given"): "best_step",
+            Column("relative error there", "relative"): "error",
+            Column("time of one state", "seconds"): lambda cost: cost.seconds_per_state[0] if cost.states else None,
+            Column("time per state of most", "seconds"): lambda cost: cost.seconds_per_state[-1] if cost.states else None,
+            Column("most states at once", "count"): lambda cost: max(cost.states, default=0),
+            "remark": "note",
+        },
+        "Derivatives by q and v: cost, and error at the best step",
     )
 
 

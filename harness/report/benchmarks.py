@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
 
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, MotionCost, Stationarity
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, DerivativeCost, Drift, MotionCost, Stationarity
 from harness.results.pareto import front, way_of, with_cheapest
 from harness.results.records import Run
+from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Cost = TypeVar("_Cost", AccelerationCost, MotionCost)
 
@@ -20,6 +22,7 @@ class BenchmarkSummary:
 
     Attributes:
         run: versions, machine and settings of the benchmark.
+        nights: the benchmarks over which costs have trends, oldest first, this one last.
         benchmark: its measurements, with ``cheapest``.
         systems: sorted names of every system whose accelerations or motion were measured.
         methods, integrators: sorted names; a method has its number of threads in the name where it is not 1.
@@ -27,10 +30,11 @@ class BenchmarkSummary:
         unexpected: sentences on what is not as theory or text has it and is not explained.
     """
 
-    def __init__(self, run: Run, benchmark: Benchmark) -> None:
+    def __init__(self, run: Run, benchmark: Benchmark, earlier: Sequence[tuple[Run, Benchmark]] = ()) -> None:
         self.run = run
+        self.nights = [*comparable(run.states, sorted(earlier, key=lambda entry: entry[0].started)), (run, benchmark)]
         self.benchmark = benchmark = with_cheapest(benchmark)
-        self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.motion) for cost in part})
+        self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.derivatives, benchmark.motion) for cost in part})
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
         self.integrators = sorted({one.integrator for part in (benchmark.motion, benchmark.orders, benchmark.drifts) for one in part})
         self.problems = benchmark.problems
@@ -41,10 +45,20 @@ class BenchmarkSummary:
         """The attribute ``unexpected`` of a benchmark."""
         return list(_unexpected(benchmark))
 
+    @cached_property
+    def trends(self) -> list[Trend]:
+        """Of the cost of every method, in units of the reference computation beside it."""
+        return trends([readings_of_costs(found) for _, found in self.nights])
+
     def accelerations(self, system: str) -> list[AccelerationCost]:
         """The methods on ``system``, cheapest first, those without a time last."""
         shown = [cost for cost in self.benchmark.accelerations if cost.system == system]
         return sorted(shown, key=lambda cost: (cost.seconds_per_state is None, cost.seconds_per_state or 0.0, cost.method))
+
+    def derivatives(self, system: str) -> list[DerivativeCost]:
+        """The ways of computing derivatives on ``system``, most exact first, those that could not last."""
+        shown = [cost for cost in self.benchmark.derivatives if cost.system == system]
+        return sorted(shown, key=lambda cost: (cost.of, cost.error is None, cost.error or 0.0, cost.method))
 
     def motion(self, system: str) -> list[MotionCost]:
         """The integrators on ``system``, by name and from coarse to fine."""

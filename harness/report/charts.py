@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 from harness.report.figures import (
@@ -19,7 +20,8 @@ from harness.report.figures import (
 )
 from harness.report.summary import Summary
 from harness.results.records import Record
-from harness.results.table import error_text, seconds_text
+from harness.results.table import counted, error_text, seconds_text
+from harness.results.trend import MEDIAN, ChangedCell, subject_of
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -48,8 +50,8 @@ def plots(summary: Summary) -> dict[str, plotting.figure | None]:
 
 
 def plots_of(summary: Summary, system: str) -> dict[str, plotting.figure | None]:
-    """The plots of one system by name, "distribution" and "cost"; None without data."""
-    return {"distribution": _distribution(summary, system), "cost": _cost(summary, system)}
+    """The plots of one system by name, "medians", "distribution" and "cost"; None without data."""
+    return {"medians": _medians(summary, system), "distribution": _distribution(summary, system), "cost": _cost(summary, system)}
 
 
 def _overview(summary: Summary) -> plotting.figure | None:
@@ -151,6 +153,46 @@ def _trend(summary: Summary) -> plotting.figure | None:
     hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     return plot
+
+
+def _medians(summary: Summary, system: str) -> plotting.figure | None:
+    """The trend of the median of each subject, with its change points."""
+    if len(summary.nights) < 2:
+        return None
+    subjects = dict.fromkeys(subject_of(record) for record in summary.of_system(system))
+    shown = [trend for trend in summary.trends if (trend.system, trend.number) == (system, MEDIAN) and trend.subject in subjects]
+    moments = [datetime.fromisoformat(run.started).replace(tzinfo=None) for run, _ in summary.nights]
+    values = [value for trend in shown for value in trend.values if drawable(value)]
+    if not values:
+        return None
+    low, high = log_range(values)
+    plot = new_figure(260, "run started (UTC)", "median backward error", x_axis_type="datetime", y_axis_type="log", y_range=(low, high))
+    for trend in shown:
+        style = styles(summary.subjects)[trend.subject.partition(" ")[0]]
+        changed = {change.place: change for change in trend.changes}
+        places = [place for place, value in enumerate(trend.values) if drawable(value)]
+        x, y = [moments[place] for place in places], [within(trend.values[place], low, high) for place in places]
+        plot.line(x, y, line_color=style[0], line_width=1.5)
+        marked = [(moment, value) for place, moment, value in zip(places, x, y, strict=True) if place in changed]
+        plot.scatter(
+            [moment for moment, _ in marked], [value for _, value in marked], marker="diamond", size=20, fill_color=None, line_color=RED,
+            line_width=2,
+        )  # fmt: skip
+        words = {
+            "subject": [trend.subject] * len(places),
+            "started": [f"{moment:%Y-%m-%d %H:%M}" for moment in x],
+            "median": [error_text(trend.values[place]) for place in places],
+            "change": [_change_text(changed.get(place)) for place in places],
+        }
+        scatter(plot, style, x, y, words)
+    hover(plot)
+    return plot
+
+
+def _change_text(change: ChangedCell | None) -> str:
+    if change is None:
+        return "none"
+    return f"{change.found_by} from {error_text(change.before)} to {error_text(change.now)} after {counted(change.nights, 'run')}"
 
 
 def _edge(index: float) -> float:

@@ -19,6 +19,7 @@ from harness.results.comparison import (
     trends,
 )
 from harness.results.comparison_tables import pair_table, short_names, subjects_table, survey_table
+from harness.results.gap import Gaps
 from harness.results.records import Run
 from harness.results.table import Cell, Table, counted, error_text
 
@@ -62,6 +63,14 @@ def pair_sections(found: Comparison) -> Iterator[Section]:
     """The files held against the first of them."""
     for pair in found.pairs:
         yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
+
+
+def gap_sections(found: Gaps) -> Iterator[Section]:
+    """The gap between two motions: who computed them, and what it is made of."""
+    for gap in found.gaps:
+        movers = [part for mover in (gap.first, gap.second) for part in (mover.title, *(f"  {reading}" for reading in mover.readings))]
+        yield Section("1. The motions", movers)
+        yield Section("2. What the gap is made of", [*gap.remarks, gap.table])
 
 
 def survey_overview(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from harness.report import benchmark_tables, hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, states_of
+from harness.report.summary import Summary, changes_table, states_of, trend_changes_table
 from harness.results.records import ACCELERATIONS, Record
 from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line, printable
 from harness.verdict import AGREEMENT
@@ -96,9 +96,10 @@ def _volatile(summary: Summary) -> Iterator[str]:
     )
     if summary.earlier:
         yield "### Changed since the last run"
-        medians = [(f"median of {what}", before, now) for what, before, now in summary.changed_medians()]
-        changes = [*summary.changed_verdicts(), *medians, *summary.changed_versions()]
-        yield changes_table("what", changes).markdown() or "Neither a verdict, a median nor a version."
+        changes = [*summary.changed_verdicts(), *summary.changed_versions()]
+        yield changes_table("what", changes).markdown() or "Neither a verdict nor a version."
+        yield "### Changed in the trend"
+        yield trend_changes_table(summary.changes_of_this_run()).markdown() or "No number."
     yield "### Cost and relative error"
     yield summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown()
     yield "### Time to derive and to compile"

@@ -8,10 +8,10 @@ from itertools import groupby
 
 from lxml import etree
 
+from harness.report.summary import trend_changes_table
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case
 from harness.results.night_summary import NightSummary
 from harness.results.table import Column, Table, counted, markdown_line, printable
-from harness.results.trend import ChangedCell
 
 # A summary of a step on GitHub holds 1 MiB; what is beyond stands in the XML.
 MOST_SHOWN, MOST_LISTED, MOST_DETAILS = 60, 100, 4000
@@ -40,7 +40,7 @@ def _summary(summary: NightSummary) -> Iterator[str]:
             yield f"{len(summary.bad) - MOST_SHOWN} more are in `nightly.xml`."
     if summary.changes:
         yield "## Changed in the trend"
-        yield changes_table(summary.changes).markdown()
+        yield trend_changes_table(summary.changes).markdown()
     if summary.since is not None:
         yield "## Since the last night"
         since = summary.since
@@ -91,23 +91,6 @@ def counts_table(summary: NightSummary) -> Table:
     """A row for each stage."""
     heads: list[Column | str] = ["stage", *(Column(name, "count") for name in (PASSED, *_OUTCOMES))]
     return Table(heads, [[stage, *(found[name] for name in (PASSED, *_OUTCOMES))] for stage, found in summary.counts.items()])
-
-
-def changes_table(changes: Iterable[ChangedCell]) -> Table:
-    """A row for each change of a trend, the largest first."""
-    return Table.of(
-        sorted(changes, key=lambda one: -abs(one.by)),
-        {
-            "system": "system",
-            "subject": "subject",
-            "number": "number",
-            Column("before", "error"): "before",
-            Column("now", "error"): "now",
-            Column("nights before", "count"): "nights",
-            "found by": "found_by",
-        },
-        "Changed in the trend",
-    )
 
 
 def render_junit(summary: NightSummary) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from harness.report import addresses, benchmark_charts, charts, comparison, hard_charts, site_data, site_tables, upstream
+from harness.report import addresses, benchmark_charts, charts, comparison, hard_charts, site_data, site_tables, site_trends, upstream
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
@@ -99,6 +99,7 @@ class Pages:
             subject_styles=styles(self.summary.subjects) if self.summary else {},
             matrix=site_tables.matrix(self.site),
             engines=site_tables.engines(self.site),
+            changes=site_trends.changes(self.site),
             outcomes=outcomes,
             features=sorted({feature for row in self.site.rows for feature in row.features}),
             key={verdict: KEY[verdict] for verdict in KEY if any(cell.verdict == verdict for cell in self.site.cells)},
@@ -123,6 +124,8 @@ class Pages:
             quantities=site_tables.quantities(self.site, row.name),
             further=[record for record in summary.further if record.system == row.name and record.is_noteworthy] if summary else [],
             verdicts=summary.verdicts_on(row.name) if summary else None,
+            trends=summary.trends_on(row.name) if summary else None,
+            changes=site_trends.changes(self.site, row.name),
             differs=[finding for finding in summary.differs if finding.system == row.name] if summary else [],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},
             places=addresses.slugs(summary.subjects) if summary else {},
@@ -134,6 +137,7 @@ class Pages:
             measured=measured if is_measured else None,
             subject_styles=styles(summary.subjects) if summary else {},
             method_styles=benchmark_charts.method_styles(measured) if measured else {},
+            derivative_styles=benchmark_charts.derivative_styles(measured) if measured else {},
             integrator_styles=styles(measured.integrators) if measured else {},
             families=families,
             hard_anchors=self._hard_anchors,

@@ -3,8 +3,9 @@
     python3 rebuild.py [--json]
 
 It needs Python 3.11 and nothing else. Verdict counts, the matrix and the lines on features are computed from the cells, one for each
-mechanism or robot and subject; every other table is written again from the values that the data hold in full. With ``--json`` what
-was computed goes to standard output, by page and table. The exit status is 1 where a page says something else.
+mechanism or robot and subject; trends of errors, and how much changed in a trend, from the values of every run. Every other table is
+written again from the values that the data hold in full. With ``--json`` what was computed goes to standard output, by page and table.
+The exit status is 1 where a page says something else.
 """
 
 from __future__ import annotations
@@ -24,6 +25,14 @@ Lines = list[list[str]]
 
 SOFT = 1e-12
 TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
+# Change points are of logarithms; of errors with a floor, and none beyond the most.
+FLOOR, MOST = 0.1, 1e16
+MOST_SHOWN = 200
+TRENDS = {
+    "trend of the worst": "worst backward error",
+    "trend of the 99 %": "99 % backward error",
+    "trend of the median": "median backward error",
+}
 ORDER = ["agrees", "unstable", "undecided", "unsupported", "disagrees", "error"]
 
 
@@ -170,6 +179,63 @@ def feature_line(feature: str, cells: Sequence[Data]) -> list[str]:
     return [line, f"{agrees:,}", f"{len(cells):,}", error_text(worst), error_text(soft)]
 
 
+def logarithm(value: Any, floor: float) -> float:
+    """Of a value of a trend, as changes are found in it."""
+    number = float(value)
+    if not floor:
+        return math.log(number)
+    return math.log(MOST if math.isnan(number) else min(max(number, 0.0), MOST) + floor)
+
+
+def changes(site: Data, row: str | None) -> Lines:
+    """The change points of a mechanism, or of all: the latest first."""
+    found: list[tuple[float, list[str]]] = []
+    for trend in site["trends"]:
+        if row in (None, trend["row"]):
+            floor = 0.0 if trend["number"] == "cost" else FLOOR
+            for change, numbers in zip(trend["changes"], changed_numbers(trend, floor), strict=True):
+                size = abs(math.log((change["now"] + floor) / (change["before"] + floor)))
+                started = site["nights"][trend["study"]][change["place"]][:16].replace("T", " ")
+                found.append((size, [started, trend["row"], trend["column"], trend["number"], *numbers, change["found_by"]]))
+    found.sort(key=lambda entry: (-entry[0], entry[1][1:4]))
+    found.sort(key=lambda entry: entry[1][0], reverse=True)
+    lines = [line if row is None else [line[0], *line[2:]] for _, line in found[:MOST_SHOWN]]
+    return [[" ".join(text.split()) for text in line] for line in lines]
+
+
+def changed_numbers(trend: Data, floor: float) -> Iterator[list[str]]:
+    """Of each change, from the values: the mean of the nights before, the mildest of the nights that show it, and how many were before."""
+    places = [place for place, value in enumerate(trend["values"]) if value is not None]
+    logarithms = [logarithm(trend["values"][place], floor) for place in places]
+    begin = 0
+    for change in trend["changes"]:
+        end = places.index(change["place"]) + 1
+        before, shown = logarithms[begin : end - change["run"]], logarithms[end - change["run"] : end]
+        begin = end - change["run"]
+        mean = sum(before) / len(before)
+        _, now = min((abs(value - mean), value) for value in shown)
+        yield [*(error_text(max(0.0, math.exp(value) - floor)) for value in (mean, now)), f"{len(before):,}"]
+
+
+def trend_text(trend: Data | None) -> str:
+    """A trend in words."""
+    known = [(place, float(value)) for place, value in enumerate(trend["values"] if trend else []) if value not in (None, "nan")]
+    if trend is None or not known:
+        return "no number yet"
+    low, high = (error_text(extreme(value for _, value in known)) for extreme in (min, max))
+    changed = {change["place"] for change in trend["changes"]}
+    marked = [str(run) for run, (place, _) in enumerate(known, 1) if place in changed]
+    runs = f"{len(known)} run{'' if len(known) == 1 else 's'}"
+    return f"{low if low == high else f'{low} to {high}'} in {runs}" + (f", changed in run {', '.join(marked)}" if marked else "")
+
+
+def trends(site: Data, row: str, table: Data) -> Lines:
+    """The trends of each subject of a mechanism, as far as its table has them."""
+    found = {(one["column"], one["number"]): one for one in site["trends"] if (one["study"], one["row"]) == ("cross-check", row)}
+    numbers = [TRENDS[column["title"]] for column in table["columns"][1:]]
+    return [[subject, *(trend_text(found.get((subject, number))) for number in numbers)] for subject, *_ in written(table)]
+
+
 def rebuilt(site: Data) -> dict[str, dict[str, Lines]]:
     """The rows of every table, by page and by the table's name there."""
     pages: dict[str, dict[str, Lines]] = {}
@@ -184,9 +250,14 @@ def rebuilt(site: Data) -> dict[str, dict[str, Lines]]:
 
     replace("index.html", "Verdict and worst backward error", matrix(site))
     replace("index.html", "Engines:", engines(site))
+    replace("index.html", "Changed in the trend", changes(site, None))
     for row in site["rows"]:
         if row["kind"] != "robot":
             replace(row["page"], "Other quantities on ", quantities(site, row["name"]))
+            replace(row["page"], "Changed in the trend", changes(site, row["name"]))
+            for table in site["tables"]:
+                if table["page"] == row["page"] and table["caption"].startswith("Trends of "):
+                    replace(row["page"], "Trends of ", trends(site, row["name"], table))
     for engine, page in {(column["engine"], column["page"]) for column in site["columns"]}:
         replace(page, "Verdicts of ", subjects(site, engine))
         replace(page, "What ", features(site, engine))

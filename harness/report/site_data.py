@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from statistics import median
 
-from harness.report import addresses, upstream
+from harness.report import addresses, site_trends, upstream
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.known_findings import known_findings
@@ -16,7 +16,7 @@ from harness.results.comparison import Comparison, SubjectRecord
 from harness.results.comparison_tables import short_names
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
-from harness.results.site import FeatureLine, Number, Site, SiteCell, SiteColumn, SiteCount, SiteFinding, SiteRow
+from harness.results.site import FeatureLine, Number, Site, SiteCell, SiteColumn, SiteCount, SiteFinding, SiteRow, plain_number
 from harness.results.table import error_text
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
@@ -38,10 +38,12 @@ def collect(
     cells = [*_cells(summary, pages), *_robot_cells(robots, pages)]
     quantities = [*_quantity_cells(summary, pages)]
     about = {name: value for name, value in asdict(run).items() if isinstance(value, str | int)}
+    nights, trends = site_trends.collect(rows, summary, measured)
     return Site(
         run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
         counts=[*_counts(columns, cells)], features=[*_features(columns, [*cells, *quantities])], quantities=quantities,
         findings=[*_findings(summary, measured), *_known({column.engine for column in columns})],
+        nights=nights, trends=trends,
     )  # fmt: skip
 
 
@@ -132,14 +134,7 @@ def _cell(record: Record, page: str, diagnosis: Sequence[str] = (), reproducer: 
 
 def _numbers(record: Record) -> dict[str, Number]:
     names = ("backward_error", "median_backward_error", "relative_error", "from_rigid", "seconds_per_state")
-    return {name: number(getattr(record, name)) for name in names}
-
-
-def number(value: float | None) -> Number:
-    """A number as the JSON has it."""
-    if value is None or math.isfinite(value):
-        return value
-    return "nan" if math.isnan(value) else "inf" if value > 0 else "-inf"
+    return {name: plain_number(getattr(record, name)) for name in names}
 
 
 def _robot_cells(robots: Comparison | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
@@ -164,9 +159,9 @@ def _robot_cell(name: str, subject: SubjectRecord, pages: Mapping[tuple[bool, st
         quantity="accelerations",
         features=[],
         states=0,
-        backward_error=number(subject.backward_error),
+        backward_error=plain_number(subject.backward_error),
         median_backward_error=None,
-        relative_error=number(subject.relative_error),
+        relative_error=plain_number(subject.relative_error),
         from_rigid=None,
         seconds_per_state=None,
         reason="; ".join(reasons),
@@ -222,8 +217,8 @@ def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> Featu
     reasons = list(dict.fromkeys(cell.reason for cell in cells if not cell.agrees and cell.reason))
     line = "; ".join(parts) + (f": {reasons[0]}" if len(reasons) == 1 else "")
     return FeatureLine(
-        feature=feature, column=column, asked=len(cells), agrees=agrees, unsupported=unsupported, worst=number(worst),
-        from_rigid=number(soft), line=line,
+        feature=feature, column=column, asked=len(cells), agrees=agrees, unsupported=unsupported, worst=plain_number(worst),
+        from_rigid=plain_number(soft), line=line,
     )  # fmt: skip
 
 
@@ -239,7 +234,7 @@ def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Ite
         engine, _, way = found.method.partition(" ")
         finding = SiteFinding(
             engine=engine, way=way, row=found.system, rows=[found.system], statement=found.statement,
-            backward_error=number(found.backward_error), reproducer=found.reproducer, upstream=upstream.of_way(engine, way),
+            backward_error=plain_number(found.backward_error), reproducer=found.reproducer, upstream=upstream.of_way(engine, way),
         )  # fmt: skip
         groups.setdefault((engine, way), []).append(finding)
     for subject, cases in (summary.worst_cases if summary else {}).items():
@@ -267,7 +262,7 @@ def _of_case(case: RankedCase, records: Sequence[Record]) -> SiteFinding:
     features = sorted({name for record in records for name in record.features})
     return SiteFinding(
         engine=engine, way=case.subject, row=case.system, rows=[case.system], statement=reason or case.statement,
-        backward_error=number(case.backward_error), reproducer=case.reproducer,
+        backward_error=plain_number(case.backward_error), reproducer=case.reproducer,
         upstream=[issue for name in features for issue in upstream.of_feature(engine, name)],
     )  # fmt: skip
 

@@ -13,10 +13,11 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from harness.errors import shown_path
-from harness.report.sparkline import Sparkline
+from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
 from harness.results.records import ACCELERATIONS, Record, Records, Run
-from harness.results.table import Cell, Table, counted, error_text
+from harness.results.table import Cell, Column, Table, counted, error_text
+from harness.results.trend import MEDIAN, PERCENTILE_99, WORST, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
@@ -26,9 +27,7 @@ Earlier = tuple[Run, Sequence[Record]]
 # A verdict or a version that is not what it was in the run before: its name, before, and now.
 ChangedValue = tuple[str, str, str]
 # Backward errors that are followed from run to run, by their names for the reader.
-_TRACKED = {"worst": "backward_error", "99 %": "percentile_99_backward_error", "median": "median_backward_error"}
-# A median of so many states is the same from run to run but for a tenth; of fewer it says nothing.
-FEWEST_STATES, CHANGED_BY = 200, 1.5
+_TRACKED = {"worst": WORST, "99 %": PERCENTILE_99, "median": MEDIAN}
 
 
 class Summary:
@@ -136,14 +135,14 @@ class Summary:
         return Records(record for record in self.records if record.system == system)
 
     def verdicts_on(self, system: str) -> Table:
-        """The records of ``system``, with the trend of each pair where there are earlier runs."""
-        records = self.of_system(system)
-        table = records.table().without("system", "expected").captioned(f"Verdicts on {system}")
-        if not self.earlier:
-            return table
-        trends = [[Sparkline(self._tracked[name][system, record.subject]) for name in _TRACKED.values()] for record in records]
-        rows = [[*row, *own] for row, own in zip(table.rows, trends, strict=True)]
-        return Table([*table.columns, *(f"trend of the {name}" for name in _TRACKED)], rows, table.caption)
+        """The records of ``system``."""
+        return self.of_system(system).table().without("system", "expected").captioned(f"Verdicts on {system}")
+
+    def trends_on(self, system: str) -> Table:
+        """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
+        subjects = dict.fromkeys(subject_of(record) for record in self.of_system(system)) if len(self.nights) > 1 else {}
+        rows = [[subject, *(self._sparkline(system, subject, number) for number in _TRACKED.values())] for subject in subjects]
+        return Table(["subject", *(f"trend of the {name}" for name in _TRACKED)], rows, f"Trends of backward errors on {system}")
 
     def quantities_on(self, system: str) -> Table:
         """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""
@@ -151,26 +150,26 @@ class Summary:
         return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
 
     @cached_property
-    def _tracked(self) -> dict[str, dict[tuple[str, str], list[float]]]:
-        """Each tracked field of a record to (system, subject) to its values, oldest run first."""
-        found: dict[str, dict[tuple[str, str], list[float]]] = {field: defaultdict(list) for field in _TRACKED.values()}
-        for records in (*(records for _, records in self.earlier), self.records):
-            for record in records:
-                for field, values in found.items():
-                    value = getattr(record, field)
-                    values[record.system, record.subject] += [] if value is None else [value]
-        return found
+    def nights(self) -> list[tuple[Run, Sequence[Record]]]:
+        """The runs over which numbers have trends, oldest first, this one last."""
+        return [*comparable(self.run.states, self.earlier), (self.run, self.records)]
 
-    def changed_medians(self) -> list[ChangedValue]:
-        """Medians of sampled states that are another multiple of those of the last run: an engine has changed long before it is wrong."""
-        before = {(record.system, record.subject): record for record in self.earlier[-1][1]} if self.earlier else {}
-        changes = []
-        for record in self.records:
-            known = before.get((record.system, record.subject))
-            old, new = known and known.median_backward_error, record.median_backward_error
-            if known and old and new and min(known.states, record.states) >= FEWEST_STATES and max(old / new, new / old) >= CHANGED_BY:
-                changes.append((f"{record.system}, {record.subject}", f"{old:.3g}", f"{new:.3g}"))
-        return changes
+    @cached_property
+    def trends(self) -> list[Trend]:
+        """Of every subject that was ever asked in these runs."""
+        return trends([readings_of_records(records) for _, records in self.nights])
+
+    def _sparkline(self, *cell: str) -> Sparkline:
+        trend = self._trend_of.get(cell)
+        return Sparkline.of(trend) if trend else NO_TREND
+
+    @cached_property
+    def _trend_of(self) -> dict[tuple[str, ...], Trend]:
+        return {(trend.system, trend.subject, trend.number): trend for trend in self.trends}
+
+    def changes_of_this_run(self) -> list[ChangedCell]:
+        """What this run shows of the trends: an engine has changed long before it is wrong."""
+        return [change for trend in self.trends for change in trend.changes if change.place == len(self.nights) - 1]
 
     def matrix(self) -> Table:
         """System by subject: verdict and worst backward error."""
@@ -249,6 +248,23 @@ def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> lis
 def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     """One row per change; ``what`` is the heading of what changed."""
     return Table([what, "before", "now"], list(changes), f"Changed {what.partition(' ')[0]}s" if " " in what else "Changes")
+
+
+def trend_changes_table(changes: Iterable[ChangedCell]) -> Table:
+    """A row for each change of a trend, the largest first."""
+    return Table.of(
+        sorted(changes, key=lambda one: -abs(one.by)),
+        {
+            "system": "system",
+            "subject": "subject",
+            "number": "number",
+            Column("before", "error"): "before",
+            Column("now", "error"): "now",
+            Column("nights before", "count"): "nights",
+            "found by": "found_by",
+        },
+        "Changed in the trend",
+    )
 
 
 def _verdict_cell(records: Sequence[Record]) -> Cell:

@@ -53,6 +53,35 @@ class AccelerationCost:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DerivativeCost:
+    """One way of computing derivatives by q and v on one system.
+
+    Attributes:
+        system, method: names, as "arm_2r" and "mujoco mjd_inverseFD".
+        of: "qdd" or "tau", what is differentiated.
+        steps: of finite differences, from the largest on; [] for derivatives without a step.
+        errors, worst_errors: relative errors at each step, or one of each; median and worst over the states.
+        best_step: the one with the least median; None for derivatives without. error: the median there, None where nothing was computed.
+        states: numbers of states that were asked for at once; seconds_per_state: medians over the repetitions, of each.
+        loop, note, failed: as of ``AccelerationCost``.
+    """
+
+    system: str
+    method: str
+    of: str
+    steps: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
+    worst_errors: list[float] = field(default_factory=list)
+    best_step: float | None = None
+    error: float | None = None
+    states: list[int] = field(default_factory=list)
+    seconds_per_state: list[float] = field(default_factory=list)
+    loop: str = ""
+    note: str = ""
+    failed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Yardstick:
     """The reference computation, timed beside the methods on one system: its fastest call [s], by which costs of two runs compare."""
 
@@ -276,6 +305,7 @@ class Benchmark(StudyResult):
     STUDY = "benchmark"
 
     accelerations: list[AccelerationCost] = field(default_factory=list)
+    derivatives: list[DerivativeCost] = field(default_factory=list)
     findings: list[EngineFinding] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)

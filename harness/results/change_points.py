@@ -61,6 +61,7 @@ class Reading:
         is_known: whether that is all of the noise.
         is_skewed: whether noise has a long upper tail.
         run: how many nights in a row must show a change.
+        measured: the number itself, for a reader; None where it is not known.
     """
 
     value: float
@@ -68,6 +69,7 @@ class Reading:
     is_known: bool = True
     is_skewed: bool = False
     run: int = 1
+    measured: float | None = None
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from harness.errors import InvalidInput
-from harness.results.cross_check import CrossCheckResult
 from harness.results.plain_json import dumps
-from harness.results.records import Record, Run
+from harness.results.records import Run
 from harness.results.study_result import StudyResult
 
 _Row = TypeVar("_Row")
@@ -127,12 +126,19 @@ class History(AbstractContextManager["History"]):
             if any(found.stored_parts()):
                 yield run, found
 
-    def earlier(self, study: int, limit: int = 30) -> list[tuple[Run, list[Record]]]:
-        """Up to ``limit`` cross-checks before ``study`` of the same library and profile, newest first, with their records."""
-        runs = {number: run for number, run in self.studies(CrossCheckResult).items() if number <= study}
-        this = runs.pop(study, None)
-        alike = [(number, run) for number, run in runs.items() if this and (run.library, run.profile) == (this.library, this.profile)]
-        return [(run, self.read(number, CrossCheckResult, "records").records) for number, run in alike[:limit]]
+    def earlier(self, study: int, kind: type[_Result], part: str = "%") -> Iterator[tuple[Run, _Result]]:
+        """The studies of a kind before ``study``, of its library and profile, that found anything, newest first; all of each, or one part.
+
+        None where there is no such study of the kind.
+        """
+        runs = self.studies(kind)
+        if (this := runs.get(study)) is None:
+            return
+        for number, run in runs.items():
+            if number < study and (run.library, run.profile) == (this.library, this.profile):
+                found = self.read(number, kind, part)
+                if any(found.stored_parts()):
+                    yield run, found
 
     def _open(self) -> None:
         self._connection.execute("PRAGMA foreign_keys = ON")

@@ -19,7 +19,7 @@ from harness.results.change_points import Chart
 from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
 from harness.results.table import Column, Table
-from harness.results.trend import WORST, readings_of_records
+from harness.results.trend import WORST, readings_of_records, subject_of
 from harness.verdict import SEVERITY
 
 VERDICT, MESSAGE, TIME, CAME, WENT = "verdict", "message", "time per state", "came", "went"
@@ -88,7 +88,7 @@ def changes_between(changes: Iterable[RunChange]) -> Table:
 
 
 def _key(record: Record) -> Key:
-    return record.system, record.title.removeprefix(record.system).strip()
+    return record.system, subject_of(record)
 
 
 def _change(key: Key, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:

@@ -6,12 +6,20 @@ JSON has no infinities: a number that is not finite is the text "inf", "-inf" or
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import msgspec
 
 Number = float | Literal["inf", "-inf", "nan"] | None
+
+
+def plain_number(value: float | None) -> Number:
+    """A number as the JSON has it."""
+    if value is None or math.isfinite(value):
+        return value
+    return "nan" if math.isnan(value) else "inf" if value > 0 else "-inf"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +161,42 @@ class SiteCount:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SiteChange:
+    """A change point of a trend, as of ``harness.results.trend.ChangedCell``.
+
+    Attributes:
+        place: of the night that shows it. run: how many nights in a row, this one the last, had to show it.
+        before: geometric mean of the nights since the change before; now: of the mildest night of the run. nights: how many were before.
+        found_by: "jump" or "drift".
+    """
+
+    place: int
+    run: int
+    before: float
+    now: float
+    nights: int
+    found_by: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteTrend:
+    """A number of a subject on a mechanism over the nights of its study.
+
+    Attributes:
+        study: "cross-check" or "benchmark". column: a subject, with the quantity where that is not the accelerations, or a method.
+        number: "median backward error", "99 % backward error", "worst backward error", or "cost" in units of a reference computation.
+        values: one for each night of ``Site.nights``, oldest first; None for a night without the number.
+    """
+
+    study: str
+    row: str
+    column: str
+    number: str
+    values: list[Number]
+    changes: list[SiteChange]
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShownColumn:
     """A column of a table; ``kind`` and ``unit`` as of ``harness.results.table.Column``."""
 
@@ -188,6 +232,7 @@ class Site:
         run: what was run, as of ``harness.results.records.Run``; versions: distribution to version; limit: backward error up to which
             an answer agrees [data roundoffs].
         cells: of accelerations; quantities: of other quantities.
+        nights: study to the starts of its runs over which numbers have trends, oldest first, ISO 8601. trends: none of a single run.
         tables: every table of every page, with its numbers in full.
     """
 
@@ -201,6 +246,8 @@ class Site:
     features: list[FeatureLine] = field(default_factory=list)
     findings: list[SiteFinding] = field(default_factory=list)
     quantities: list[SiteCell] = field(default_factory=list)
+    nights: dict[str, list[str]] = field(default_factory=dict)
+    trends: list[SiteTrend] = field(default_factory=list)
     tables: list[ShownTable] = field(default_factory=list)
 
 

@@ -10,11 +10,13 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from harness.results.benchmark import Benchmark
 from harness.results.change_points import Chart, Reading
+from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
-from harness.results.records import Record
+from harness.results.records import Record, Run
 
 # A change of an error by less than so many data roundoffs is none: half an ulp of an input moves the answer by one.
 LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16
@@ -27,6 +29,7 @@ MOST_NIGHTS = 60
 MEDIAN, PERCENTILE_99, WORST, COST = "median backward error", "99 % backward error", "worst backward error", "cost"
 # A system, a subject or method, and the name of a number.
 Cell = tuple[str, str, str]
+_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +37,10 @@ class ChangedCell:
     """A number of a subject that changed.
 
     Attributes:
-        system, subject, number: which. before: its geometric mean over the nights since the last change; now: of the night of the change.
+        system, subject, number: which. before: its geometric mean over the nights since the last change; now: of the night of the change,
+            or of the mildest night of a run that shows it.
         by: logarithm of the ratio. nights: how many there were before. place: of the night, 0 for the oldest. found_by: "jump" or "drift".
+        run: how many nights in a row had to show it.
     """
 
     system: str
@@ -47,58 +52,99 @@ class ChangedCell:
     nights: int
     place: int
     found_by: str
+    run: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend:
+    """A number of a subject over the nights.
+
+    Attributes:
+        system, subject, number: which. values: one for each night, oldest first; None for a night without the number.
+        changes: oldest first.
+    """
+
+    system: str
+    subject: str
+    number: str
+    values: Sequence[float | None]
+    changes: Sequence[ChangedCell]
 
 
 def readings_of_records(records: Iterable[Record]) -> dict[Cell, Reading]:
     """What one cross-check says of each cell; a quantile whose bounds are not known has none."""
     found: dict[Cell, Reading] = {}
     for record in records:
-        subject = record.title.removeprefix(record.system).strip()
+        subject = subject_of(record)
         for name, value, bounds in (
             (MEDIAN, record.median_backward_error, record.median_bounds),
             (PERCENTILE_99, record.percentile_99_backward_error, record.percentile_99_bounds),
         ):
             if value is not None and bounds:
                 noise = (_logarithm(bounds[1]) - _logarithm(bounds[0])) / (2 * BOUNDS_AT)
-                found[record.system, subject, name] = Reading(_logarithm(value), max(QUANTILE_NOISE, noise))
+                found[record.system, subject, name] = Reading(_logarithm(value), max(QUANTILE_NOISE, noise), measured=value)
         if record.backward_error is not None:
-            reading = Reading(_logarithm(record.backward_error), WORST_NOISE, is_known=False, is_skewed=True)
-            found[record.system, subject, WORST] = reading
+            error = record.backward_error
+            found[record.system, subject, WORST] = Reading(_logarithm(error), WORST_NOISE, is_known=False, is_skewed=True, measured=error)
     return found
+
+
+def subject_of(record: Record) -> str:
+    """The subject of a cell: with the quantity where it is not the usual one."""
+    return record.title.removeprefix(record.system).strip()
 
 
 def readings_of_costs(benchmark: Benchmark) -> dict[Cell, Reading]:
     """What one benchmark says of each cell: the fastest call over the fastest of the reference computation beside it."""
     yardsticks = {one.system: one.seconds for one in benchmark.yardsticks}
-    return {
-        (cost.system, cost.method, COST): Reading(math.log(cost.fastest / yardsticks[cost.system]), COST_NOISE, False, True, COST_RUN)
-        for cost in benchmark.accelerations
-        if cost.fastest and yardsticks.get(cost.system)
-    }
+    found = {}
+    for cost in benchmark.accelerations:
+        if cost.fastest and (yardstick := yardsticks.get(cost.system)):
+            ratio = cost.fastest / yardstick
+            found[cost.system, way_of(cost), COST] = Reading(math.log(ratio), COST_NOISE, False, True, COST_RUN, ratio)
+    return found
+
+
+def comparable(states: int, runs: Iterable[tuple[Run, _Found]]) -> list[tuple[Run, _Found]]:
+    """Those of the runs whose numbers have one trend: the largest of more states is larger."""
+    return [(run, found) for run, found in runs if run.states == states]
+
+
+def trends(nights: Sequence[Mapping[Cell, Reading]], chart: Chart | None = None) -> list[Trend]:
+    """The trend of every cell with the changes in it, by cell; a night without a number of a cell is passed over for it."""
+    series: dict[Cell, dict[int, Reading]] = defaultdict(dict)
+    for place, night in enumerate(nights):
+        for cell, reading in night.items():
+            series[cell][place] = reading
+    chart = chart or Chart(len(nights[-1]) if nights else 0)
+    return [_trend(cell, own, len(nights), chart) for cell, own in sorted(series.items())]
+
+
+def _trend(cell: Cell, own: Mapping[int, Reading], nights: int, chart: Chart) -> Trend:
+    system, subject, number = cell
+    places, readings = list(own), list(own.values())
+    found = [
+        ChangedCell(
+            system=system,
+            subject=subject,
+            number=number,
+            before=_plain(change.before, number),
+            now=_plain(change.now, number),
+            by=change.now - change.before,
+            nights=change.nights,
+            place=places[change.place],
+            found_by=change.found_by,
+            run=readings[change.place].run,
+        )
+        for change in chart.changes(readings)
+    ]
+    values = [own[place].measured if place in own else None for place in range(nights)]
+    return Trend(system=system, subject=subject, number=number, values=values, changes=found)
 
 
 def changes(nights: Sequence[Mapping[Cell, Reading]], chart: Chart | None = None) -> list[ChangedCell]:
-    """Every change in the nights, oldest first, by cell; a night without a number of a cell is passed over for it."""
-    series: dict[Cell, list[tuple[int, Reading]]] = defaultdict(list)
-    for place, night in enumerate(nights):
-        for cell, reading in night.items():
-            series[cell].append((place, reading))
-    chart = chart or Chart(len(nights[-1]) if nights else 0)
-    return [
-        ChangedCell(
-            system=cell[0],
-            subject=cell[1],
-            number=cell[2],
-            before=_plain(change.before, cell[2]),
-            now=_plain(change.now, cell[2]),
-            by=change.now - change.before,
-            nights=change.nights,
-            place=own[change.place][0],
-            found_by=change.found_by,
-        )
-        for cell, own in sorted(series.items())
-        for change in chart.changes([reading for _, reading in own])
-    ]
+    """Every change in the nights, by cell and then oldest first; see ``trends``."""
+    return [one for trend in trends(nights, chart) for one in trend.changes]
 
 
 def changes_of_the_last(nights: Sequence[Mapping[Cell, Reading]]) -> list[ChangedCell]:
@@ -107,7 +153,7 @@ def changes_of_the_last(nights: Sequence[Mapping[Cell, Reading]]) -> list[Change
 
 
 def _logarithm(error: float) -> float:
-    return math.log(min(error, LARGEST_ERROR) + LEAST_ERROR) if not math.isnan(error) else math.log(LARGEST_ERROR)
+    return math.log(min(max(error, 0.0), LARGEST_ERROR) + LEAST_ERROR) if not math.isnan(error) else math.log(LARGEST_ERROR)
 
 
 def _plain(logarithm: float, number: str) -> float:

@@ -3,25 +3,32 @@
 A row is written once, by the moments and forces that its multiplier means on nodes, and the generalised forces on velocities. What it
 asks of accelerations follows from these, since both are one Jacobian: of bodies kept free, and of the tree's own velocities.
 
-Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.3 (constraints) and 2.4 (multipliers).
+Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.3 (constraints) and 2.4 (multipliers); Featherstone, Rigid
+Body Dynamics Algorithms, section 3.2 (constraints on position, and their derivatives).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 
+from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL
 from harness.models.constraints import UNTURNED, End, FrameConstraint, JointConstraint, ModelConstraint, PointConstraint
+from harness.robots.equalities import Linkage, Meeting, Rows, TendonLinkage, Weld
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import Given, Place, Placement, Quaternion, Tree, vector
+from harness.robots.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree, vector
 from harness.robots.world_motion import Moving, WorldWriter
+
+# Joints and the multiples of their positions.
+Terms = Sequence[tuple[str, Fraction]]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a constraint, along the world's axes.
+    """One row of a constraint; moments and forces are along the world's axes.
 
     Attributes:
         constraint: its name.
@@ -58,24 +65,13 @@ def untied(tree: Tree, joints: Sequence[str]) -> Tree:
 class ConstraintWriter(WorldWriter):
     """Writes the rows of a file's constraints."""
 
-    def rows(self, moving: list[Moving], constraints: Sequence[ModelConstraint]) -> list[Row]:
-        """The rows of all constraints but those that the tree holds by itself, whose joint follows another there.
+    def rows(self, moving: list[Moving], constraints: Mapping[str, Rows]) -> list[Row]:
+        """The rows of constraints by their names.
 
         Raises:
-            ValueError: one couples tendons.
+            KeyError: one is about a body or joint that the tree does not have.
         """
-        found: list[Row] = []
-        followers = {joint.name for joint in self.tree.joints if joint.follows}
-        for constraint in constraints:
-            if isinstance(constraint, JointConstraint):
-                found += [self._coupled(constraint)] if constraint.joint not in followers else []
-            elif isinstance(constraint, PointConstraint | FrameConstraint):
-                found += self._held(moving, constraint)
-            else:
-                raise ValueError(
-                    f"line {constraint.line}: constraint {constraint.name!r} couples {constraint.kind}s, which have no rows here"
-                )
-        return found
+        return [row for name, one in constraints.items() for row in self._rows_of(moving, name, one)]
 
     def jacobian(self, moving: list[Moving], row: Row) -> Three:
         """By which each velocity changes a row, (nv,)."""
@@ -112,23 +108,47 @@ class ConstraintWriter(WorldWriter):
             found.append(total)
         return found
 
+    def equations(self, moving: list[Moving], rows: Sequence[Row]) -> dict[str, Three]:
+        """The outputs of ``harness.equations.constraints`` for rows."""
+        jacobian = [self.jacobian(moving, row) for row in rows]
+        return {
+            RESIDUAL: [row.residual for row in rows],
+            JACOBIAN: [entry for row in jacobian for entry in row],
+            RATE: [self.rate(row) for row in jacobian],
+            BIAS: self.biases(moving, rows),
+        }
+
     # Kinds.
 
-    def _held(self, moving: list[Moving], constraint: PointConstraint | FrameConstraint) -> list[Row]:
+    def _rows_of(self, moving: list[Moving], name: str, constraint: Rows) -> list[Row]:
+        if isinstance(constraint, Meeting):
+            return self._held(moving, name, constraint)
+        if isinstance(constraint, TendonLinkage):
+            sums: list[Terms] = [tendon.terms for tendon in constraint.tendons]
+        else:
+            sums = [((joint, Fraction(1)),) for joint in (constraint.joint, constraint.leader) if joint is not None]
+        follower, *leaders = sums
+        return [self._coupled(name, follower, leaders, self.numbers(constraint.coefficients))]
+
+    def _held(self, moving: list[Moving], name: str, meeting: Meeting) -> list[Row]:
         """That two points meet; and of frames, that they turn alike."""
         signs = self.number(1), self.number(-1)
         numbers, arms, positions, drawn, turns = [], [], [], [], []
-        for place, end in enumerate(constraint.ends):
-            pose = self._pose(constraint, end, place)
-            number, arm, position, _ = self._end(moving, end.body, pose)
-            spin = moving[number].spin if number >= 0 else self.still
+        for body, (own_turn, point) in zip(meeting.bodies, self._frames_of(meeting), strict=True):
+            number, turn, shift = self.frames[body]
+            one, turn, arm = (
+                moving[number] if number >= 0 else None,
+                self.multiplied(turn, own_turn),
+                self.added(shift, self.turned(turn, point)),
+            )
+            if one is not None:
+                turn, arm = self.multiplied(one.orientation, turn), self.turned(one.orientation, arm)
+            spin = self.still if one is None else one.spin
             numbers.append(number)
             arms.append(arm)
-            positions.append(position)
+            positions.append(arm if one is None else self.added(one.position, arm))
             drawn.append(self.cross(spin, self.cross(spin, arm)))
-            _, turn, _ = self.frames[end.body]
-            own, _ = self.placed(turn, self.still, pose)
-            turns.append(own if number < 0 else self.multiplied(moving[number].orientation, own))
+            turns.append(turn)
         found = []
         for axis, unit in enumerate(self.identity):
             acts = [
@@ -137,59 +157,120 @@ class ConstraintWriter(WorldWriter):
                 if number >= 0
             ]
             residual, known = (self.difference(values[0][axis], values[1][axis]) for values in (positions, drawn))
-            found.append(Row(constraint.name, residual, known, tuple(acts)))
-        if isinstance(constraint, FrameConstraint):
-            found += self._turned_alike(constraint, numbers, turns)
-        return found
+            found.append(Row(name, residual, known, tuple(acts)))
+        return found + (self._turned_alike(moving, name, meeting, numbers, turns) if isinstance(meeting, Weld) else [])
 
-    def _turned_alike(self, constraint: FrameConstraint, numbers: Sequence[int], turns: Sequence[Matrix]) -> list[Row]:
-        """The rows of the orientations of two frames, which are half the sine of the angle between them about each axis."""
-        between = self.multiplied(turns[0], transposed(turns[1]))
-        scale = self.quotient(self._of(constraint, "torquescale", [constraint.torque_scale])[0], self.number(2))
-        found = []
+    def _turned_alike(self, moving: list[Moving], name: str, weld: Weld, numbers: Sequence[int], turns: Sequence[Matrix]) -> list[Row]:
+        """The rows of the orientations of two frames, written along the axes of the second.
+
+        With the quaternion (w, u) between them and the angular velocity s of the first against the second, u' = (w s + s x u) / 2 and
+        w' = -s . u / 2.
+        """
+        half = self.number(Fraction(1, 2))
+        between = self.multiplied(transposed(turns[1]), turns[0])
+        trace = self.sum(self.sum(between[0][0], between[1][1]), between[2][2])
+        doubled = self.add("sqrt", self.sum(self.number(1), trace))
+        across = [self.difference(between[(axis + 2) % 3][(axis + 1) % 3], between[(axis + 1) % 3][(axis + 2) % 3]) for axis in range(3)]
+        w = self.product(half, doubled)
+        u = [self.quotient(self.product(half, value), doubled) for value in across]
+        first, second = (moving[number].spin if number >= 0 else self.still for number in numbers)
+        spin = self.turned_back(turns[1], self.less(first, second))
+
+        def rate(of: Three, real: int, imaginary: Three) -> Three:
+            return self.times(half, self.added(self.times(real, of), self.cross(of, imaginary)))
+
+        # The axes of the second frame turn with it.
+        drawn = rate(self.minus(self.cross(self.turned_back(turns[1], second), spin)), w, u)
+        moved = rate(spin, self.negative(self.product(half, self.dot(spin, u))), rate(spin, w, u))
+        scale, found = self.given(weld.torque_scale), []
         for axis, unit in enumerate(self.identity):
-            one, other = (axis + 1) % 3, (axis + 2) % 3
-            sine = self.quotient(self.difference(between[other][one], between[one][other]), self.number(2))
+            along = self.added(self.times(w, unit), self.cross(u, unit))
+            moment = self.turned(turns[1], self.times(self.product(scale, half), along))
             acts = [
-                (number, self.times(self.product(self.number(sign), scale), unit), self.still)
+                (number, self.times(self.number(sign), moment), self.still)
                 for number, sign in zip(numbers, (1, -1), strict=True)
                 if number >= 0
             ]
-            found.append(Row(constraint.name, self.product(scale, sine), self.zero, tuple(acts)))
+            known = self.product(scale, self.sum(drawn[axis], moved[axis]))
+            found.append(Row(name, self.product(scale, u[axis]), known, tuple(acts)))
         return found
 
-    def _coupled(self, constraint: JointConstraint) -> Row:
-        """That the position of a joint is a polynomial of that of its leader."""
-        nodes = {node.joint.name: node for node in self.nodes}
-        own, own_reference = nodes[constraint.joint], self._of(constraint, "reference", constraint.references)[0]
-        coefficients = self._of(constraint, "polycoef", constraint.coefficients)
-        position = self.difference(self._position(own.joint), own_reference)
-        columns = [(own.columns[0], self.number(1))]
-        if constraint.leader is None:
-            return Row(constraint.name, self.difference(position, coefficients[0]), self.zero, on_columns=tuple(columns))
-        leader, reference = nodes[constraint.leader], self._of(constraint, "reference", constraint.references)[1]
-        moved = self.difference(self._position(leader.joint), reference)
+    def _frames_of(self, meeting: Meeting) -> list[tuple[Matrix, Three]]:
+        """The orientation and place of either frame in its body; of a second that is not given, where the first is at the reference."""
+        first = self.placed(self.identity, self.still, meeting.first)
+        if meeting.second is not None:
+            return [first, self.placed(self.identity, self.still, meeting.second)]
+        frames, floating = {WORLD: (self.identity, self.still)}, dict(meeting.floating)
+        for body in self.tree.bodies:
+            pose: Pose = floating.get(body.name, body.pose)
+            frames[body.name] = self.placed(*frames[body.parent], pose)
+        (turn, shift), (own_turn, own_shift) = (frames[name] for name in meeting.bodies)
+        there, at = self.placed(turn, shift, meeting.first)
+        return [first, (self.multiplied(transposed(own_turn), there), self.turned_back(own_turn, self.less(at, own_shift)))]
+
+    def _coupled(self, name: str, follower: Terms, leaders: Sequence[Terms], coefficients: Three) -> Row:
+        """That a sum of joint positions is a polynomial of another such sum, of one leader or none."""
+        position, columns = self._summed(follower)
+        constant, *_ = coefficients
+        if not leaders:
+            return Row(name, self.difference(position, constant), self.zero, on_columns=tuple(columns))
+        moved, led = self._summed(leaders[0])
         value, slope, curvature = self.zero, self.zero, self.zero
         # Horner's scheme, with the derivatives by the leader's position.
         for coefficient in reversed(coefficients):
             curvature = self.sum(self.product(curvature, moved), self.product(self.number(2), slope))
             slope = self.sum(self.product(slope, moved), value)
             value = self.sum(self.product(value, moved), coefficient)
-        multiplier = self.given(leader.joint.multiplier)
-        rate = self.product(multiplier, self._first_rate + leader.columns[0])
-        columns.append((leader.columns[0], self.negative(self.product(multiplier, slope))))
+        rate = self.dot([factor for _, factor in led], [self._first_rate + column for column, _ in led])
+        columns += [(column, self.negative(self.product(factor, slope))) for column, factor in led]
         known = self.negative(self.product(curvature, self.product(rate, rate)))
-        return Row(constraint.name, self.difference(position, value), known, on_columns=tuple(columns))
+        return Row(name, self.difference(position, value), known, on_columns=tuple(columns))
 
-    def _pose(self, constraint: ModelConstraint, end: End, place: int) -> tuple[Placement, ...]:
-        turn = (Quaternion(tuple(self._numbers(constraint, f"orientation {place}", end.turn))),) if end.turn != UNTURNED else ()
-        return (Placement(position=vector(self._numbers(constraint, f"point {place}", end.point)), rotation=turn),)
+    def _summed(self, terms: Terms) -> tuple[int, list[tuple[int, int]]]:
+        """A sum of multiples of positions, each from its reference, and by which each velocity changes it."""
+        nodes = {node.joint.name: node for node in self.nodes}
+        total, columns = self.zero, []
+        for name, multiple in terms:
+            joint, factor = nodes[name].joint, self.given(multiple)
+            moved = self.difference(self._position(joint), self.angle(joint.reference, joint.in_degrees))
+            total = self.sum(total, self.product(factor, moved))
+            columns.append((nodes[name].columns[0], self.product(factor, self.given(joint.multiplier))))
+        return total, columns
 
-    def _of(self, constraint: ModelConstraint, attribute: str, values: Sequence[float]) -> Three:
-        return self.numbers(self._numbers(constraint, attribute, values))
 
-    def _numbers(self, constraint: ModelConstraint, attribute: str, values: Sequence[float]) -> list[Given]:
-        """The numbers of a constraint, by the line of its element, although the points may stand elsewhere."""
-        path = Path() if self.tree.place is None else self.tree.place.path
+def rows_of(tree: Tree, constraints: Iterable[ModelConstraint]) -> dict[str, Rows]:
+    """What constraints of a model say of its tree, by name, without those that the tree holds by itself, whose joint follows another.
+
+    Raises:
+        ValueError: one couples tendons.
+    """
+    followers = {joint.name for joint in tree.joints if joint.follows}
+    path = Path() if tree.place is None else tree.place.path
+    found: dict[str, Rows] = {}
+    for constraint in constraints:
+        # The points may stand elsewhere.
         place = Place(path, constraint.line, tag=f"constraint {constraint.name!r}")
-        return [Given(value, place, attribute, index) for index, value in enumerate(values)]
+        if isinstance(constraint, JointConstraint):
+            if constraint.joint not in followers:
+                coefficients = _numbers(place, "polycoef", constraint.coefficients)
+                found[constraint.name] = Linkage(constraint.joint, constraint.leader, coefficients)
+        elif isinstance(constraint, PointConstraint | FrameConstraint):
+            bodies = constraint.ends[0].body, constraint.ends[1].body
+            first, second = (_pose(place, number, end) for number, end in enumerate(constraint.ends))
+            if isinstance(constraint, FrameConstraint):
+                (scale,) = _numbers(place, "torquescale", [constraint.torque_scale])
+                found[constraint.name] = Weld(bodies, first, second, torque_scale=scale)
+            else:
+                found[constraint.name] = Meeting(bodies, first, second)
+        else:
+            raise ValueError(f"line {constraint.line}: constraint {constraint.name!r} couples {constraint.kind}s, which have no rows here")
+    return found
+
+
+def _pose(place: Place, number: int, end: End) -> Pose:
+    turn = (Quaternion(_numbers(place, f"orientation {number}", end.turn)),) if end.turn != UNTURNED else ()
+    return (Placement(position=vector(_numbers(place, f"point {number}", end.point)), rotation=turn),)
+
+
+def _numbers(place: Place, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:
+    return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))

@@ -1,7 +1,7 @@
-"""The equalities of a robot's file besides its joints: points that meet, and joints and tendons that are coupled.
+"""The equalities of a robot's file besides its joints: points and frames that meet, and joints and tendons that are coupled.
 
-They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, which
-``harness.robots.equality_rows`` writes.
+They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, whose rows
+``harness.robots.constraints`` writes.
 
 Sources: MuJoCo documentation, XML reference, ``equality``; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
 """
@@ -14,6 +14,7 @@ from fractions import Fraction
 from harness.models.constraints import (
     POLYNOMIAL,
     End,
+    FrameConstraint,
     JointConstraint,
     ModelConstraint,
     PointConstraint,
@@ -38,6 +39,17 @@ class Meeting:
     first: Pose
     second: Pose | None
     floating: tuple[tuple[str, Pose], ...] = ()
+
+
+@dataclass(frozen=True)
+class Weld(Meeting):
+    """Two frames meet: the rows of their origins as points, and three of their orientations.
+
+    Those are the vector part of the quaternion that turns the second frame into the first, along the second's axes, times
+    ``torque_scale`` [m]. ``first`` and ``second`` are the frames; a second one of None is where the first is at the reference.
+    """
+
+    torque_scale: Fraction = Fraction(1)
 
 
 @dataclass(frozen=True)
@@ -82,6 +94,9 @@ class TendonLinkage:
         return (self.tendon,) if self.leader is None else (self.tendon, self.leader)
 
 
+Rows = Meeting | Linkage | TendonLinkage
+
+
 @dataclass(frozen=True)
 class Equality:
     """One equality of a file.
@@ -94,7 +109,7 @@ class Equality:
     kind: str
     place: Place
     line: int
-    rows: Meeting | Linkage | TendonLinkage | None
+    rows: Rows | None
     why_not: str = ""
     softness: Softness | None = None
     is_active: bool = True
@@ -102,7 +117,7 @@ class Equality:
     def declared(self, name: str) -> ModelConstraint:
         """The constraint as engines that read models know it, as far as its softness and the weights of its rows go.
 
-        The points of a ``Meeting`` and the coefficients of a polynomial have no part in these.
+        The frames of a ``Meeting`` and the coefficients of a polynomial have no part in these.
         """
         rows = self.rows
         assert rows is not None, self.why_not
@@ -112,4 +127,6 @@ class Equality:
             leader = None if rows.leader is None else rows.leader.declared
             return TendonConstraint(name, self.line, self.softness, rows.tendon.declared, leader, POLYNOMIAL)
         one, other = (End(body, (0.0, 0.0, 0.0)) for body in rows.bodies)
+        if isinstance(rows, Weld):
+            return FrameConstraint(name, self.line, self.softness, (one, other), float(rows.torque_scale))
         return PointConstraint(name, self.line, self.softness, (one, other))

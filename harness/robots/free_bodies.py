@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
 from harness.models.constraints import ModelConstraint
-from harness.robots.constraints import ConstraintWriter, untied
+from harness.robots.constraints import ConstraintWriter, rows_of, untied
 from harness.robots.free_body_equations import FreeBodies
 from harness.robots.linear import Linear, LinearWriter, Vector
 from harness.robots.nodes import Pair
@@ -56,7 +56,7 @@ class _FreeBodies(ConstraintWriter):
         self._stiff = self._stiff_directions()
         # By column, how fast the joint itself accelerates.
         self._rates = self._accelerations_of_joints()
-        self._tied = self.rows(self._moving, constraints)
+        self._tied = self.rows(self._moving, rows_of(self.tree, constraints))
         first = 6 * len(self.nodes) + sum(len(about) + len(along) for about, along in self._stiff)
         self._multipliers = self._linear.unknown(range(first, first + len(self._tied)))
 

@@ -52,6 +52,6 @@ class JointForceWriter(NodeWriter):
         """Add the forces of a coupling to the generalised forces ``found``."""
         total, rest, rate, columns = self.coupled(coupling)
         stretch = self.difference(total, rest)
-        tension = self.sum(self.product(self.given(coupling.stiffness), stretch), self.product(self.given(coupling.damping), rate))
+        tension = self._tension(coupling, stretch, rate)
         for column, slope in columns:
             found[column] = self.difference(found[column], self.product(slope, tension))

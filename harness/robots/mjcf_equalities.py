@@ -1,4 +1,4 @@
-"""The equalities of an MJCF, of which connections of points, and couplings of joints and of fixed tendons, are read.
+"""The equalities of an MJCF, of which those of points and frames, and couplings of joints and of fixed tendons, are read.
 
 Source: MuJoCo documentation, XML reference, ``equality``, ``option/flag``.
 """
@@ -13,13 +13,15 @@ from harness.models.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import is_on
 from harness.models.values import one_sign
-from harness.robots.equalities import Equality, Linkage, Meeting, Sum, TendonLinkage
+from harness.robots.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
 from harness.robots.mjcf_numbers import Attributes
 from harness.robots.mjcf_tendons import tendons
 from harness.robots.source import Source
-from harness.robots.tree import WORLD, Body, Placement, Pose, vector
+from harness.robots.tree import WORLD, Body, Placement, Pose, Quaternion, vector
 
 _SINGLE_AXIS = ("hinge", "slide")
+# Of a weld: a quaternion of zero stands for the orientation at the reference.
+_AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _UNWRITTEN = "is of a kind whose rows the harness does not write"
 
 
@@ -51,8 +53,9 @@ class _Reader:
         self._floating = tuple((key, attributes.pose(elements[key])) for key in elements if key in floating)
 
     def read(self, element: etree._Element) -> Equality:
-        readers: Mapping[str, Callable[[etree._Element], Meeting | Linkage | TendonLinkage]] = {
+        readers: Mapping[str, Callable[[etree._Element], Rows]] = {
             "connect": self._connect,
+            "weld": self._weld,
             "joint": self._joint,
             "tendon": self._tendon,
         }
@@ -80,6 +83,18 @@ class _Reader:
         bodies = self._body(element, "body1"), self._body(element, "body2")
         anchor = Placement(vector(self._source.numbers(element, "anchor", None, fewest=3, most=3)))
         return Meeting(bodies, (anchor,), None, self._floating)
+
+    def _weld(self, element: etree._Element) -> Weld:
+        scale = self._source.number(element, "torquescale", 1.0)
+        if "site1" in element.attrib:
+            (one, first), (other, second) = self._site(element, "site1"), self._site(element, "site2")
+            return Weld((one, other), first, second, torque_scale=scale)
+        # The frame of the second body at its anchor is the one that is given; that of the first may be where it is at the reference.
+        bodies = self._body(element, "body2"), self._body(element, "body1")
+        anchor = Placement(vector(self._source.numbers(element, "anchor", (0.0, 0.0, 0.0))))
+        relative = self._source.numbers(element, "relpose", _AT_REFERENCE)
+        held = Placement(vector(relative[:3]), (Quaternion(tuple(relative[3:])),)) if any(relative[3:]) else None
+        return Weld(bodies, (anchor,), None if held is None else (held,), self._floating, scale)
 
     def _site(self, element: etree._Element, attribute: str) -> tuple[str, Pose]:
         site = self._sites.get(str(element.get(attribute)))

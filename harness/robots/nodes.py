@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import WORLD, Body, Direction, Joint, Placement, Pose, Tree
+from harness.robots.tree import WORLD, Body, Coupling, Direction, Joint, Placement, Pose, Spring, Tree
 
 # A motion or a force as its two vectors.
 Pair = tuple[Three, Three]
@@ -144,3 +144,7 @@ class NodeWriter(BodyWriter):
         """The position of a hinge or slide, of those that follow another too."""
         (place,), _ = self._places[joint.follows or joint.name]
         return self.sum(self.product(self.given(joint.multiplier), place), self.given(joint.offset))
+
+    def _tension(self, line: Spring | Coupling, stretch: int, rate: int) -> int:
+        """The tension of a spring and damper on a length, by how much it is beyond the free one and how fast it grows."""
+        return self.sum(self.product(self.given(line.stiffness), stretch), self.product(self.given(line.damping), rate))

@@ -17,7 +17,7 @@ from typing import Any
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.models.constraints import ModelConstraint
-from harness.robots.constraints import Row, untied
+from harness.robots.constraints import Row, rows_of, untied
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
 from harness.robots.tree import Given, Tree
@@ -75,7 +75,7 @@ class _Reactions(WrenchWriter):
     def written(self, points_of: Tree | None, constraints: Sequence[ModelConstraint], bearing: Sequence[int]) -> Reactions:
         moving = self.moving()
         parts = self._parts(moving, self.given_accelerations)
-        rows = self.rows(moving, constraints)
+        rows = self.rows(moving, rows_of(self.tree, constraints))
         self._add_constraints(parts, [rows[number] for number in bearing])
         for number, (moment, force) in enumerate(self.pulls(moving)):
             parts[number].append((self.minus(moment), self.minus(force)))

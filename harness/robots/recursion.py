@@ -160,7 +160,7 @@ class RecursionWriter(JointForceWriter):
         along = [self.quotient(value, length) for value in between]
         rate = self.dot(along, self.added(rate_of_second, self.minus(rate_of_first)))
         stretch = self.difference(length, self.given(spring.free_length))
-        tension = self.sum(self.product(self.given(spring.stiffness), stretch), self.product(self.given(spring.damping), rate))
+        tension = self._tension(spring, stretch, rate)
         for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
             if node >= 0:
                 force = self.turned_back(turn, self.times(self.product(self.number(sign), tension), along))

@@ -1,4 +1,4 @@
-"""A robot whose file ties its coordinates by constraints, as a mechanism with the forces of these, at the numbers of the file.
+"""A robot whose file ties its coordinates by constraints: the rows beside the equations of motion of its tree, as plain data.
 
 The rows are those of the file, and their program is written from its points; nothing is taken from a system's text but the names of
 the coordinates that the rows determine.
@@ -6,27 +6,38 @@ the coordinates that the rows determine.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.equations.constraint_forces import by_multipliers, constrained_program
-from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.equations.constraints import JACOBIAN, Constraints
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.states import States
 from harness.models.constraints import ModelConstraint
-from harness.robots.constraints import ConstraintWriter, untied
+from harness.robots.constraints import ConstraintWriter, Row, rows_of, untied
+from harness.robots.equalities import Rows
 from harness.robots.free_body_equations import independent_rows
 from harness.robots.mechanism import RobotMechanism, mechanism_of
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.tree import Given
+from harness.robots.tree import Given, Tree
+from harness.robots.world_motion import Moving
 
 _BITS = 64
+
+
+@dataclass(frozen=True)
+class TiedTree:
+    """Rows and tree, and the numbers of the file that are the last inputs of both programs."""
+
+    constraints: Constraints
+    parameters: tuple[Given, ...]
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,22 @@ class Tied:
     is_determined: bool
 
 
+def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows], determined: Sequence[int] = ()) -> TiedTree:
+    """The rows of equalities by their names, over ``joints`` as of ``recursion_program``.
+
+    ``determined`` names, for rigid constraints, the place in v that each row determines; without it all rows are taken for redundant,
+    and only a law that softens them has a meaning.
+
+    Raises:
+        KeyError: one is about a body or joint that the tree does not have. ValueError: the tree has other joints.
+    """
+    writer = ConstraintWriter(tree, joints, False)
+    moving = writer.moving()
+    rows, places = writer.rows(moving, equalities), tuple(determined)
+    redundant, assembly = (not places,) * len(rows), (0.0,) * writer.nv
+    return _tied(writer, joints, moving, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
+
+
 def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declared: Constraints, states: States) -> Tied:
     """The mechanism of a robot whose coordinates, those of single axes, are tied as ``declared`` of the same coordinates says.
 
@@ -60,54 +87,59 @@ def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declare
         raise ValueError("a joint of several degrees of freedom stands beside constraints; expected hinges and slides")
     writer = ConstraintWriter(robot.tree, robot.joints, False)
     moving = writer.moving()
-    rows = writer.rows(moving, constraints)
-    jacobian = [writer.jacobian(moving, row) for row in rows]
-    everything = writer.program({JACOBIAN: [entry for row in jacobian for entry in row]})
-    bearing, chosen = _choice(everything, writer.parameters, states, len(rows))
+    rows = writer.rows(moving, rows_of(robot.tree, constraints))
+    bearing, chosen = _choice(writer, moving, rows, states)
     if len(chosen) != len(declared.independent):
         raise ValueError(f"the file's constraints determine {len(chosen)} coordinates; expected {len(declared.independent)}")
-    outputs = {
-        RESIDUAL: [rows[number].residual for number in bearing],
-        JACOBIAN: [entry for number in bearing for entry in jacobian[number]],
-        RATE: [writer.rate(jacobian[number]) for number in bearing],
-        BIAS: writer.biases(moving, [rows[number] for number in bearing]),
-    }
-    recursion = recursion_program(robot.tree, robot.joints)
-    numbers = {value.key: value for value in (*recursion.parameters, *writer.parameters)}
-    given = tuple(numbers.values())
-    tree = _widened(recursion.program, recursion.parameters, given)
-    own = Constraints(
-        rows=tuple(rows[number].constraint for number in bearing),
+    tied = _tied(
+        writer,
+        robot.joints,
+        moving,
+        [rows[number] for number in bearing],
         redundant=tuple(number not in chosen for number in bearing),
-        holonomic=len(bearing),
         positions=declared.positions,
         rates=declared.rates,
         assembly=declared.assembly,
-        program=_widened(without_unused(writer.program(outputs)), writer.parameters, given),
-        tree=tree,
     )
     mechanism = replace(
         mechanism_of(robot),
-        parameters=tuple((parameter_name(value), float(value), "") for value in given),
-        program=constrained_program(own, by_multipliers),
-        constraints=own,
+        parameters=tuple((parameter_name(value), float(value), "") for value in tied.parameters),
+        program=constrained_program(tied.constraints, by_multipliers),
+        constraints=tied.constraints,
     )
-    return Tied(mechanism, given, tuple(bearing), len(chosen) == len(bearing))
+    return Tied(mechanism, tied.parameters, tuple(bearing), len(chosen) == len(bearing))
 
 
-def _choice(program: StraightLineProgram, parameters: Sequence[Given], states: States, rows: int) -> tuple[list[int], list[int]]:
+def _tied(writer: ConstraintWriter, joints: Sequence[str], moving: list[Moving], rows: Sequence[Row], **declared: Any) -> TiedTree:
+    """Rows that were written, beside the equations of motion of their tree; ``declared`` is what else ``Constraints`` holds."""
+    recursion = recursion_program(writer.tree, joints)
+    own = without_unused(writer.program(writer.equations(moving, rows)))
+    given = tuple({value.key: value for value in (*recursion.parameters, *writer.parameters)}.values())
+    constraints = Constraints(
+        rows=tuple(row.constraint for row in rows),
+        holonomic=len(rows),
+        program=_widened(own, writer.parameters, given),
+        tree=_widened(recursion.program, recursion.parameters, given),
+        **declared,
+    )
+    return TiedTree(constraints, given)
+
+
+def _choice(writer: ConstraintWriter, moving: list[Moving], rows: Sequence[Row], states: States) -> tuple[list[int], list[int]]:
     """The rows that some velocity changes, and of these as many as are independent, at all states."""
     import flint
 
-    evaluate = BallKernel(without_unused(program), len(parameters)).bind([float(value) for value in parameters])
+    program = writer.program({JACOBIAN: writer.equations(moving, rows)[JACOBIAN]})
+    numbers = [float(value) for value in writer.parameters]
+    evaluate = BallKernel(without_unused(program), len(numbers)).bind(numbers)
     found: list[Array] = []
     with flint.ctx.workprec(_BITS):
         for index in range(len(states)):
             given = np.concatenate([states.q[index], states.v[index], states.tau[index], states.time[index : index + 1]])
-            found.append(np.array([float(ball) for ball in evaluate(*given.tolist())]).reshape(rows, -1))
-    moving = sorted({row for jacobian in found for row in independent_rows(jacobian)[0]})
+            found.append(np.array([float(ball) for ball in evaluate(*given.tolist())]).reshape(len(rows), -1))
+    bearing = sorted({row for jacobian in found for row in independent_rows(jacobian)[0]})
     _, chosen = max((independent_rows(jacobian) for jacobian in found), key=lambda choice: len(choice[1]))
-    return moving, chosen
+    return bearing, chosen
 
 
 def _widened(program: StraightLineProgram, parameters: Sequence[Given], given: Sequence[Given]) -> StraightLineProgram:

@@ -126,7 +126,7 @@ class WorldWriter(JointForceWriter):
             along = [self.quotient(value, length) for value in between]
             rate = self.dot(along, self.less(rate_of_second, rate_of_first))
             stretch = self.difference(length, self.given(spring.free_length))
-            tension = self.sum(self.product(self.given(spring.stiffness), stretch), self.product(self.given(spring.damping), rate))
+            tension = self._tension(spring, stretch, rate)
             pull = self.times(tension, along)
             for (number, arm, _, _), force in zip(ends, (pull, self.minus(pull)), strict=True):
                 if number >= 0:

@@ -43,22 +43,29 @@ class WrenchWriter(ConstraintWriter):
         moment, force = self.zero, self.zero
         for other in self._behind(moving, number):
             one = moving[other]
-            distance = self._length(self.less(one.position, root))
+            arm = self._length(self.less(one.position, root))
             forces = self.zero
             for part in parts[other]:
                 moment, forces = self.sum(moment, self._length(part[0])), self.sum(forces, self._length(part[1]))
             for lump in one.lumps:
+                # A force through the axis has no moment about it, and its arm does.
+                arm = self.sum(arm, self._length(lump.centre))
                 # An acceleration that is measured in the moving frame lacks spin times velocity.
                 velocity = self.added(one.velocity, self.cross(one.spin, lump.centre))
                 forces = self.sum(forces, self.product(lump.mass, self._length(self.cross(one.spin, velocity))))
-            moment, force = self.sum(moment, self.product(distance, forces)), self.sum(force, forces)
+            moment, force = self.sum(moment, self.product(arm, forces)), self.sum(force, forces)
         shift = self._length(self.less(point, root))
         return self.sum(moment, self.product(shift, force)), force
 
     def _root(self, moving: list[Moving], number: int) -> Three:
-        """Where the tree begins: the first joint, or the origin of the body that is fixed to the world and has it."""
+        """Where the tree begins: the first joint, or the origin of the body that is fixed to the world and has it.
+
+        What slides from there or floats is measured from the world's origin.
+        """
         while moving[number].node.parent >= 0:
             number = moving[number].node.parent
+        if moving[number].node.joint.kind not in ("hinge", "ball"):
+            return self.still
         bodies, joint = {body.name: body for body in self.planted.bodies}, moving[number].node.joint.name
         top = next(body for body in self.planted.bodies if joint in {one.name for one in body.joints})
         while top.parent != WORLD:

@@ -78,6 +78,35 @@ def test_the_truth_is_within_its_bound(name: str, exact_of: Callable[[harness.Sy
 
 
 @pytest.mark.parametrize("name", ["double_pendulum", "collar"])
+def test_derivatives_are_within_their_bounds(name: str, exact_of: Callable[[harness.System], Any]) -> None:
+    """Against differences of the equations in mpmath at 80 digits."""
+    system, mechanism = harness.load(name), harness.load(name).mechanism
+    states, nv = generic_sample(mechanism, 2, 3), mechanism.nv
+    found = system.derivatives(states.q, states.v, states.tau)
+    exact, step = exact_of(load_system(BUILT_IN.system_path(name))[0]), mpmath.mpf(10) ** -30
+    assert found.certified.all() and found.error_bound.shape == (2, 3, nv, nv) and found.data_roundoff.shape == (2, 3, nv)
+    for index in range(2):
+        arguments = [*states.q[index], *states.v[index], *states.tau[index], 0.0, *mechanism.parameter_values]
+        for part, matrix in enumerate((found.by_position, found.by_velocity, found.by_force)):
+            for column in range(nv):
+                with mpmath.workdps(80):
+                    sides = []
+                    for sign in (1, -1):
+                        changed = [mpmath.mpf(float(value)) for value in arguments]
+                        changed[part * nv + column] += sign * step
+                        sides.append(exact.accelerations(changed))
+                    slopes = [(more - less) / (2 * step) for more, less in zip(*sides, strict=True)]
+                    for row, truth in enumerate(slopes):
+                        error, bound = abs(truth - float(matrix[index, row, column])), found.error_bound[index, part, row, column]
+                        assert error <= bound + mpmath.mpf(10) ** -25 and bound <= 1.5e-16 * abs(truth) + mpmath.mpf(10) ** -25
+
+
+def test_derivatives_along_tied_coordinates_are_refused() -> None:
+    with pytest.raises(InvalidRequest, match="four_bar: its constraints tie the joints"):
+        harness.load("four_bar").derivatives([0.0] * 3, [0.0] * 3)
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "collar"])
 def test_what_controllers_take_is_within_its_bound(name: str) -> None:
     """Against the equations of SymPy at 60 digits; the bound is no wider than the rounding to float64."""
     system, states = harness.load(name), generic_sample(harness.load(name).mechanism, 3, 3)

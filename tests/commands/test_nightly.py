@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import lxml.html
 import pytest
 from lxml import etree
 from support import Done, harness, make_library
@@ -68,6 +69,11 @@ def test_a_median_that_rises_is_reported_that_night_and_changes_no_verdict(folde
     assert all(1.8 < one["now"] / one["before"] < 4 and one["nights"] == 3 for one in medians)
     assert "changed in the trend" in done.stdout
     assert "## Changed in the trend" in (folder / "out" / "nightly.md").read_text()
+    # The pages have the same rule.
+    rows = lxml.html.parse(folder / "out" / "index.html").xpath("//table[starts-with(caption, 'Changed in the trend')]/tbody/tr")
+    assert sorted([cell.text_content() for cell in row[1:4]] for row in rows) == sorted(
+        [one["system"], one["subject"], one["number"]] for one in changes
+    )
     # It is reported once.
     assert night(folder, "--seed", "5", ulps=10).returncode == 0
     assert document(folder)["changes"] == []

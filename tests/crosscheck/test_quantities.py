@@ -16,7 +16,7 @@ from harness.crosscheck.quantities import QuantityCheck
 from harness.crosscheck.quantity_truth import declared_model
 from harness.crosscheck.settings import Settings
 from harness.engines import NotOffered
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
@@ -221,11 +221,3 @@ def test_the_command_compares_both_and_says_which(tmp_path: Path) -> None:
 def test_a_quantity_that_does_not_exist_is_refused() -> None:
     result = harness("check", "bar_pendulum", "--quantity", "reaction")
     assert result.returncode == 2 and "no quantity is called 'reaction'; did you mean 'reactions'?" in result.stderr
-
-
-def test_robots_have_accelerations_alone(tmp_path: Path) -> None:
-    from harness.comparison.robot_library import resolved
-
-    library = resolved(BUILT_IN, [str(BUILT_IN.model_path("arm_2r", "urdf"))], False)
-    with pytest.raises(InvalidRequest, match="of a robot's file accelerations alone"):
-        QuantityCheck(Settings(library=library), [find_quantities()["reactions"]])

@@ -22,6 +22,7 @@ from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.perturbation import (
+    NUMBER,
     Column,
     Whitening,
     diagnostic_states,
@@ -36,13 +37,14 @@ from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.diagnosis.fit import fit, shortest_decimal
 from harness.diagnosis.model_side import diagnose
 from harness.diagnosis.result import Conclusion, Diagnosis
+from harness.diagnosis.search import Tried, best_first
 from harness.diagnosis.textbook_side import diagnose_textbook
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Watch
+from harness.models.text import Candidate, Place, Watch, find_numbers, with_values
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
@@ -213,6 +215,23 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, factorises=True)
     assert diagnosis.conclusion == Conclusion.UNSTABLE
     assert "the digits are the engine's" in diagnosis.first_line
+
+
+@pytest.mark.costly
+def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() -> None:
+    """A proximal iteration feels a length that holds redundant rows apart by its square, and from 1e-7 on in full."""
+    own, right = case("arm_2r", "urdf"), 0.5
+    sound = own.watch().answer
+
+    def answer(model: ModelFile) -> Array:
+        length = [number for number in find_numbers(model.text, "urdf") if number.element == "origin"][-3]
+        wrong = 1e14 * (length.value - right) ** 2
+        mended = parse_model(model.path, with_values(model.text, {length: right}), "urdf")
+        return sound(mended) * (1 + 1e-3 * wrong / (1 + wrong) * np.sin(own.reference.high))
+
+    wrong = parse_model(own.model.path, own.replaced(('xyz="0.5 0 0"', 'xyz="0.5000000001 0 0"')), "urdf")
+    first = diagnose(Watch(wrong, answer), own.reference).tried[0]
+    assert first.explains and (first.place.line, first.place.index, first.value) == (36, 0, right)
 
 
 def test_an_answer_that_is_not_finite_is_told() -> None:
@@ -390,6 +409,24 @@ def test_a_fit_converges_from_afar_and_halves_its_steps() -> None:
     assert value == pytest.approx(0.7, rel=1e-12)
     value = fit(lambda x: None if x < 0.5 else points * (x - 0.6), lambda x: points, 9.0, None, 1.0)
     assert value == pytest.approx(0.6)
+
+
+def tried(hypothesis: str, value: float | None, left: float, start: float | None = 0.0) -> tuple[Tried, float]:
+    """A change that explains, of scale 1, with what its fitted value leaves."""
+    place = Place(1, "body", hypothesis, None, "1")
+    return Tried(Candidate(hypothesis, "", place, lambda value: "", start), value, left, True), left
+
+
+def test_the_likeliest_of_the_changes_that_explain_is_named_first() -> None:
+    restored, elsewhere = tried(NUMBER, 0.03125, 2.0), tried(NUMBER, 0.7, 7.0)
+    moved, exchanged = tried("bodies_fused", 0.4, 3.0), tried("axis", None, 5.0)
+    by_likelihood = [one for one, _ in (exchanged, moved, elsewhere, restored)]
+    assert best_first([restored, elsewhere, moved, exchanged]) == by_likelihood
+    # What merely agrees beside one that leaves nothing, and a structure that is wrong by next to nothing, come behind a number.
+    slight, agreeing = tried("bodies_fused", 7e-12, 2.0), tried(NUMBER, 0.5, 56.0)
+    assert best_first([slight, agreeing, restored]) == [restored[0], slight[0], agreeing[0]]
+    # Where all merely agree, none does so by chance.
+    assert best_first([tried(NUMBER, 0.25, 30.0), agreeing])[0] == agreeing[0]
 
 
 def test_the_shortest_decimal_is_taken() -> None:

@@ -13,6 +13,7 @@ import pytest
 import toy_engine
 from support import InThisProcess, cross_checked, harness, harness_in_a_process
 
+from harness.comparison.callers import find_callers
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
 from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects, subjects_beside
@@ -112,7 +113,7 @@ def test_every_adapter_is_imported_where_only_its_requirements_are(library: Libr
     ]
     assert {"mujoco", "pinocchio", "drake", "idyntree", "dartpy", "pybullet", "adam", "mjx", "mjx_float32"} <= set(own)
     modules = [f"harness.engines.{name}" for name in own]
-    modules += ["harness.comparison.callers.mujoco", "harness.comparison.callers.pinocchio"]
+    modules += [f"harness.comparison.callers.{name}" for name in find_callers()]
     server = Path(sys.modules["harness.engines"].__file__ or "").with_name("_server.py")
     probe = (
         f"import importlib, runpy, sys; runpy.run_path({str(server)!r})['_import_harness'](); "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -28,12 +28,10 @@ def test_a_finding_is_a_program_of_three_lines_of_an_engine_that_exists(finding:
 @pytest.mark.nightly
 @pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.title)
 def test_what_a_finding_shows_is_still_so(
-    finding: KnownFinding, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+    finding: KnownFinding, environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its last two lines are what the engine says and what is right. A version in which they are equal has mended it: take it out."""
-    cache = tmp_path_factory.getbasetemp() / "environments"
-    monkeypatch.setenv("HARNESS_CACHE", str(cache))
-    subprocess.run([sys.executable, "-m", "harness", "engines", "add", finding.engine], check=True, cwd=tmp_path)
+    monkeypatch.setenv("HARNESS_CACHE", str(environment(finding.engine)))
     interpreter = find_environments(finding.engine)[-1].interpreter
     done = subprocess.run([interpreter, "-c", finding.reproducer], capture_output=True, text=True, check=True, cwd=tmp_path)
     engine, right = done.stdout.splitlines()[-2:]

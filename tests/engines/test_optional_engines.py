@@ -8,7 +8,8 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,47 +122,54 @@ def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
     assert own_v[9] == v[6]
 
 
-@pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Environments that are made once for all tests."""
-    return tmp_path_factory.mktemp("environments")
-
-
 def check_in_its_environment(name: str, systems: list[str], cache: Path, folder: Path) -> list[dict[str, object]]:
-    """The records of an engine on ``systems``, of the whole catalogue for none; its environment is made where it is missing."""
-    environment = {**os.environ, "HARNESS_CACHE": str(cache)}
+    """The records of an engine on ``systems``, of the whole catalogue for none; ``cache`` holds its environment."""
     chosen = [word for model_format in load_engine(BUILT_IN, name).formats for word in ("--subject", f"{name}/{model_format}")]
     checked = ["check", *systems, *chosen, "--states", "100", "--time-limit", "600", "--json", "out.json"]
-    for command in (["engines", "add", name], checked):
-        words = [sys.executable, "-m", "harness", *command]
-        done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=environment, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+    words, variables = [sys.executable, "-m", "harness", *checked], {**os.environ, "HARNESS_CACHE": str(cache)}
+    done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=variables, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
     records: list[dict[str, object]] = json.loads((folder / "out.json").read_text())["records"]
     return records
 
 
-def test_idyntree_agrees_in_an_environment_of_its_own(cache: Path, tmp_path: Path) -> None:
+def test_idyntree_agrees_in_an_environment_of_its_own(environment: Callable[[str], Path], tmp_path: Path) -> None:
     """The smallest of them, on a tree from the world, a free joint, a ball joint, springs between points, a rotor, and a coupling."""
     systems = ["acrobot", "satellite_wheel", "heavy_top", "collar", "furuta_pendulum.armature", "simple_pendulum.mimic"]
-    records = check_in_its_environment("idyntree", systems, cache, tmp_path)
+    records = check_in_its_environment("idyntree", systems, environment("idyntree"), tmp_path)
     found = {str(one["system"]): one["verdict"] for one in records}
     assert found == dict.fromkeys(systems, "agrees") | {"simple_pendulum.mimic": "unsupported"}
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", OPTIONAL)
-def test_the_catalogue_is_as_expected_in_an_environment_of_its_own(name: str, cache: Path, tmp_path: Path) -> None:
-    records = check_in_its_environment(name, [], cache, tmp_path)
+def test_the_catalogue_is_as_expected_in_an_environment_of_its_own(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
+    records = check_in_its_environment(name, [], environment(name), tmp_path)
     assert sum(one["verdict"] == "agrees" for one in records) > len(records) / 3
 
 
 @pytest.mark.nightly
+def test_models_of_one_structure_share_what_mjx_compiles(environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("mjx")))
+    compiled = environment("mjx") / "jax"
+    before = set(compiled.glob("*-cache"))
+    mechanism, file = load_mechanism(BUILT_IN, "bar_pendulum"), read_model(BUILT_IN.validated_models("bar_pendulum")["mjcf"], "mjcf")
+    one, answers = random_sample(mechanism, 3, 0), []
+    for mass in ("2", "2.5"):
+        changed = replace(file, text=file.text.replace('mass="2"', f'mass="{mass}"'))
+        model = load_engine(BUILT_IN, "mjx").load(changed, mechanism.joints, mechanism.gravity)
+        answers.append(model.forward_dynamics(one.q, one.v, one.tau))
+    assert (answers[0] != answers[1]).all()
+    assert len(set(compiled.glob("*-cache")) - before) <= 1 <= len(list(compiled.glob("*-cache")))
+
+
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "system"), [("drake", "collar"), ("drake", "satellite_wheel"), ("pybullet", "furuta_pendulum.armature")])
-def test_a_reproducer_prints_what_the_engine_answers(name: str, system: str, cache: Path, tmp_path: Path) -> None:
+def test_a_reproducer_prints_what_the_engine_answers(name: str, system: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
     """In the environment's interpreter, where no harness is installed."""
-    check_in_its_environment(name, [system], cache, tmp_path)
+    check_in_its_environment(name, [system], environment(name), tmp_path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(cache))
+        patch.setenv("HARNESS_CACHE", str(environment(name)))
         mechanism = load_mechanism(BUILT_IN, system)
         file = read_model(BUILT_IN.validated_models(system)["urdf"], "urdf")
         model = load_engine(BUILT_IN, name).load(file, mechanism.joints, mechanism.gravity)

@@ -16,7 +16,7 @@ from support import Page, charts_of, missing, pages_of, site_of
 from harness.report import build
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.markdown import VOLATILE
-from harness.results.benchmark import AccelerationCost, Benchmark, Drift, Figure, Growth, MotionCost, Order, Stationarity, Truth
+from harness.results.benchmark import AccelerationCost, Benchmark, Drift, Figure, Growth, MotionCost, Order, Stationarity, Truth, Yardstick
 from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import cheapest, front
 from harness.results.records import Record, Run
@@ -65,6 +65,7 @@ def sample() -> Benchmark:
             *(acceleration(system, method) for system in SYSTEMS for method in METHODS),
             AccelerationCost(system="collar", method="lambdify", threads=1, states=0, seconds_per_state=None, note="no time was left"),
         ],
+        yardsticks=[Yardstick(system=system, seconds=3e-5) for system in SYSTEMS],
         growth=[
             Growth(
                 family="chain", method="pinocchio aba", sizes=[1, 2, 4], seconds_per_state=[1e-6, 1.5e-6, 2.6e-6],

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from dataclasses import replace
+from datetime import datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,9 @@ from harness import report
 from harness.report.figures import COLOURS, library
 from harness.report.html import equations, picture, sentence_case
 from harness.report.sparkline import Sparkline
+from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult, Picture, SuperfluousPart
+from harness.results.records import Record, Run
 
 SVG = (
     '<svg class="mechanism" viewBox="0 0 460 260" role="img"><title>Joints slide</title>'
@@ -35,11 +39,26 @@ TEXT = [
 ]
 
 
+def changed(records: list[Record]) -> list[Record]:
+    """A night in which a median is another."""
+    return [test_report.with_median(one, 3.0) if (one.system, one.subject) == ("collar", "lagrange") else one for one in records]
+
+
+def earlier_benchmark(day: int) -> tuple[Run, Benchmark]:
+    """A benchmark of days before, whose first method costs five times as much from the eighth day on."""
+    run = test_benchmark_report.RUN
+    found = test_benchmark_report.sample()
+    [first, *others] = found.accelerations
+    dearer = replace(first, fastest=(first.fastest or 0.0) * (5.0 if day < 8 else 1.0))
+    started = datetime.fromisoformat(run.started) - timedelta(days=20 - day)
+    return replace(run, started=started.isoformat()), replace(found, accelerations=[dearer, *others])
+
+
 @functools.cache
 def whole() -> dict[str, str]:
     """A report with every part that a report can have."""
     found = CrossCheckResult(
-        records=night(3), systems=list(CARDS), pictures=[Picture(system=name, svg=SVG) for name in SYSTEMS], causes=[CAUSE],
+        records=changed(night(3)), systems=list(CARDS), pictures=[Picture(system=name, svg=SVG) for name in SYSTEMS], causes=[CAUSE],
         worst_cases=[test_hard_report.CASE, replace(test_hard_report.CASE, subject="lagrange", reproducer="")],
         superfluous=[SuperfluousPart("collar", "mujoco/mjcf", "mjcf/collar.xml", 7, "joint", "armature", "0", "is not felt")],
     )  # fmt: skip
@@ -48,6 +67,7 @@ def whole() -> dict[str, str]:
         found,
         [(run_on(day), night(day)) for day in range(3)],
         benchmark=(test_benchmark_report.RUN, test_benchmark_report.sample()),
+        earlier_benchmarks=[earlier_benchmark(day) for day in range(12)],
         atlas=(test_hard_report.RUN, test_hard_report.sample()),
         robots=report.Survey(
             replace(run_on(2), profile="survey robots"), survey(arm=(1e9, 4.0), leg=(None, None)), earlier=[survey(arm=(2.0, None))]
@@ -246,12 +266,28 @@ def test_the_trend_of_each_pair_is_shown() -> None:
     assert not every_page(test_report.build(run_on(0), CARDS, night(0))).xpath("//*[@class='trend']")
 
 
-@given(st.lists(st.floats(), max_size=5))
-def test_any_trend_can_be_drawn(values: list[float]) -> None:
-    shown = lxml.html.fromstring(f"<div>{Sparkline(values).__html__()}</div>")
+@given(st.lists(st.none() | st.floats(), max_size=5), st.sets(st.integers(0, 4)))
+def test_any_trend_can_be_drawn(values: list[float | None], changes: set[int]) -> None:
+    line = Sparkline(values, changes)
+    shown = lxml.html.fromstring(f"<div>{line.__html__()}</div>")
     coordinates = [float(number) for place in shown.xpath("//polyline/@points") for number in re.split("[ ,]", place) if number]
     assert all(0 <= number <= 80 for number in coordinates)
-    assert shown.xpath("//svg/@aria-label") == [str(Sparkline(values))]
+    assert shown.xpath("//svg/@aria-label") == [str(line)]
+    assert len(shown.xpath("//path[@class='change']")) == sum(
+        value is not None and not math.isnan(value) and place in changes for place, value in enumerate(values)
+    )
+
+
+def test_change_points_are_drawn_in_the_trend_of_their_cell_and_listed_on_the_index() -> None:
+    mechanism, index = (lxml.html.fromstring(whole()[name]) for name in ("mechanisms/collar.html", "index.html"))
+    [row] = mechanism.xpath("//table[starts-with(caption, 'Trends of')]/tbody/tr[*[1]='lagrange']")
+    # Worst, 99 % and median.
+    assert [len(line.xpath(".//*[@class='change']")) for line in row.xpath(".//*[local-name()='svg']")] == [0, 0, 1]
+    assert "Median backward error of each run" in mechanism.text_content()
+    told = test_report.changes_on(whole()["index.html"])
+    assert [line[1:4] for line in told] == [["arm_2r", "heyoka float32", "cost"], ["collar", "lagrange", "median backward error"]]
+    assert index.xpath("//table[starts-with(caption, 'Changed in')]//a/@href") == ["mechanisms/arm_2r.html", "mechanisms/collar.html"]
+    assert len(lxml.html.fromstring(whole()["mechanisms/arm_2r.html"]).xpath("//*[@id='cost']/..//*[@class='change']")) == 1
 
 
 def test_equations_too_long_to_be_read_are_shown_as_the_energies_they_follow_from() -> None:

@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import lxml.html
 import pytest
 from catalogue import IN_CI
 from hypothesis import HealthCheck, given, settings
@@ -25,6 +26,7 @@ from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
 from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart
 from harness.results.records import Record, Run, SystemCard
+from harness.results.trend import changes, readings_of_records
 from harness.verdict import Verdict
 
 VERDICTS = [verdict.value for verdict in Verdict]
@@ -46,9 +48,20 @@ def record(system: str, subject: str, night: int = 0, **changes: object) -> Reco
         relative_error=1e-15 * (1 + night), worst_state={"q": [0.1 + night], "v": [-2.0], "tau": [1e-300]},
         seconds_per_state=1e-6 * (1 + night), message="",
         median_backward_error=0.2, distribution={"exact": 3, "-2": 400, "0": 97}, verdict_counts={"agrees": 500},
-        replay=f"harness check {system} --subject {subject} --seed {night}",
+        replay=f"harness check {system} --subject {subject} --seed {night}", median_bounds=[0.19, 0.21],
     )  # fmt: skip
     return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+def with_median(entry: Record, median: float) -> Record:
+    """A record whose sample knows its median to a twentieth."""
+    return replace(entry, median_backward_error=median, median_bounds=[0.95 * median, 1.05 * median])
+
+
+def changes_on(page: str) -> list[list[str]]:
+    """The rows of the table of what changed in the trend; none where it is missing."""
+    tables = lxml.html.fromstring(page).xpath("//table[starts-with(caption, 'Changed in the trend')]")
+    return [[cell.text_content().strip() for cell in row] for table in tables for row in table.xpath("./tbody/tr")]
 
 
 def card(name: str) -> SystemCard:
@@ -203,14 +216,30 @@ def test_a_changed_verdict_is_named() -> None:
 
 @pytest.mark.usefixtures("without_charts")
 def test_a_median_that_has_grown_is_named_long_before_the_verdict_changes() -> None:
-    before = [record("collar", subject, states=1000, median_backward_error=1.2) for subject in ("lagrange", "mujoco/mjcf")]
-    after = [replace(before[0], median_backward_error=1.3), replace(before[1], median_backward_error=3.0)]
+    """By the rule of the night, on the index, on the page of its mechanism and in the Markdown; and nowhere in the run after it."""
+    before = [with_median(record("collar", subject), 1.2) for subject in ("lagrange", "mujoco/mjcf")]
+    after = [with_median(before[0], 1.3), with_median(before[1], 3.0)]
     built = build(run_on(1), [], after, [(run_on(0), before)])
-    assert "| median of collar, mujoco/mjcf | 1.2 | 3 |" in built["report.md"]
-    assert "median of collar, lagrange" not in built["report.md"]
-    assert "median of" in built["index.html"]
-    few = [replace(one, states=50) for one in after]
-    assert "median of" not in build(run_on(1), [], few, [(run_on(0), before)])["report.md"]
+    assert "| collar | mujoco/mjcf | median backward error | 1.20 | 3.00 | 1 | jump |" in built["report.md"]
+    assert "collar | lagrange | median" not in built["report.md"]
+    [row] = changes_on(built["index.html"])
+    assert row == ["2026-01-02 02:00", "collar", "mujoco/mjcf", "median backward error", "1.20", "3.00", "1", "jump"]
+    assert changes_on(built["mechanisms/collar.html"]) == [[row[0], *row[2:]]]
+    assert "1.20 to 3.00 in 2 runs, changed in run 2" in built["mechanisms/collar.html"]
+    [told] = changes([readings_of_records(records) for records in (before, after)])
+    assert [told.before, told.now] == pytest.approx([1.2, 3.0])
+
+    later = build(run_on(2), [], after, [(run_on(0), before), (run_on(1), after)])
+    assert "| jump |" not in later["report.md"] and changes_on(later["index.html"]) == [row]
+    wider = [replace(one, median_bounds=[0.3, 12.0]) for one in after]
+    assert not changes_on(build(run_on(1), [], wider, [(run_on(0), before)])["index.html"])
+
+
+@pytest.mark.usefixtures("without_charts")
+def test_runs_of_another_number_of_states_have_another_trend() -> None:
+    before, after = ([with_median(record("collar", "mujoco/mjcf"), median)] for median in (1.2, 3.0))
+    built = build(run_on(1), [], after, [(replace(run_on(0), states=50), before)])
+    assert not changes_on(built["index.html"]) and 'id="trend"' not in built["index.html"]
 
 
 @pytest.mark.usefixtures("without_charts")

@@ -87,6 +87,7 @@ def test_the_script_computes_every_number_of_every_table_of_every_page_again(wri
         ("index.html", "1 of 3", "2 of 3"),
         ("engines/mujoco.html", "1.30", "1.31"),
         ("mechanisms/collar.html", "1.30", "1.03"),
+        ("mechanisms/collar.html", "0.200 to 3.00", "0.100 to 3.00"),
         ("hard.html", "2.001", "2.002"),
         ("badges/lagrange.svg", "3 of 3", "2 of 3"),
     ],
@@ -100,6 +101,21 @@ def test_the_script_finds_a_number_that_a_page_has_wrong(tmp_path: Path, name: s
     page.write_text(text[:body] + text[body:].replace(said, instead))
     done = rebuild(tmp_path)
     assert done.returncode == 1 and name in done.stderr
+
+
+def test_the_script_computes_changes_and_trends_from_the_values_of_the_runs(tmp_path: Path) -> None:
+    write(tmp_path, whole())
+    assert rebuild(tmp_path).returncode == 0
+    data = json.loads((tmp_path / "site.json").read_text())
+    [trend] = [one for one in data["trends"] if one["changes"] and one["study"] == "cross-check"]
+    trend["values"] = [0.4, 0.4, 0.4, trend["values"][-1]]
+    [cost] = [one for one in data["trends"] if one["changes"] and one["study"] == "benchmark"]
+    cost["values"] = [value and 2 * value for value in cost["values"]]
+    (tmp_path / "site.json").write_text(json.dumps(data))
+    told = rebuild(tmp_path).stderr
+    assert "says '0.200 to 3.00 in 4 runs, changed in run 4', computed '0.400 to 3.00 in 4 runs, changed in run 4'" in told
+    assert "index.html: table" in told and "says '0.200', computed '0.400'" in told
+    assert all(f"{page}: table" in told for page in ("index.html", "mechanisms/arm_2r.html", "mechanisms/collar.html"))
 
 
 def test_the_script_computes_verdicts_from_cells_alone(tmp_path: Path) -> None:

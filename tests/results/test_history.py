@@ -211,7 +211,9 @@ def test_earlier_runs_are_of_the_same_library_and_profile(path: Path) -> None:
         history.begin(replace(RUN, library="mine"), CrossCheckResult)
         this = history.begin(replace(RUN, seed=8), CrossCheckResult)
         history.begin(replace(RUN, seed=9), CrossCheckResult)
-        assert history.earlier(this) == [(RUN, [RECORD])]
+        assert list(history.earlier(this, CrossCheckResult)) == [(RUN, FOUND)]
+        assert list(history.earlier(this, CrossCheckResult, "records")) == [(RUN, CrossCheckResult(records=[RECORD]))]
+        assert list(history.earlier(this, Benchmark)) == [] == list(history.earlier(first, CrossCheckResult))
         assert [run.seed for run in history.studies(CrossCheckResult, "built-in").values()] == [9, 8, RUN.seed, RUN.seed]
 
 

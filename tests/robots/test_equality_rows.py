@@ -13,9 +13,9 @@ from harness.arrays import Array
 from harness.equations.constraint_forces import Column, Tied, by_multipliers, by_reduction, constrained_program
 from harness.equations.states import States
 from harness.robots.accelerations import accelerations_of
-from harness.robots.equality_rows import tied_tree
 from harness.robots.recursion import Recursion, recursion_program
 from harness.robots.robot import read_robot
+from harness.robots.tied_mechanism import tied_tree
 from harness.robots.tree import Joint, Tree
 
 FILES = Path(__file__).parents[1] / "comparison" / "files"
@@ -51,7 +51,7 @@ def test_followers_held_by_forces_move_as_those_that_share_a_velocity(name: str,
     multiples, offsets = (np.array([float(getattr(joint, key)) for joint in joints]) for key in ("multiplier", "offset"))
     loaded = np.where([not joint.follows for joint in joints], tau[:, leaders], 0.0)
     states = States.at(multiples * q[:, leaders] + offsets, multiples * v[:, leaders], loaded)
-    equalities = {f"mimic {number}": one for number, one in enumerate(robot.equalities)}
+    equalities = {f"mimic {number}": one.rows for number, one in enumerate(robot.equalities)}
     followers = [names.index(one.rows.joint) for one in robot.equalities]  # type: ignore[union-attr]
     tied = tied_tree(freed(robot.tree), names, equalities, followers)
     tied.constraints.checked(len(names))

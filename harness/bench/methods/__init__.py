@@ -1,4 +1,4 @@
-"""Ways of computing accelerations, each a ``Method`` declared in a module of this package.
+"""Ways of computing accelerations, each a ``Method`` declared in a module of this package, and ``derivatives``.
 
 A method is prepared once for a scene and its states, which loads, compiles and converts; what is timed
 afterwards covers all states and nothing else.
@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from harness.errors import InvalidRequest
 from harness.library import nearest
 from harness.motion.integrators import MECHANISMS
 
+_Kind = TypeVar("_Kind", "Method", "DerivativeMethod")
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
@@ -73,11 +74,45 @@ class Method:
     of: tuple[str, ...] = (MECHANISMS,)
 
 
+@dataclass(frozen=True)
+class DerivativeMethod:
+    """One way of computing the derivatives of a tree's accelerations or forces by q and v.
+
+    Attributes:
+        name: for the command line and the report.
+        format: what it reads: "equations", "mjcf" or "urdf".
+        is_inverse: whether they are of the forces that give accelerations.
+        prepare: of a scene, states, the applied forces or the accelerations (n, nv), and a step, loads and converts; what it returns is
+            timed, and gives (n, 2, nv, nv), by q and by v. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
+        loop: what goes from state to state, as of ``Method``.
+        linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame, and moves its position there.
+        steps: of finite differences, which are tried; () for derivatives that have none.
+    """
+
+    name: str
+    format: str
+    is_inverse: bool
+    prepare: Callable[[Scene, States, Array, float], Callable[[], Array]]
+    loop: str = ""
+    linear_velocity_in_body: bool = False
+    steps: tuple[float, ...] = ()
+
+
+def find_derivative_methods() -> list[DerivativeMethod]:
+    """Every one that a module of this package holds, sorted by name."""
+    return sorted(_declared(DerivativeMethod), key=lambda method: method.name)
+
+
+def _declared(kind: type[_Kind]) -> list[_Kind]:
+    """What the modules of this package hold of one class, each name once."""
+    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
+    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, kind)}
+    return list(found.values())
+
+
 def find_methods(of: str = MECHANISMS) -> list[Method]:
     """Every method of one of ``KINDS`` that a module of this package holds, sorted by name."""
-    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Method) and of in value.of}
-    return [found[name] for name in sorted(found)]
+    return sorted((method for method in _declared(Method) if of in method.of), key=lambda method: method.name)
 
 
 def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:

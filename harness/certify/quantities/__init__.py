@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from harness.arrays import Array
 from harness.certify.quantity import Certified
@@ -20,7 +20,10 @@ from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.library import nearest
 from harness.models.model_file import ModelFile
+from harness.models.step_rule import StepRule
 from harness.results.records import ACCELERATIONS
+from harness.robots.mechanism import RobotMechanism
+from harness.robots.robot import Robot, robot_of
 
 # Stands for every quantity.
 ALL = "all"
@@ -33,17 +36,25 @@ class Question:
     Attributes:
         mechanism: whose joints q, v and tau follow.
         declared: the model file whose numbers are the truth for all that read another of the same mechanism.
-        read: the model file that the engine reads.
+        read: the model file that the engine reads. Both are None for a robot, whose mechanism brings the robot of its one file.
         linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
         softened: makes of a mechanism under the constraints of ``declared`` the one whose constraints give as the engine declares of
             ``read``; None where it holds them rigid.
     """
 
     mechanism: Mechanism
-    declared: ModelFile
-    read: ModelFile
+    declared: ModelFile | None
+    read: ModelFile | None
     linear_velocity_in_body: bool
     softened: Callable[[Mechanism], Mechanism] | None = None
+    step_rules: tuple[StepRule, ...] = ()
+
+    def robot_of(self, file: ModelFile | None) -> Robot:
+        """The robot of ``declared`` or of ``read``."""
+        if file is not None:
+            return robot_of(file, self.mechanism.gravity)
+        assert isinstance(self.mechanism, RobotMechanism)
+        return self.mechanism.robot
 
 
 class Truth(Protocol):
@@ -77,10 +88,13 @@ class Quantity:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
             ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
+            enough to name the block that is farthest off.
     """
 
     name: str
     truth: Callable[[Question], Truth]
+    describe: Callable[[Any, States, Certified, Array], str] | None = None
 
 
 def find_quantities() -> dict[str, Quantity]:

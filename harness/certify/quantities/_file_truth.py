@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.quantities import Question
-from harness.certify.quantity import Between, Certified, QuantityKernel
+from harness.certify.quantity import Certified, QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
 from harness.engines import Model
@@ -24,7 +24,6 @@ from harness.errors import InvalidModel
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
 from harness.robots.quantity_writer import Block, ComputedQuantity, QuantityWriter
-from harness.robots.robot import robot_of
 from harness.storage import Kept
 from harness.verdict import AGREEMENT
 
@@ -59,13 +58,13 @@ class FileTruth:
         blocks_of: Callable[[Writer], Iterable[Block]],
         answer: Callable[[Model, Asked], Array],
     ) -> None:
-        mechanism, declared = question.mechanism, question.declared
+        mechanism = question.mechanism
         self._question, self._answer = question, answer
         self._joints = tuple(dict.fromkeys(mechanism.joints))
-        robot = robot_of(declared, mechanism.gravity)
+        robot = question.robot_of(question.declared)
         self._robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
-        read = robot_of(question.read, mechanism.gravity).tree
-        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read)
+        read = question.robot_of(question.read)
+        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree)
         self._written: ComputedQuantity = own.written(blocks_of(own))
         self.blocks: Sequence[str] = self._written.blocks
         places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)
@@ -75,19 +74,20 @@ class FileTruth:
     def key(self) -> Hashable:
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self._written.parameters))
-        return self._question.declared.text, self._written.program.key, numbers, self._question.linear_velocity_in_body
+        return self._question.mechanism.key, self._text, self._written.program.key, numbers, self._question.linear_velocity_in_body
+
+    @property
+    def _text(self) -> str:
+        return "" if self._question.declared is None else self._question.declared.text
 
     def evaluate(self, states: States) -> Certified:
         """Raises InvalidModel where the numbers of the file are not those of the energies."""
         mechanism, in_body = self._question.mechanism, self._question.linear_velocity_in_body
-        _HELD.get((mechanism.key, self._question.declared.text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
+        if self._question.declared is not None:
+            _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
         n, numbers = len(states), [float(value) for value in self._written.parameters]
         given = [states.q, states.v, self._accelerations(states), states.time[:, None], np.broadcast_to(numbers, (n, len(numbers)))]
-        inputs = np.concatenate(given, axis=1)
-        nothing = np.empty((n, 0))
-        slopes, shares = np.empty((n, 0, inputs.shape[1])), np.empty((n, 0, 1))
-        between = Between(nothing, nothing, nothing, nothing, slopes, shares, np.ones(n, dtype=np.bool_))
-        return self._kernel.evaluate(inputs, between)
+        return self._kernel.evaluate(np.concatenate(given, axis=1))
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
@@ -103,14 +103,13 @@ class FileTruth:
         mechanisms, in_body = (self._question.mechanism, mechanism_of(self._robot)), self._question.linear_velocity_in_body
         energies, file = (certify_terms(ReferenceKernel(one, in_body), states) for one in mechanisms)
         for name in (MASS, VELOCITY, GRAVITY):
-            # The low part of the file's is below half an ulp.
-            _, errors, _ = term_errors(name, energies, file.high)
-            worst = float(np.nanmax(errors, initial=0.0))
+            # By what either grants: where algebra leaves nothing of a term, the energies tell of no roundoff. Low parts do not matter.
+            errors = [term_errors(name, one, other.high)[1] for one, other in ((energies, file), (file, energies))]
+            worst = float(np.nanmax(np.fmin(*errors), initial=0.0))
             if worst > AGREEMENT:
-                problem = f"the {name} terms of its numbers are {worst:.3g} data roundoffs from those of the energies"
-                raise InvalidModel(
-                    self._question.declared.path, None, f"{problem}, expected up to {AGREEMENT:g}; check accelerations first"
-                )
+                apart = f"{worst:.3g} data roundoffs from those of the energies, expected up to {AGREEMENT:g}"
+                problem = f"the {name} terms of its numbers are {apart}; check accelerations first"
+                raise InvalidModel(self._robot.path, None, problem)
 
 
 # The files that were held against the energies, by mechanism and frame.

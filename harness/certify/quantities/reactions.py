@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare
 from harness.certify.multipliers import MultiplierKernel
 from harness.certify.quantities import Quantity, Question
+from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantity import Between, Certified, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
@@ -23,7 +23,6 @@ from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.errors import InvalidModel
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
 from harness.robots.reactions import have_same_points, reactions_program
@@ -31,7 +30,6 @@ from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot, robot_of
 from harness.robots.tied_mechanism import Tied, tied_mechanism
 from harness.robots.tree import Given
-from harness.verdict import AGREEMENT, Verdict
 
 # States at which the independent rows of constraints are found.
 _STATES, _SEED = 4, 0
@@ -42,7 +40,9 @@ class ReactionTruth:
 
     def __init__(self, question: Question) -> None:
         mechanism, declared = question.mechanism, question.declared
-        self._question = question
+        if declared is None or question.read is None:
+            raise NotOffered("reactions are those of a mechanism's file, which is held against energies; a robot's file has none")
+        self._question, self._declared = question, declared
         self._joints = tuple(dict.fromkeys(mechanism.joints))
         robot = robot_of(declared, mechanism.gravity)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
@@ -83,7 +83,7 @@ class ReactionTruth:
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self.reactions.parameters))
         law = self._reference.mechanism.key
-        return self._question.declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
+        return self._declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
 
     def evaluate(self, states: States) -> Certified:
         """Forces of all joints that transmit something, then moments, (n, 2 joints, 3) [N, N m].
@@ -92,7 +92,8 @@ class ReactionTruth:
             InvalidModel: the accelerations of the declared file are not those of the energies.
         """
         reference = self._reference.evaluate(states)
-        self._hold_against_energies(states, reference if self._rigid is self._reference else self._rigid.evaluate(states))
+        rigid = reference if self._rigid is self._reference else self._rigid.evaluate(states)
+        hold_against_energies(self._declared, self._energies, states, rigid)
         between = self._values_between(states, reference)
         inputs = np.concatenate([states.q, states.v, between.high, states.time[:, None]], axis=1)
         numbers = np.broadcast_to([float(value) for value in self.reactions.parameters], (len(states), len(self.reactions.parameters)))
@@ -103,14 +104,6 @@ class ReactionTruth:
         inputs, shape = (states.q, states.v, states.tau), (len(states), len(self._joints), 6)
         found = answer_of(model, "reactions", inputs, shape)[:, [self._joints.index(name) for name in self.reactions.joints]]
         return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
-
-    def _hold_against_energies(self, states: States, reference: Reference) -> None:
-        """Numbers are no truth for a mechanism that does not move as they say; ``reference`` holds its constraints rigid."""
-        comparison = compare(self._energies.evaluate(states), np.asarray(reference.high))
-        if (comparison.verdicts == Verdict.DISAGREES.value).any():
-            worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
-            problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
-            raise InvalidModel(self._question.declared.path, None, problem)
 
     def _values_between(self, states: States, reference: Reference) -> Between:
         """The accelerations and the multipliers as values between, with their derivatives by all inputs of the equations of motion."""
@@ -159,7 +152,7 @@ class ReactionTruth:
 
 def _tied(robot: Robot, question: Question) -> Tied:
     mechanism, declared = question.mechanism, question.declared
-    assert mechanism.constraints is not None
+    assert mechanism.constraints is not None and declared is not None
     try:
         return tied_mechanism(robot, declared.constraints, mechanism.constraints, sample(mechanism, _STATES, _SEED))
     except ValueError as problem:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,16 @@ from lxml import etree
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import multiplied, of_linear, rotations
-from harness.comparison.questions import Aid, Asked, BodyInertia, Refused, Request, by_joint, projected
+from harness.comparison.questions import Aid, Asked, BodyInertia, Caller, Refused, Request, by_joint, projected
+from harness.engines import NotOffered
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
+from harness.engines._mujoco_quantities import MujocoQuantities
+from harness.engines._mujoco_steps import rules_in, step
 from harness.engines._mujoco_versions import fill_mass_matrix
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
+from harness.models.step_rule import StepRule
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -35,7 +40,7 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 _PARTS = {"planar": 3}
 
 
-class MujocoCaller:
+class MujocoCaller(Caller):
     engine = "mujoco"
     formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("mujoco", "mujoco")
@@ -56,6 +61,9 @@ class MujocoCaller:
 
     def fuses(self, root: Any, model_format: str) -> bool:
         return fuses(root, model_format)
+
+    def step_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
+        return rules_in(settings(root, model_format))
 
     def load(self, request: Request) -> LoadedRobot:
         import mujoco
@@ -221,10 +229,30 @@ class LoadedRobot:
         aid = self._request.aid
         return aid is not None and self._request.format == "urdf" and bool(aid.forces.springs)
 
+    def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
+        after = step(
+            self.model,
+            (self.positions, self.velocities),
+            q[self.q_columns][None],
+            v[self.v_columns][None],
+            np.zeros((1, len(self.v_columns))),
+            rule.length,
+            rule.name,
+            steps,
+        )[0]
+        q, v = q.copy(), v.copy()
+        q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
+        return q, v
+
     def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
         own = [self._own[name] for name in names]
         positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
         return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
+
+    def quantities(self, names: Sequence[str]) -> _Quantities:
+        if self.is_supplied_with_forces:
+            raise NotOffered("springs of a URDF are supplied to accelerations alone")
+        return _Quantities(self, names)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
         aid = self._request.aid
@@ -234,8 +262,29 @@ class LoadedRobot:
         return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 
 
+class _Quantities(MujocoQuantities):
+    """What MuJoCo computes beside accelerations; q and v are those of joints by their names."""
+
+    def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
+        self.model, self._loaded, self._joints = loaded.model, loaded, names
+
+    @cached_property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        return self._loaded.addresses(self._joints)
+
+    @cached_property
+    def _bodies(self) -> Any:
+        # Not every joint of a file has a name there.
+        first = [self._loaded.addresses([name])[1][0] for name in self._joints]
+        return self.model.dof_bodyid[first]
+
+
 class _Run:
-    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state."""
+    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state.
+
+    Attributes:
+        rows: q, v and forces of each state. found: accelerations of each, (n, nv), or with couplings of the joints that move by themselves.
+    """
 
     def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
         import mujoco
@@ -245,16 +294,16 @@ class _Run:
         configuration = np.tile(self._data.qpos, (len(q), 1))
         velocity, force = np.zeros((len(q), model.nv)), np.zeros((len(q), model.nv))
         configuration[:, loaded.positions], velocity[:, loaded.velocities], force[:, loaded.velocities] = q, v, tau
-        self._rows = list(zip(configuration, velocity, force, strict=True))
+        self.rows = list(zip(configuration, velocity, force, strict=True))
         couplings = loaded.couplings
-        self._found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
+        self.found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
 
     def compute(self) -> None:
         import mujoco
 
-        model, data, found, couplings = self._loaded.model, self._data, self._found, self._loaded.couplings
+        model, data, found, couplings = self._loaded.model, self._data, self.found, self._loaded.couplings
         qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
-        for state, (q, v, force) in enumerate(self._rows):
+        for state, (q, v, force) in enumerate(self.rows):
             qpos[:], qvel[:], applied[:] = q, v, force
             # A solver that starts from the last answer would make this one depend on it.
             data.qacc_warmstart[:] = 0.0
@@ -262,7 +311,7 @@ class _Run:
             found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
 
     def accelerations(self) -> Array:
-        found = self._found[:, self._loaded.velocities] if self._loaded.couplings is None else self._found
+        found = self.found[:, self._loaded.velocities] if self._loaded.couplings is None else self.found
         columns = by_joint(self._loaded.joints, found)
         return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
 

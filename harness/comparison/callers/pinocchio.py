@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,17 +16,18 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
-from harness.comparison.questions import Asked, Refused, Request, projected
+from harness.comparison.questions import Asked, Caller, Refused, Request, projected
+from harness.engines import NotOffered
+from harness.engines._pinocchio_forces import JointPlace, Pull
+from harness.engines._pinocchio_quantities import PinocchioQuantities, Supplied
 from harness.engines._pinocchio_versions import set_armature
 from harness.engines._standard_error import captured_standard_error
-from harness.models.constraint_law import ConstraintLaw
-from harness.models.constraints import ModelConstraint
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
-class PinocchioCaller:
+class PinocchioCaller(Caller):
     engine = "pinocchio"
     formats: tuple[str, ...] = ("urdf", "mjcf")
     requires = ("pinocchio", "pin")
@@ -33,18 +35,11 @@ class PinocchioCaller:
     supplied: Mapping[str, str] = dict.fromkeys(
         formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
     )
-    takes_inertias_about_tree = False
     why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
     }
-
-    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
-        return {}
-
-    def fuses(self, root: Any, model_format: str) -> bool:
-        return False
 
     def load(self, request: Request) -> LoadedRobot:
         # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
@@ -99,6 +94,18 @@ class LoadedRobot:
             positions += own
         return positions, [number for name in names for number in self.places[name][1]]
 
+    def quantities(self, names: Sequence[str]) -> _Quantities:
+        if floating := [joint.name for joint in self.found if joint.kind in LINEAR]:
+            raise NotOffered(f"the linear velocity of joint {floating[0]!r} is in another frame, converted for accelerations alone")
+        return _Quantities(self, names)
+
+    def supplied(self, q: Array, v: Array) -> Array:
+        """The forces of springs and dampers that are supplied, (n, nv)."""
+        if self.request.aid is None:
+            return np.zeros_like(v)
+        forces = self.request.aid.forces
+        return forces.of_dampers(v) + forces.of_springs(q)
+
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
         return _Run(self, q, v, tau)
 
@@ -108,9 +115,6 @@ class LoadedRobot:
 
         configuration = np.tile(pinocchio.neutral(self.model), (len(q), 1))
         velocity, force = np.zeros((len(q), self.model.nv)), np.zeros((len(q), self.model.nv))
-        if self.request.aid is not None:
-            supplied = self.request.aid.forces
-            tau = tau + (supplied.of_dampers(v) + supplied.of_springs(q))
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
             own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
@@ -136,6 +140,75 @@ class LoadedRobot:
             start = end
 
 
+class _Quantities(PinocchioQuantities):
+    """What Pinocchio computes beside accelerations; q and v are those of joints by their names."""
+
+    def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
+        self.model, self._loaded, self._joints = loaded.model, loaded, names
+        self._data = loaded.model.createData()
+        self.force_elements: Supplied = _Supplied(loaded)
+        self.constraints = None
+        self.numbers = [self.model.getJointId(loaded.places[name][2]) for name in names]
+
+    @cached_property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        return self._loaded.addresses(self._joints)
+
+    def columns(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """Pinocchio's own (nq, n), (nv, n) and (nv, n)."""
+        positions, velocities, forces = (np.ascontiguousarray(rows.T) for rows in self._loaded.columns(*self._of_file(q, v, tau)))
+        return positions, velocities, forces
+
+    def _of_file(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """In the order of the file."""
+        joints = {joint.name: joint for joint in self._loaded.found}
+        positions = [column for name in self._joints for column in joints[name].positions]
+        velocities = [column for name in self._joints for column in joints[name].velocities]
+        return q[:, np.argsort(positions)], v[:, np.argsort(velocities)], tau[:, np.argsort(velocities)]
+
+
+class _Supplied:
+    """Springs and dampers of joints, which Pinocchio's readers leave out, in the model's own order."""
+
+    def __init__(self, loaded: LoadedRobot) -> None:
+        aid = loaded.request.aid
+        self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.known]
+        self._nv = loaded.model.nv
+        self.places: Mapping[str, JointPlace] = {}
+        # Place in q and in v, stiffness, and position at rest.
+        self._springs: list[tuple[int, int, float, float]] = []
+        for _, column, stiffness, rest in () if aid is None else aid.forces.springs:
+            name = next(joint.name for joint in loaded.found if column in joint.velocities)
+            positions, velocities, _ = loaded.places[name]
+            if len(positions) != 1:
+                raise NotOffered(f"joint {name!r} with a spring stands in q as the cosine and sine of its position")
+            self._springs.append((positions[0], velocities[0], stiffness, rest))
+
+    def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
+        """(nv, n) at (nq, n) and (nv, n)."""
+        found = np.zeros_like(velocity)
+        found[self._own] = -self._damping[:, None] * velocity[self._own]
+        for position, column, stiffness, rest in self._springs:
+            found[column] -= stiffness * (configuration[position] - rest)
+        return found
+
+    def potential_energy(self, configuration: Array) -> float:
+        """Of the springs [J] at one configuration (nq,)."""
+        return float(sum(stiffness * (configuration[position] - rest) ** 2 / 2 for position, _, stiffness, rest in self._springs))
+
+    def stiffness_and_damping(self) -> tuple[Array, Array]:
+        """See ``Supplied``."""
+        stiffness, damping = np.zeros((2, self._nv, self._nv))
+        damping[self._own, self._own] = self._damping
+        for _, column, of_spring, _ in self._springs:
+            stiffness[column, column] += of_spring
+        return stiffness, damping
+
+    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
+        """None: a robot's file has springs in joints alone."""
+        return ()
+
+
 class _Run:
     """States in Pinocchio's own q, v and tau."""
 
@@ -143,7 +216,7 @@ class _Run:
         self._loaded, self._q, self._v = loaded, q, v
         self._data = loaded.model.createData()
         # Rows cost half of what columns cost.
-        self._rows = list(zip(*loaded.columns(q, v, tau), strict=True))
+        self._rows = list(zip(*loaded.columns(q, v, tau + loaded.supplied(q, v)), strict=True))
         couplings = loaded.couplings
         self._found = np.full((len(q), loaded.model.nv if couplings is None else couplings.shape[1]), np.nan)
 

@@ -2,7 +2,8 @@
 
 A reading gives the tree that the engine computes with, as its documentation or source says. What it concerns follows from what
 changes. The truth of the tree that all readings give is what a plain engine has to answer; that of one alone is its effect.
-No list is kept: every ``READING`` of a module here is found. Nothing an engine answers enters a tree.
+No list is kept: every ``READING`` of a module here is found, and all of its ``READINGS`` where it declares several that are alike;
+modules whose names begin with an underscore hold what several share. Nothing an engine answers enters a tree.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from lxml import etree
 
+from harness.environments.folders import split_name
 from harness.models.xml import read_any
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
@@ -62,13 +65,23 @@ class Reading:
         return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
 
 
-def find_readings(engine: str, model_format: str) -> list[Reading]:
-    """The readings of an engine for a format, in the order in which they are read."""
-    modules = (importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__))
-    found: Iterable[Reading] = (module.READING for module in modules)
-    named = {one.name: one for one in found if one.engine == engine and model_format in one.formats}
+def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:
+    """The readings of an engine for a format, in the order in which they are read; ``reader`` is the engine whose reader it has, if any.
+
+    Those of a version, ``engine@version``, are those of the engine.
+    """
+    names = [module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_")]
+    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
+    found: Iterable[Reading] = (one for module in modules for one in _declared_in(module))
+    named = {one.name: one for one in found if one.engine in (split_name(engine)[0], reader) and model_format in one.formats}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return [named[name] for name in order.static_order() if name in named]
+
+
+def _declared_in(module: ModuleType) -> Iterable[Reading]:
+    """Its ``READING``, or those of its ``READINGS``."""
+    several: Iterable[Reading] = getattr(module, "READINGS", ())
+    return several or (module.READING,)
 
 
 def with_tree(robot: Robot, tree: Tree) -> Robot:

@@ -208,16 +208,17 @@ class FaultBench:
             # The difference is rounding alone: the accelerations depend on the square of the size.
             answers, order = widest.answer(planted.text, CHANGE), 2
             theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
-        if theory < CHANGE and not self._is_felt(planted, theory):
+        bar = MOST_ABOVE_THEORY * theory
+        if bar < CHANGE and not self._is_felt(planted, bar):
             # A reader rounds it away: theory begins where it does not.
-            theory = least_that(lambda size: self._is_felt(planted, size), theory, CHANGE)
+            theory = least_that(lambda size: self._is_felt(planted, size), bar, CHANGE)
         caught = smallest_caught(theory, lambda size: any(one.catches(planted.text, size) for one in self.readers))
         return caught, theory, order
 
     def _is_felt(self, planted: Planted, size: float) -> bool:
-        """Whether the answers of some reader move by a tenth of what is caught at least, or there are none."""
+        """Whether the answers of some reader move by what is caught at least, more than by its rounding, or there are none."""
         answers = ((one, one.answer(planted.text, size)) for one in self.readers)
-        return any(answer is None or one.theory(answer - one.watch.healthy) <= MOST_ABOVE_THEORY for one, answer in answers)
+        return any(answer is None or one.theory(answer - one.watch.healthy) <= 1 for one, answer in answers)
 
     def blamed(self, answer: Answer) -> str:
         """The sound party that the pattern of agreement blames; the model that has the mistake is not sound."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from harness.bench.study import THOROUGHNESS, BenchmarkSettings, BenchmarkStudy
+from harness.bench.study import BenchmarkSettings, BenchmarkStudy
+from harness.bench.thoroughness import THOROUGHNESS
 from harness.library import member_of
 from harness.night.stage import Choice, Found, Numbers, Stage, Steps
 from harness.report.benchmarks import BenchmarkSummary
@@ -32,7 +33,12 @@ def _families(choice: Choice) -> dict[str, list[str]]:
 def _steps(choice: Choice, unit: str) -> Steps:
     asked = choice.settings
     settings = BenchmarkSettings(
-        library=choice.library, names=_families(choice)[unit], motion=asked.motion, profile=asked.profile, seed=asked.seed
+        library=choice.library,
+        names=_families(choice)[unit],
+        motion=asked.motion,
+        derivatives=asked.motion,
+        profile=asked.profile,
+        seed=asked.seed,
     )
     study = BenchmarkStudy(settings)
     yield study

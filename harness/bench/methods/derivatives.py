@@ -1,0 +1,143 @@
+"""Ways of computing derivatives by q and v: analytic ones, and finite differences, which have a step.
+
+A difference of engines' answers has two errors: truncation, which falls with the step, and rounding, which grows as the step falls.
+MuJoCo's differences are of its own step in time, or of inverse dynamics; the matrices of ``mjd_inverseFD`` stand transposed. That of the
+step is taken over one second by explicit Euler, so that what changes the velocity is the acceleration and nothing else.
+
+Sources: Pinocchio documentation, ``computeABADerivatives``; MuJoCo documentation, API reference, ``mjd_transitionFD`` and
+``mjd_inverseFD``; Press et al., Numerical Recipes, 3rd ed., section 5.7 (numerical derivatives).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.bench.methods import DerivativeMethod
+from harness.crosscheck.scene import Scene
+from harness.engines import EQUATIONS, Unsupported
+from harness.engines.mujoco import MujocoModel
+from harness.engines.pinocchio import PinocchioModel
+from harness.equations.states import States
+
+Compute = Callable[[], Array]
+# From where truncation hides everything to where rounding does.
+STEPS = tuple(10.0**-exponent for exponent in range(1, 13))
+
+
+def _compiled(is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+    kernel = scene.mechanism.derivatives()
+    evaluate = kernel.inverse if is_inverse else kernel.forward
+    return lambda: evaluate(states.q, states.v, third, states.time)[:, :2]
+
+
+def _pinocchio(is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+    model: PinocchioModel = scene.load("pinocchio", "urdf")
+    evaluate = model.inverse_dynamics_derivatives if is_inverse else model.forward_dynamics_derivatives
+    return lambda: evaluate(states.q, states.v, third)[:, :2]
+
+
+def _differences_of_pinocchio(is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+    import pinocchio
+
+    loaded: PinocchioModel = scene.load("pinocchio", "urdf")
+    model, data, elements = loaded.model, loaded.model.createData(), loaded.force_elements
+    if loaded.constraints is not None:
+        raise Unsupported("differences of aba and rnea are of trees")
+    columns, velocities = loaded.columns(states.q, states.v, third), loaded.addresses[1]
+    changes = step * np.eye(model.nv)
+
+    def answer(q: Array, v: Array, given: Array) -> Array:
+        forces = elements.at(q, v)
+        if is_inverse:
+            return np.asarray(pinocchio.rnea(model, data, q, v, given)) - forces
+        return np.array(pinocchio.aba(model, data, q, v, given + forces))
+
+    def compute() -> Array:
+        found = np.empty((len(states), 2, model.nv, model.nv))
+        for state, (q, v, given) in enumerate(zip(*(part.T for part in columns), strict=True)):
+            for column, change in enumerate(changes):
+                ahead, behind = (answer(pinocchio.integrate(model, q, one), v, given) for one in (change, -change))
+                found[state, 0, :, column] = (ahead - behind) / (2 * step)
+                found[state, 1, :, column] = (answer(q, v + change, given) - answer(q, v - change, given)) / (2 * step)
+        return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
+
+    return compute
+
+
+class _Mujoco:
+    """States in MuJoCo's own form."""
+
+    def __init__(self, scene: Scene, states: States, third: Array) -> None:
+        import mujoco
+
+        loaded: MujocoModel = scene.load("mujoco", "mjcf")
+        self.model, self._loaded = copy.copy(loaded.model), loaded
+        self.model.opt.integrator, self.model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, 1.0
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+        self.data, self._rows = mujoco.MjData(self.model), list(zip(states.q, states.v, third, strict=True))
+
+    def one_by_one(self, name: str, derivatives: Callable[[Any, Any], tuple[Array, Array]]) -> Compute:
+        """Of (model, data) at one state after the other, whose third vector is the data's ``name``."""
+        model, data, (positions, velocities) = self.model, self.data, self._loaded.addresses
+        found = np.empty((len(self._rows), 2, model.nv, model.nv))
+
+        def compute() -> Array:
+            for state, (q, v, third) in enumerate(self._rows):
+                data.qpos[positions], data.qvel[velocities], getattr(data, name)[velocities] = q, v, third
+                found[state] = derivatives(model, data)
+            return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
+
+        return compute
+
+
+def _transition(is_centred: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+    import mujoco
+
+    batch = _Mujoco(scene, states, third)
+    nv = batch.model.nv
+    matrix = np.zeros((2 * nv, 2 * nv))
+
+    def derivatives(model: Any, data: Any) -> tuple[Array, Array]:
+        mujoco.mjd_transitionFD(model, data, step, is_centred, matrix, None, None, None)
+        return matrix[nv:, :nv].copy(), matrix[nv:, nv:] - np.eye(nv)
+
+    return batch.one_by_one("qfrc_applied", derivatives)
+
+
+def _inverse(scene: Scene, states: States, third: Array, step: float) -> Compute:
+    import mujoco
+
+    batch = _Mujoco(scene, states, third)
+    by_position, by_velocity = np.zeros((2, batch.model.nv, batch.model.nv))
+
+    def derivatives(model: Any, data: Any) -> tuple[Array, Array]:
+        mujoco.mjd_inverseFD(model, data, step, False, by_position, by_velocity, None, None, None, None, None)
+        return by_position.T, by_velocity.T
+
+    return batch.one_by_one("qacc", derivatives)
+
+
+def _method(name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False) -> DerivativeMethod:
+    loop = {"urdf": "Python", "mjcf": "Python", EQUATIONS: "machine code"}[format]
+    return DerivativeMethod(name, format, inverse, prepare, loop, in_body, STEPS if differences else ())
+
+
+COMPILED = _method("heyoka derivatives of qdd", EQUATIONS, partial(_compiled, False), inverse=False)
+COMPILED_INVERSE = _method("heyoka derivatives of tau", EQUATIONS, partial(_compiled, True), inverse=True)
+ABA = _method("pinocchio computeABADerivatives", "urdf", partial(_pinocchio, False), inverse=False, in_body=True)
+RNEA = _method("pinocchio computeRNEADerivatives", "urdf", partial(_pinocchio, True), inverse=True, in_body=True)
+DIFFERENCES_OF_ABA = _method(
+    "central differences of pinocchio aba", "urdf", partial(_differences_of_pinocchio, False), inverse=False, in_body=True, differences=True
+)
+DIFFERENCES_OF_RNEA = _method(
+    "central differences of pinocchio rnea", "urdf", partial(_differences_of_pinocchio, True), inverse=True, in_body=True, differences=True
+)
+TRANSITION = _method("mujoco mjd_transitionFD", "mjcf", partial(_transition, False), inverse=False, differences=True)
+CENTRED_TRANSITION = _method("mujoco mjd_transitionFD, centred", "mjcf", partial(_transition, True), inverse=False, differences=True)
+INVERSE = _method("mujoco mjd_inverseFD", "mjcf", _inverse, inverse=True, differences=True)

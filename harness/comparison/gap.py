@@ -1,0 +1,198 @@
+"""The gap between two computed motions, and what each cause has in it.
+
+Each motion follows from equations (a file, as the engine's reader has it), an integrator's rule and a step length, and from the rounding
+of an engine. With all three of one motion and those of the other, and every mixture of them, the rule's own motion is followed in
+balls. A cause's share is the mean, over all orders in which the causes are exchanged one after the other, of what its exchange does
+(Shapley's value): the shares and the rounding of both engines sum to the gap. They are vectors in the coordinates of the exponential map
+at the end of the first declared motion, of which the parts along the gap are given, by the kinetic-energy norm.
+
+Source: Shapley, A value for n-person games, Contributions to the Theory of Games II (1953).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.declared_motion import DeclaredMotion
+from harness.certify.forward_mode import values
+from harness.equations.program import upper_triangle
+from harness.models.step_rule import StepRule
+from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share
+from harness.robots.step_forces import StepForces
+
+CAUSES = (DYNAMICS, INTEGRATOR, STEP)
+# Bits of what is worked out of ends: more than any end is known to.
+_BITS = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One of the two motions.
+
+    Attributes:
+        forces: of the equations; v and q as those of the other. rule: with its step length; steps: how many of them.
+        q, v: where the engine ended, (nq,) and (nv,).
+    """
+
+    forces: StepForces
+    rule: StepRule
+    steps: int
+    q: Array
+    v: Array
+
+
+# Positions and velocities as ``arb``.
+End = tuple[Sequence[Any], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of a gap, and its sizes; attributes as of ``harness.results.gap.Gap``."""
+
+    shares: tuple[Share, ...]
+    of_positions: float
+    of_velocities: float
+    moved: float
+    speed: float
+
+
+def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequence[int]) -> Shares:
+    """The shares of the gap between two motions from q (nq,) and v (nv,); ``attitudes`` as of ``steps_program``.
+
+    Raises:
+        ValueError: a declared motion is not certain.
+    """
+    import flint
+
+    ends: dict[tuple[Any, ...], End] = {}
+
+    def end(chosen: Sequence[Motion]) -> End:
+        """The declared end with equations, integrator and step of these motions."""
+        of_forces, of_rule, of_length = chosen
+        rule = StepRule(**{**vars(of_rule.rule), "length": of_length.rule.length})
+        key = of_forces.forces.program.key, of_forces.forces.parameters, rule, of_length.steps
+        if key not in ends:
+            motion = DeclaredMotion(of_forces.forces, attitudes, rule)
+            ends[key] = motion.end(q.tolist(), v.tolist(), of_length.steps)
+        return ends[key]
+
+    origin = end((first,) * 3)
+    with flint.ctx.workprec(_BITS):
+
+        def coordinates(of: End) -> Array:
+            return np.array([*_displacement(origin[0], of[0], attitudes), *(a - b for a, b in zip(of[1], origin[1], strict=True))])
+
+        at = {chosen: coordinates(end(chosen)) for chosen in itertools.product((first, second), repeat=len(CAUSES))}
+        reached = [coordinates(_exactly(motion)) for motion in (first, second)]
+        exchanges = {cause: _exchanges(at, place, second) for place, cause in enumerate(CAUSES)}
+        rounding = [_floats(-reached[0]), _floats(reached[1] - at[(second,) * len(CAUSES)])]
+        gap = _floats(reached[1] - reached[0])
+        travelled = _floats(-coordinates((q.tolist(), v.tolist())))
+    norm = _Norm(first, [float(ball) for ball in origin[0]], v)
+    found = []
+    for cause, weighted in exchanges.items():
+        mean = np.sum([weight * change for weight, change in weighted], axis=0)
+        found.append(norm.share(cause, mean, gap, [change for _, change in weighted]))
+    found += [norm.share(f"{which} engine beside its rule", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
+    speed = norm.sizes(np.concatenate([np.zeros(len(v)), [float(ball) for ball in origin[1]]]))[1]
+    return Shares(tuple(found), *norm.sizes(gap), moved=norm.sizes(travelled)[0], speed=speed)
+
+
+def _exchanges(at: Mapping[tuple[Motion, ...], Array], place: int, second: Motion) -> list[tuple[float, Array]]:
+    """What the exchange of one cause does after each choice of the others, with the part of all orders in which it comes so."""
+    found = []
+    for chosen, before in at.items():
+        if chosen[place] is not second:
+            after = at[(*chosen[:place], second, *chosen[place + 1 :])]
+            count = sum(one is second for one in chosen)
+            weight = math.factorial(count) * math.factorial(len(CAUSES) - count - 1) / math.factorial(len(CAUSES))
+            found.append((weight, _floats(after - before)))
+    return found
+
+
+def _exactly(motion: Motion) -> End:
+    import flint
+
+    return [flint.arb(x) for x in motion.q.tolist()], [flint.arb(x) for x in motion.v.tolist()]
+
+
+def _floats(balls: Array) -> Array:
+    return np.array([float(ball) for ball in balls])
+
+
+def _displacement(start: Sequence[Any], end: Sequence[Any], attitudes: Sequence[int]) -> list[Any]:
+    """The tangent vector, (nv,), from positions to others: a rotation as its vector in the body's frame."""
+    found: list[Any] = []
+    place = 0
+    while place < len(start):
+        if len(found) in attitudes:
+            found += _turn(start[place : place + 4], end[place : place + 4])
+            place += 4
+        else:
+            found.append(end[place] - start[place])
+            place += 1
+    return found
+
+
+def _turn(start: Sequence[Any], end: Sequence[Any]) -> list[Any]:
+    import flint
+
+    (w, *a), (u, *b) = ([flint.arb(x) for x in quaternion] for quaternion in (start, end))
+    scalar = w * u + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    crossed = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    vector = [w * y - u * x - z for x, y, z in zip(a, b, crossed, strict=True)]
+    square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+    if square.contains(0):
+        return [2 * x / scalar for x in vector]
+    sine = square.sqrt()
+    sign = 1 if scalar > 0 else -1
+    factor = 2 * sign * flint.arb.atan2(sine, sign * scalar) / sine
+    return [factor * x for x in vector]
+
+
+class _Norm:
+    """The kinetic-energy norm at the end of a motion."""
+
+    def __init__(self, motion: Motion, q: Sequence[float], v: Array) -> None:
+        program, nv = motion.forces.program, len(v)
+        inputs = [*q, *[0.0] * (2 * nv + 1), *map(float, motion.forces.parameters)]
+        entries = values(program, np.array(inputs)[:, None])["mass"][:, 0]
+        self._mass = np.zeros((nv, nv))
+        for (i, j), entry in zip(upper_triangle(nv), entries, strict=True):
+            self._mass[i, j] = self._mass[j, i] = entry
+
+    def product(self, one: Array, other: Array) -> tuple[float, float]:
+        """Of positions and of velocities."""
+        (a, b), (c, d) = np.split(one, 2), np.split(other, 2)
+        return float(a @ self._mass @ c), float(b @ self._mass @ d)
+
+    def sizes(self, vector: Array) -> tuple[float, float]:
+        of_positions, of_velocities = self.product(vector, vector)
+        return math.sqrt(of_positions), math.sqrt(of_velocities)
+
+    def share(self, name: str, vector: Array, gap: Array, alternatives: Sequence[Array] = ()) -> Share:
+        """The part of a vector along the gap; ``alternatives`` stand for the same in other orders."""
+        whole = self.product(gap, gap)
+
+        def parts(of: Array) -> tuple[float, float]:
+            along = self.product(of, gap)
+            return along[0] / whole[0] if whole[0] else 0.0, along[1] / whole[1] if whole[1] else 0.0
+
+        spread = np.ptp([parts(one) for one in alternatives], axis=0).max() if alternatives else 0.0
+        of_positions, of_velocities = self.sizes(vector)
+        positions, velocities = parts(vector)
+        return Share(
+            name=name,
+            positions=positions,
+            velocities=velocities,
+            of_positions=of_positions,
+            of_velocities=of_velocities,
+            by_order=float(spread),
+        )

@@ -1,0 +1,269 @@
+"""Two motions of robots' files by engines and their integrators, as a study for worker processes; the gap is that of ``gap``."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.accounting import fold
+from harness.comparison.callers import find_callers
+from harness.comparison.gap import Motion, shares_of
+from harness.comparison.matching import match, renamed_to
+from harness.comparison.meshes import compiled_meshes
+from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
+from harness.comparison.questions import Refused
+from harness.comparison.readings import find_readings
+from harness.comparison.same_states import SameStates
+from harness.comparison.states import asked_joints, request_of
+from harness.equations.states import States
+from harness.errors import InvalidModel, InvalidRequest
+from harness.library import nearest
+from harness.models.step_rule import StepRule
+from harness.models.xml import read_any
+from harness.motion.trajectories import Start
+from harness.results.gap import Gap, Gaps, Mover
+from harness.robots.mechanism import mechanism_of
+from harness.robots.robot import Robot, read_robot
+from harness.robots.step_forces import step_forces
+from harness.study import Part, Rounds
+from harness.workers import Outcome, Task
+
+_FORM = re.compile(r"(?P<engine>[^/@]+)/(?P<integrator>[^/@]+)(?:@(?P<length>[^/@]+))?")
+# Of two step lengths, relative: those that are multiples in decimals are so in float64 but for a rounding.
+_ALIKE = 1e-12
+
+
+@dataclass(frozen=True)
+class By:
+    """Who moves a file: an engine, its integrator, and the step length [s], None for that of the file."""
+
+    engine: str
+    integrator: str
+    length: float | None = None
+
+    @classmethod
+    def parsed(cls, text: str) -> By:
+        """From ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@LENGTH.
+
+        Raises:
+            InvalidRequest: it is neither, or no engine moves robots by that name.
+        """
+        form = _FORM.fullmatch(text)
+        try:
+            length = float(form["length"]) if form and form["length"] else None
+        except ValueError:
+            form = None
+        if form is None or (length is not None and not 0 < length < np.inf):
+            raise InvalidRequest(f"{text!r}: expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS, as mujoco/RK4@0.001")
+        if form["engine"] not in (known := find_callers()):
+            raise InvalidRequest(f"no engine is called {form['engine']!r}; {nearest(form['engine'], known)}")
+        return cls(form["engine"], form["integrator"], length)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Two motions: of ``paths``, one for both or one each, by ``by``; ``steps`` of the first, of the second as many as last as long.
+
+    ``start`` is {"q": [...], "v": [...]} by the joints of the first file, as JSON, "" for a moderate one that moves every joint;
+    ``renamed`` as of ``harness.comparison.study``.
+    """
+
+    paths: tuple[Path, Path]
+    by: tuple[By, By]
+    steps: int
+    floating_base: bool = False
+    renamed: tuple[tuple[str, str], ...] = ()
+    start: str = ""
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One motion before it is computed: the robot of the file and as its reader has it, the rule, and how many steps."""
+
+    robot: Robot
+    read: Robot
+    readings: tuple[str, ...]
+    engine: str
+    rule: StepRule
+    steps: int
+
+
+class GapStudy(Rounds):
+    """The gap between two motions."""
+
+    title, steps = "gap", 3
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        self.settings = settings
+        self._cases: tuple[_Case, ...] = ()
+        self._ends: dict[int, tuple[Array, Array]] = {}
+        self._start: tuple[Array, Array] | None = None
+        self._found = Gaps()
+
+    def result(self) -> Gaps:
+        return self._found
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        yield [Task((self._take_cases,), _prepare, (self.settings,))]
+        if self._start is not None:
+            yield [Task((self._take_end, number), _move, (case, *self._start, self._names)) for number, case in enumerate(self._cases)]
+        if len(self._ends) == len(self._cases) == 2 and self._start is not None:
+            yield [Task((self._take_gap,), _gap, (self._cases, *self._start, self._names, self._ends[0], self._ends[1]))]
+
+    def _take_cases(self, outcome: Outcome) -> Iterable[Part]:
+        if not self._fails(outcome):
+            self._cases, self._names, self._start = outcome.value
+        return []
+
+    def _take_end(self, outcome: Outcome, number: int) -> Iterable[Part]:
+        if self._fails(outcome):
+            return []
+        self._ends[number] = outcome.value
+        return [Part(f"motion of {self.settings.by[number].engine}", Gaps())]
+
+    def _take_gap(self, outcome: Outcome) -> Iterable[Part]:
+        if self._fails(outcome):
+            return []
+        self._found.gaps.append(outcome.value)
+        return [Part("shares", Gaps(gaps=[outcome.value]))]
+
+    def _fails(self, outcome: Outcome) -> bool:
+        failure = self.failure(outcome)
+        if failure and not isinstance(outcome.exception, InvalidModel):
+            self.report(InvalidRequest(str(outcome.exception) if isinstance(outcome.exception, InvalidRequest) else failure))
+        return bool(failure)
+
+
+# Tasks for worker processes.
+
+
+def _prepare(settings: Settings, note: Callable[[str], None]) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
+    """Both cases, the joints of the first, and where both start."""
+    robots = [read_robot(path, floating_base=settings.floating_base, compile_meshes=compiled_meshes) for path in settings.paths]
+    matching = match(robots[0], robots[1], dict(settings.renamed))
+    if matching.problem:
+        raise InvalidRequest(f"the files are not one robot: {matching.problem}")
+    robots[1] = renamed_to(robots[1], {other: one for one, other in matching.names.items()})
+    rules = [_rule(robot, by) for robot, by in zip(robots, settings.by, strict=True)]
+    if any(rule in OWN_RULES for rule in rules) and not any(by.length for by in settings.by):
+        # One's own steps are as long as those of the other.
+        length = next((rule.length for rule in rules if rule not in OWN_RULES), LENGTH)
+        rules = [replace(rule, length=length) for rule in rules]
+    counts = (settings.steps, _as_long(settings.steps, rules[0].length, rules[1].length))
+    cases = tuple(_case(*each) for each in zip(robots, settings.by, rules, counts, strict=True))
+    mechanism = mechanism_of(cases[0].read)
+    start = Start.of(mechanism)
+    q, v = start.q, start.v
+    if settings.start:
+        q, v = _given(settings.start, len(q), len(v))
+    names = cases[0].read.joints
+    _hold_coordinates(cases[0].read, cases[1].read, q, v)
+    return (cases[0], cases[1]), names, (q, v)
+
+
+def _given(text: str, nq: int, nv: int) -> tuple[Array, Array]:
+    try:
+        found = json.loads(text)
+        q, v = (np.array(found[name], dtype=np.float64) for name in ("q", "v"))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidRequest(f'{text!r}: expected {{"q": [...], "v": [...]}}') from error
+    if (q.shape, v.shape) != ((nq,), (nv,)):
+        raise InvalidRequest(f"the start has {q.size} positions and {v.size} velocities; expected {nq} and {nv}")
+    return q, v
+
+
+def _rule(robot: Robot, by: By) -> StepRule:
+    caller = find_callers()[by.engine]
+    own = getattr(caller, "step_rules", None)
+    rules = OWN_RULES if own is None else own(read_any(robot.path, "a model").root, robot.format)
+    known = {rule.name: rule for rule in rules}
+    if by.integrator not in known:
+        whose = "" if own is not None else f" of one's own by {by.engine}'s accelerations"
+        raise InvalidRequest(f"no integrator{whose} is called {by.integrator!r}; {nearest(by.integrator, known)}")
+    rule = known[by.integrator]
+    return rule if by.length is None else replace(rule, length=by.length)
+
+
+def _as_long(steps: int, length: float, other: float) -> int:
+    count = round(steps * length / other)
+    if count < 1 or abs(count * other - steps * length) > _ALIKE * steps * length:
+        raise InvalidRequest(f"{steps} steps of {length:g} s are no whole number of steps of {other:g} s; choose steps that end together")
+    return count
+
+
+def _case(robot: Robot, by: By, rule: StepRule, steps: int) -> _Case:
+    if unread := sorted({joint.kind for joint in robot.tree.joints} - {"hinge", "slide", "ball", "free"}):
+        raise InvalidRequest(f"{robot.path.name} has a {unread[0]} joint, which no rule moves")
+    if any(joint.follows for joint in robot.tree.joints) or robot.equalities:
+        raise InvalidRequest(f"{robot.path.name} ties joints beside its tree; the gap is that of trees")
+    if not all(joint.is_measured_in_the_world for joint in asked_joints(robot.tree)):
+        raise InvalidRequest(f"{robot.path.name} measures a free joint in a frame of its own; put it into the world")
+    folded = fold(robot, find_readings(by.engine, robot.format))
+    if set(folded.robot.joints) != set(robot.joints):
+        raise InvalidRequest(f"{by.engine} reads other joints from {robot.path.name} than it has")
+    return _Case(robot, folded.robot, tuple(reading.sentence for reading, _ in folded.applied), by.engine, rule, steps)
+
+
+def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
+    """Refuse robots whose coordinates have other values at the same state."""
+    states = States.at(q, v, np.zeros_like(v))
+    second = replace(second, joints=first.joints)
+    other = SameStates(first, second).of_second(states)
+    if not (np.array_equal(other.q, states.q) and np.array_equal(other.v, states.v)):
+        raise InvalidRequest("the files measure a ball or free joint in frames that are turned against each other")
+
+
+def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[[str], None]) -> tuple[Array, Array]:
+    """Where the engine ends, by the joints ``names``."""
+    joints = asked_joints(case.robot.tree)
+    own = {joint.name: joint for joint in asked_joints(case.robot.tree, names)}
+    positions = [place for joint in joints for place in own[joint.name].positions]
+    velocities = [place for joint in joints for place in own[joint.name].velocities]
+    try:
+        loaded = find_callers()[case.engine].load(request_of(case.robot, aided=False))
+    except Refused as refusal:
+        raise InvalidRequest(f"{case.engine} refuses {case.robot.path.name}: {refusal}") from refusal
+    given = q[positions], v[velocities]
+    if hasattr(loaded, "advanced"):
+        after_q, after_v = loaded.advanced(*given, case.rule, case.steps)
+    else:
+        after_q, after_v = advanced(loaded, joints, *given, case.rule, case.steps)
+    found_q, found_v = np.empty_like(q), np.empty_like(v)
+    found_q[positions], found_v[velocities] = after_q, after_v
+    if not (np.isfinite(found_q).all() and np.isfinite(found_v).all()):
+        raise InvalidRequest(f"the motion of {case.engine} by {case.rule.name} breaks down within {case.steps} steps")
+    return found_q, found_v
+
+
+def _gap(
+    cases: Sequence[_Case],
+    q: Array,
+    v: Array,
+    names: Sequence[str],
+    first: tuple[Array, Array],
+    second: tuple[Array, Array],
+    note: Callable[[str], None],
+) -> Gap:
+    motions = [
+        Motion(step_forces(case.read.tree, names), case.rule, case.steps, *end) for case, end in zip(cases, (first, second), strict=True)
+    ]
+    found = shares_of(motions[0], motions[1], q, v, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)
+    movers = [
+        Mover(
+            path=str(case.robot.path),
+            engine=case.engine,
+            integrator=case.rule.name,
+            length=case.rule.length,
+            steps=case.steps,
+            readings=case.readings,
+        )
+        for case in cases
+    ]
+    return Gap(first=movers[0], second=movers[1], start={"q": q.tolist(), "v": v.tolist()}, **vars(found))

@@ -1,0 +1,98 @@
+"""What the gap between two computed motions is made of, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from harness.results.study_result import StudyResult
+from harness.results.table import Column, Table, error_text
+
+DYNAMICS, INTEGRATOR, STEP = "dynamics", "integrator", "step length"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mover:
+    """Who computed a motion: ``steps`` steps of ``length`` [s] on the file at ``path``; ``readings`` are what its reader makes of that."""
+
+    path: str
+    engine: str
+    integrator: str
+    length: float
+    steps: int
+    readings: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        return f"{self.engine}/{self.integrator}, {self.steps} steps of {self.length:g} s, {self.path}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """A share of the gap: of each half the part of the whole that lies along it, which all sum to 1, and its own size.
+
+    Attributes:
+        name: what causes it. positions, velocities: the parts. of_positions, of_velocities: sizes in the kinetic-energy norm.
+        by_order: the largest that a part changes by with the order in which the causes are exchanged.
+    """
+
+    name: str
+    positions: float
+    velocities: float
+    of_positions: float
+    of_velocities: float
+    by_order: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """The difference of two motions at their end.
+
+    Attributes:
+        of_positions, of_velocities: its size in the kinetic-energy norm; moved, speed: of how far the first moved, and how fast it is.
+        start: q and v, by the joints of the first file.
+    """
+
+    first: Mover
+    second: Mover
+    start: dict[str, list[float]]
+    of_positions: float
+    of_velocities: float
+    moved: float
+    speed: float
+    shares: tuple[Share, ...]
+
+    @property
+    def table(self) -> Table:
+        """A row for each share, and their sum."""
+        rows = [(one.name, one.positions, one.velocities) for one in self.shares]
+        rows.append(("all", *(sum(values) for values in list(zip(*rows, strict=True))[1:])))
+        cells = [[name, _percent(positions), _percent(velocities)] for name, positions, velocities in rows]
+        return Table(["share", Column("of the gap in positions", "plain"), Column("in velocities", "plain")], cells)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the table leaves out, a sentence each."""
+        parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
+        sizes = [f"{error_text(size / whole if whole else None)} of the motion in {name}" for size, whole, name in parts]
+        found = [f"gap: {' and '.join(sizes)}, by the kinetic-energy norm"]
+        varying = max(self.shares, key=lambda one: one.by_order, default=None)
+        if varying is not None and varying.by_order > 0.01:
+            found.append(
+                f"causes act together: in another order the share of {varying.name} is another by up to {_percent(varying.by_order)}"
+            )
+        return found
+
+
+def _percent(part: float) -> str:
+    """In percent, to a hundredth of one; what is less, and not nothing, to two digits."""
+    return f"{100 * part:.2f} %" if not part or abs(part) >= 5e-5 else f"{100 * part:.1e} %"
+
+
+@dataclass(kw_only=True)
+class Gaps(StudyResult):
+    """The gap that a run found."""
+
+    STUDY: ClassVar[str] = "gap"
+
+    gaps: list[Gap] = field(default_factory=list)

@@ -1,0 +1,180 @@
+"""Callers are found by their files, and asked where their engine is: a toy's in an environment of its own."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import toy_engine
+from comparison.robots import FILES
+from support import BUILT_IN, InThisProcess
+
+from harness.comparison import callers, readings
+from harness.comparison.asking import ask_engine, robot_subjects
+from harness.comparison.callers import CallersLibrary, caller_of, find_callers, pinocchio
+from harness.comparison.questions import Refused
+from harness.comparison.robot_library import RobotLibrary
+from harness.comparison.study import RobotComparison, Settings
+from harness.engines import describe_engines, load_engine, runs_elsewhere
+from harness.errors import InvalidRequest
+from harness.results.comparison import SubjectRecord
+from harness.study import run_study
+from harness.workers import Workers
+
+# What is right, what has a wrong number, and what leaves the damper out; a version whose program has no such function.
+VERSIONS = {
+    "1.0": toy_engine.RIGHT,
+    "1.1": toy_engine.HEAVIER,
+    "1.2": toy_engine.RIGHT.replace("-0.3 * v", "0.0 * v"),
+    "1.3": toy_engine.LACKING.replace("def mass", "def masses"),
+}
+CALLER = """
+import numpy as np
+from harness.comparison.aided import AidedEngine
+from harness.comparison.callers._state_by_state import StateByState
+from harness.comparison.questions import Caller, Refused
+
+class ToyCaller(Caller):
+    engine = "toy"
+    formats = ("urdf",)
+    requires = ("toy_engine", "toy-engine")
+    optional = True
+    factorises_mass_matrix = True
+    supplied = {"urdf": "dampers"}
+    why_no_equalities = "it has none"
+    call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
+
+    def load(self, request):
+        if len(request.joints) > 1:
+            raise Refused("one joint, no more", request.joints[1].name)
+        return LoadedRobot(request, {"pin": 0}, 1)
+
+class LoadedRobot(StateByState):
+    def __init__(self, *given):
+        import toy_engine
+        super().__init__(*given)
+        # A version that leaves dampers out is supplied with them.
+        self.applies_dampers = toy_engine.__version__ != "1.2"
+
+    def _go_to(self, q, v):
+        self.q, self.v = q, v
+
+    def _mass_matrix(self):
+        import toy_engine
+        return np.diag(toy_engine.mass(self.q))
+
+    def _bias(self):
+        import toy_engine
+        return toy_engine.weight(self.q) - toy_engine.friction(self.v)
+
+CALLER = ToyCaller()
+ENGINE = AidedEngine(CALLER)
+"""
+READINGS = """
+from harness.comparison.readings import _left_out
+READINGS = (_left_out.dampers("toy", ("urdf",), "The toy applies no damping", "its own text, a few lines in a test"),)
+"""
+BAR = BUILT_IN.model_path("bar_pendulum", "urdf")
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder of readings, none in it, where the toy has a caller and environments."""
+    root = tmp_path_factory.mktemp("toy")
+    (root / "callers").mkdir()
+    (root / "readings").mkdir()
+    (root / "callers" / "toy.py").write_text(CALLER)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(root / "cache"))
+        patch.setattr(callers, "__path__", [*callers.__path__, str(root / "callers")])
+        patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
+        for version, source in VERSIONS.items():
+            toy_engine.plant(version, source)
+        describe_engines(CallersLibrary.without_files(), Workers)
+        yield root / "readings"
+    describe_engines(CallersLibrary.without_files(), Workers)
+
+
+def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:
+    study = RobotComparison(Settings([path], states=8, subjects=subjects))
+    for _ in run_study(study, InThisProcess()):
+        pass
+    assert not study.faults
+    return {(one.subject, one.kind): one for one in study.result().subjects}
+
+
+def test_a_caller_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
+    assert "toy" in find_callers()
+    assert runs_elsewhere(load_engine(CallersLibrary.without_files(), "toy@1.0"))
+    records = compared(BAR, "toy@1.0/urdf", "pinocchio/urdf")
+    assert list(records) == [(engine, kind) for engine in ("pinocchio/urdf", "toy@1.0/urdf") for kind in ("plain", "aided")]
+    assert {records["toy@1.0/urdf", kind].outcome for kind in ("plain", "aided")} == {"agrees"}
+
+
+def test_a_wrong_number_of_an_engine_elsewhere_is_unexplained(toy: Path) -> None:
+    records = compared(BAR, "toy@1.1/urdf")
+    for record in records.values():
+        assert record.outcome == "unexplained" and record.rest
+
+
+def test_what_an_engine_elsewhere_leaves_out_is_a_reading_of_its_file_or_unexplained(toy: Path) -> None:
+    assert compared(BAR, "toy@1.2/urdf")["toy@1.2/urdf", "plain"].outcome == "unexplained"
+    declared = toy / "toy_dampers.py"
+    declared.write_text(READINGS)
+    importlib.invalidate_caches()
+    try:
+        records = compared(BAR, "toy@1.2/urdf")
+    finally:
+        declared.unlink()
+    plain = records["toy@1.2/urdf", "plain"]
+    assert plain.outcome == "explained" and [one.name for one in plain.readings] == ["joint damping"]
+    assert records["toy@1.2/urdf", "aided"].outcome == "agrees"
+
+
+def test_what_a_version_lacks_and_what_it_refuses_are_told(toy: Path) -> None:
+    lacking = compared(BAR, "toy@1.3/urdf")["toy@1.3/urdf", "plain"]
+    assert lacking.outcome == "refused" and lacking.message == "toy_engine 1.3 has no mass"
+    refused = compared(FILES / "arm.urdf", "toy@1.0/urdf")["toy@1.0/urdf", "plain"]
+    assert refused.outcome == "refused" and refused.message == "one joint, no more"
+
+
+def test_by_default_every_engine_is_asked_that_is_installed_anywhere(toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = {str(one) for one in robot_subjects()}
+    assert {"toy/urdf", "mujoco/urdf", "mujoco/mjcf", "pinocchio/urdf"} <= asked and "drake/urdf" not in asked
+    assert any("toy/urdf, aided: dampers" in remark for remark in RobotLibrary.of([str(BAR)]).remarks())
+    with pytest.raises(InvalidRequest, match=r"harness engines add toy==9\.0"):
+        robot_subjects(["toy@9.0/urdf"])
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    describe_engines(CallersLibrary.without_files(), Workers)
+    assert not any(str(one).startswith("toy") for one in robot_subjects())
+    assert "not installed; harness engines add toy" in ask_engine("toy", None).refusal  # type: ignore[arg-type]
+    monkeypatch.undo()
+    describe_engines(CallersLibrary.without_files(), Workers)
+
+
+def test_no_engines_presence_changes_what_another_is_asked_and_answers(toy: Path) -> None:
+    alone, beside = compared(FILES / "arm.urdf", "mujoco/urdf"), compared(FILES / "arm.urdf", "mujoco/urdf", "toy@1.0/urdf")
+    assert all(beside[key] == record for key, record in alone.items())
+
+
+def test_a_caller_of_a_version_goes_by_its_name() -> None:
+    assert caller_of("mujoco@3.13.0").engine == "mujoco@3.13.0" and find_callers()["mujoco"].engine == "mujoco"
+    names = [[one.name for one in readings.find_readings(engine, "urdf")] for engine in ("mujoco@3.13.0", "mujoco")]
+    assert names[0] == names[1] and names[0]
+
+
+def test_an_engine_with_the_reader_of_another_has_its_readings() -> None:
+    own = {one.name for one in readings.find_readings("mjx", "mjcf")}
+    assert {one.name for one in readings.find_readings("mjx", "mjcf", "mujoco")} > own
+    assert caller_of("mjx").reader == "mujoco"
+
+
+def test_a_refusal_at_a_state_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: object) -> None:
+        raise Refused("not in continuous time")
+
+    monkeypatch.setattr(pinocchio._Run, "compute", refuse)
+    answers = {kind: record for (_, kind), record in compared(FILES / "arm.urdf", "pinocchio/urdf").items()}
+    assert {one.message for one in answers.values()} == {"not in continuous time"}

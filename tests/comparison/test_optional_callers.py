@@ -1,0 +1,104 @@
+"""Optional engines on robots' files, each in an environment of its own: what they answer is explained, and a wrong number is not."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from comparison.robots import FILES, edited, meant_by
+from robot_files import EVERYTHING
+
+from harness.comparison import judgement
+from harness.comparison.asking import ask_engine
+from harness.comparison.callers import CallersLibrary, caller_of, find_callers
+from harness.comparison.study import question_of
+from harness.engines import describe_engines
+from harness.engines.adam import with_origins
+from harness.results.comparison import SubjectRecord
+from harness.workers import Workers
+
+pytestmark = pytest.mark.nightly
+
+OPTIONAL = {name: caller.formats for name, caller in find_callers().items() if caller.optional}
+URDF, MJCF = (sorted(name for name, formats in OPTIONAL.items() if kind in formats) for kind in ("urdf", "mjcf"))
+# What a plain engine reads otherwise in a file whose joints have dampers.
+OTHERWISE = {"adam": "gravity", "dartpy": "implicit dampers", "idyntree": "joint damping", "pybullet": "inertia of collision shapes"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Environments that are made once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(tmp_path_factory.getbasetemp() / "environments"))
+        yield
+    describe_engines(CallersLibrary.without_files(), Workers)
+    _install.cache_clear()
+
+
+@functools.cache
+def _install(engine: str) -> None:
+    subprocess.run([sys.executable, "-m", "harness", "engines", "add", engine], check=True)
+
+
+def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
+    """The record on a file of what an engine answers on it, or on the file ``asked`` instead."""
+    _install(engine)
+    found, other = meant_by(path, floating_base), meant_by(asked or path, floating_base)
+    return judgement.judge(found, ask_engine(engine, question_of(other, aided)), caller_of(engine), aided)
+
+
+def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:
+    """A copy of the arm's URDF with every origin written out, without which adam reads no file."""
+    path = edited(FILES / "arm.urdf", folder, *changes)
+    path.write_text(with_origins(path.read_bytes()))
+    return path
+
+
+@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("name", ["arm", "mimic", "massless_foot", "impossible", "planar"])
+@pytest.mark.parametrize("engine", URDF)
+def test_every_answer_on_a_urdf_agrees_or_is_explained_or_refused(engine: str, name: str, aided: bool) -> None:
+    record = record_of(engine, FILES / f"{name}.urdf", aided=aided)
+    assert record.explained and record.outcome in ("agrees", "explained", "refused"), record
+
+
+@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("name", ["arm.xml", ""])
+@pytest.mark.parametrize("engine", MJCF)
+def test_every_answer_on_an_mjcf_agrees_or_is_explained_or_refused(engine: str, name: str, aided: bool, tmp_path: Path) -> None:
+    path = FILES / name if name else tmp_path / "everything.xml"
+    if not name:
+        path.write_text(EVERYTHING)
+    record = record_of(engine, path, aided=aided)
+    assert record.explained and record.outcome in ("agrees", "explained", "refused"), record
+
+
+@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("engine", URDF)
+def test_a_wrong_number_is_unexplained_and_named(engine: str, aided: bool, tmp_path: Path) -> None:
+    """The engine is asked about a copy in which one mass is another."""
+    (tmp_path / "other").mkdir()
+    path, other = arm(tmp_path), arm(tmp_path / "other", (('<mass value="1"/>', '<mass value="1.000001"/>'),))
+    record = record_of(engine, path, other, aided)
+    assert record.outcome == "unexplained" and "the engine behaves as with" in record.rest[0]
+
+
+@pytest.mark.parametrize("engine", sorted(OTHERWISE))
+def test_without_its_readings_a_plain_answer_is_unexplained(engine: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path = arm(tmp_path)
+    record = record_of(engine, path)
+    assert record.explained and OTHERWISE[engine] in {one.name for one in record.readings}
+    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    assert not record_of(engine, path).explained
+
+
+@pytest.mark.parametrize("engine", URDF)
+def test_a_floating_base_is_put_under_the_root(engine: str, tmp_path: Path) -> None:
+    base = '<link name="ground"><inertial><mass value="4"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    path = arm(tmp_path, (('<link name="ground"/>', base),))
+    record = record_of(engine, path, aided=True, floating_base=True)
+    assert record.outcome == ("refused" if engine == "pybullet" else "agrees"), record

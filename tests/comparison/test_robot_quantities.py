@@ -1,0 +1,50 @@
+"""What engines compute of a robot's file beside accelerations, held against the numbers of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from catalogue import BUILT_IN
+from support import InThisProcess, completed
+
+from harness.certify.quantities import Quantity, find_quantities, generalised_forces, motion
+from harness.comparison.callers import mujoco
+from harness.comparison.robot_library import RobotLibrary
+from harness.crosscheck.quantities import QuantityCheck
+from harness.crosscheck.settings import Settings
+from harness.results.cross_check import CrossCheckResult
+from harness.results.records import Record
+
+ARM = BUILT_IN.model_path("puma_560", "urdf")
+FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")
+QUANTITIES = [value for module in (generalised_forces, motion) for value in vars(module).values() if isinstance(value, Quantity)]
+
+
+def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Record]:
+    library = RobotLibrary.of([str(file)])
+    subjects = [f"{engine}/{library.formats_of(str(file))[0]}" for engine in ("mujoco", "pinocchio")]
+    study = QuantityCheck(Settings(library=library, states=8, subjects=subjects, examples=None), quantities)
+    result: CrossCheckResult = completed(study, InThisProcess())
+    return {(record.subject, record.quantity): record for record in result.records}
+
+
+def test_both_engines_agree_with_the_numbers_of_an_arm() -> None:
+    for (subject, quantity), record in checked(ARM, QUANTITIES).items():
+        assert record.verdict == "agrees", (subject, quantity, record.message)
+
+
+def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
+    records = checked(FLOATING, QUANTITIES)
+    for (subject, quantity), record in records.items():
+        assert record.as_expected and record.verdict in {"agrees", "unsupported"}, (subject, quantity, record.message)
+    assert records["mujoco/mjcf", "mass_matrix"].verdict == "agrees"
+    assert "in another frame" in records["pinocchio/mjcf", "mass_matrix"].message
+
+
+def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    right: Any = mujoco._Quantities.gravity
+    monkeypatch.setattr(mujoco._Quantities, "gravity", lambda self, q: -right(self, q))
+    record = checked(ARM, [find_quantities()["gravity"]])["mujoco/urdf", "gravity"]
+    assert record.verdict == "disagrees" and "gravity force on joint" in record.message
