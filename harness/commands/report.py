@@ -17,6 +17,8 @@ from harness.commands._options import STATES_OF_PROFILE
 def command(bracket: Bracket, profile: str) -> None:
     """Cross-check everything and write the report.
 
+    Accelerations are compared at all states, all other quantities at a few.
+
     \b
     Examples:
       harness report
@@ -33,9 +35,9 @@ def command(bracket: Bracket, profile: str) -> None:
         library=bracket.library, states=states, seed=bracket.seed, componentwise=True, replay_options=bracket.replay_options
     )
     bracket.begin(states, profile, CrossCheckResult)
-    study = cross_check(bracket, settings)
+    study = cross_check(bracket, settings, brief=True)
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
-    bracket.complete(Gallery(bracket.library, study.names, study.crashes))
+    bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes))
     bracket.write_page(bracket.number)
     finish(bracket, study)

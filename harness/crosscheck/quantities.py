@@ -22,8 +22,9 @@ from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import EQUATIONS, NotOffered
+from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.results.records import ACCELERATIONS, Record
+from harness.results.records import ACCELERATIONS, Record, SystemCard
 from harness.verdict import Verdict
 
 NOT_OFFERED = "not offered: "
@@ -62,6 +63,10 @@ class QuantityCheck(CrossCheck):
         if self._audits and not self.settings.library.is_of_robots:
             by_subject = {pair.subject: pair for pair in answering(system.pairs.values()) if pair.subject.format != EQUATIONS}
             self._hold(system, list(by_subject.values()))
+
+    def _described(self, system: System, mechanism: Mechanism) -> list[SystemCard]:
+        # A cross-check of accelerations says what there is to say.
+        return []
 
     # In place of the componentwise error: the number of the file that explains what disagrees.
 

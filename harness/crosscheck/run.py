@@ -27,12 +27,13 @@ from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.static_audit import find_differences, judge_differences
 from harness.engines import EQUATIONS, engine_files, is_native
+from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import replay_command
-from harness.results.records import Record
+from harness.results.records import Record, SystemCard
 from harness.study import Part, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome
@@ -235,8 +236,11 @@ class CrossCheck(Loading):
         if not system.pairs and system.mechanism is not None:
             # What there is to say of a mechanism stands with its system.
             if system.mechanism.name == self.settings.library.label(system.name):
-                self._found.systems.append(describe_system(system.mechanism, system.seconds, system.compilation_seconds))
+                self._found.systems += self._described(system, system.mechanism)
             system.mechanism = None
+
+    def _described(self, system: System, mechanism: Mechanism) -> list[SystemCard]:
+        return [describe_system(mechanism, system.seconds, system.compilation_seconds)]
 
     def _expectations_of(self, pair: Pair) -> Expectations:
         return self.expectations

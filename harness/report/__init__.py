@@ -67,7 +67,7 @@ def build(
         parts |= {"causes": [cause for _, cause in sorted(summary.causes.items())]} if summary.causes else {}
     parts |= {"benchmark": {"run": measured.run} | vars(measured.benchmark)} if measured else {}
     parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
-    records, cards = (summary.records, summary.cards) if summary else ([], {})
+    records, cards = ([*summary.records, *summary.further], summary.cards) if summary else ([], {})
     return {
         **_site(Pages(run, summary, measured, hard, robots)),
         "report.md": render_markdown(summary, measured, hard),

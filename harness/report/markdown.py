@@ -14,7 +14,7 @@ from harness.report import benchmark_tables, hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.summary import Summary, changes_table, states_of, trend_changes_table
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line, printable
 from harness.verdict import AGREEMENT
 
@@ -72,10 +72,11 @@ def _stable(summary: Summary) -> Iterator[str]:
         records = summary.of_system(system)
         errors = "worst backward error", "median backward error"
         yield records.table().only("subject", "verdict", "expected", "states", "states by verdict", *errors).markdown()
-        for record in records:
+        yield summary.quantities_on(system).markdown()
+        for record in [*records, *(one for one in summary.further if one.system == system and one.is_noteworthy)]:
             if record.message:
-                yield f"{markdown_line(record.subject)}, {record.verdict}:\n\n{_fenced(record.message)}"
-            if cause := summary.causes.get((system, record.subject)):
+                yield f"{markdown_line(record.asked)}, {record.verdict}:\n\n{_fenced(record.message)}"
+            if record.quantity == ACCELERATIONS and (cause := summary.causes.get((system, record.subject))):
                 yield from _diagnosis(cause)
 
 
@@ -179,7 +180,7 @@ def _fenced(text: str) -> str:
 
 
 def _pair(named: Record | SuperfluousPart) -> str:
-    return markdown_line(f"{named.system}, {named.subject}")
+    return markdown_line(f"{named.system}, {named.asked if isinstance(named, Record) else named.subject}")
 
 
 def _listed(record: Record) -> str:

@@ -75,8 +75,8 @@ class Pages:
         return {row.name: row.page for row in self.site.rows if row.kind != "robot"}
 
     @cached_property
-    def _cell_pages(self) -> dict[tuple[str, str], str]:
-        return {(cell.row, cell.column): cell.page for cell in self.site.cells}
+    def _cell_pages(self) -> dict[tuple[str, str, str], str]:
+        return {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
 
     @cached_property
     def _hard_anchors(self) -> dict[str, str]:
@@ -121,6 +121,8 @@ class Pages:
             card=summary.cards.get(row.name) if summary else None,
             picture=summary.pictures.get(row.name, "") if summary else "",
             records=records,
+            quantities=site_tables.quantities(self.site, row.name),
+            further=[record for record in summary.further if record.system == row.name and record.is_noteworthy] if summary else [],
             verdicts=summary.verdicts_on(row.name) if summary else None,
             trends=summary.trends_on(row.name) if summary else None,
             changes=site_trends.changes(self.site, row.name),

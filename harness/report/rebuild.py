@@ -95,19 +95,30 @@ def matrix(site: Data) -> Lines:
     lines = []
     for row in site["rows"]:
         line, absent = [row["name"]], "not run" if row["kind"] == "mechanism" else "not asked"
-        for column in site["columns"]:
-            cells = found.get((row["name"], column["name"]), [])
-            words = ["✗" if not all(cell["as_expected"] for cell in cells) else "", "; ".join(cell["outcome"] for cell in cells)]
-            for cell in cells:
-                error = cell["backward_error"]
-                words.append("" if error is None else error if isinstance(error, str) else error_text(error))
-                if not cell["as_expected"]:
-                    words.append(f"expected: {cell['expected']}")
-                elif cell["expected"] != "agrees":
-                    words.append("as expected")
-            line.append(" ".join(" ".join(words).split()) if cells else absent)
+        line += [matrix_text(found.get((row["name"], column["name"]), []), absent) for column in site["columns"]]
         lines.append([" ".join(text.split()) for text in line])
     return lines
+
+
+def matrix_text(cells: Sequence[Data], absent: str) -> str:
+    words = ["✗" if not all(cell["as_expected"] for cell in cells) else "", "; ".join(cell["outcome"] for cell in cells)]
+    for cell in cells:
+        error = cell["backward_error"]
+        words.append("" if error is None else error if isinstance(error, str) else error_text(error))
+        if not cell["as_expected"]:
+            words.append(f"expected: {cell['expected']}")
+        elif cell["expected"] != "agrees":
+            words.append("as expected")
+    return " ".join(" ".join(words).split()) if cells else absent
+
+
+def quantities(site: Data, row: str) -> Lines:
+    """The verdicts on a mechanism by quantity and subject, and the worst backward errors below them."""
+    found = {(cell["quantity"], cell["column"]): [cell] for cell in site["quantities"] if cell["row"] == row}
+    asked = {column for _, column in found}
+    columns = [column["name"] for column in site["columns"] if column["name"] in asked]
+    names = sorted({quantity for quantity, _ in found})
+    return [[name, *(matrix_text(found.get((name, column), []), "not asked") for column in columns)] for name in names]
 
 
 def engines(site: Data) -> Lines:
@@ -141,12 +152,12 @@ def features(site: Data, engine: str) -> Lines:
     own = [column["name"] for column in site["columns"] if column["engine"] == engine]
 
     def asked(cell: Data) -> list[str]:
-        return [*cell["features"], *([] if cell["quantity"] == "accelerations" else [cell["quantity"]])]
+        return cell["features"] if cell["quantity"] == "accelerations" else [cell["quantity"]]
 
-    lines = []
-    for feature in sorted({name for cell in site["cells"] for name in asked(cell)}):
+    lines, everything = [], [*site["cells"], *site["quantities"]]
+    for feature in sorted({name for cell in everything for name in asked(cell)}):
         for column in own:
-            cells = [cell for cell in site["cells"] if cell["column"] == column and feature in asked(cell)]
+            cells = [cell for cell in everything if cell["column"] == column and feature in asked(cell)]
             if cells:
                 lines.append([feature, column, *feature_line(feature, cells)])
     return [[" ".join(text.split()) for text in line] for line in lines]
@@ -242,6 +253,7 @@ def rebuilt(site: Data) -> dict[str, dict[str, Lines]]:
     replace("index.html", "Changed in the trend", changes(site, None))
     for row in site["rows"]:
         if row["kind"] != "robot":
+            replace(row["page"], "Other quantities on ", quantities(site, row["name"]))
             replace(row["page"], "Changed in the trend", changes(site, row["name"]))
             for table in site["tables"]:
                 if table["page"] == row["page"] and table["caption"].startswith("Trends of "):

@@ -36,11 +36,12 @@ def collect(
     rows = [*_mechanisms(summary, measured), *_robots(robots)]
     pages = {(row.kind == "robot", row.name): row.page for row in rows}
     cells = [*_cells(summary, pages), *_robot_cells(robots, pages)]
+    quantities = [*_quantity_cells(summary, pages)]
     about = {name: value for name, value in asdict(run).items() if isinstance(value, str | int)}
     nights, trends = site_trends.collect(rows, summary, measured)
     return Site(
         run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
-        counts=[*_counts(columns, cells)], features=[*_features(columns, cells)],
+        counts=[*_counts(columns, cells)], features=[*_features(columns, [*cells, *quantities])], quantities=quantities,
         findings=[*_findings(summary, measured), *_known({column.engine for column in columns})],
         nights=nights, trends=trends,
     )  # fmt: skip
@@ -99,26 +100,36 @@ def _cells(summary: Summary | None, pages: Mapping[tuple[bool, str], str]) -> It
     for record in summary.records:
         pair = record.system, record.subject
         cause = summary.causes.get(pair)
-        yield SiteCell(
-            row=record.system,
-            column=record.subject,
-            verdict=record.verdict,
-            expected=record.expected,
-            as_expected=record.as_expected,
-            outcome=record.verdict,
-            agrees=record.verdict == Verdict.AGREES,
-            quantity=record.quantity,
-            features=list(record.features),
-            states=record.states,
-            **_numbers(record),
-            reason=record.expected_reason,
-            link=record.expected_link,
-            message=record.message,
-            diagnosis=[] if cause is None else [cause.inference, *cause.terms, *(line for side in cause.sides for line in side)],
-            replay=record.replay,
-            reproducer=programs.get(pair, ""),
-            page=f"{pages[False, record.system]}#{places[record.subject]}",
-        )
+        diagnosis = [] if cause is None else [cause.inference, *cause.terms, *(line for side in cause.sides for line in side)]
+        yield _cell(record, f"{pages[False, record.system]}#{places[record.subject]}", diagnosis, programs.get(pair, ""))
+
+
+def _quantity_cells(summary: Summary | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
+    for record in summary.further if summary else ():
+        yield _cell(record, f"{pages[False, record.system]}#quantities")
+
+
+def _cell(record: Record, page: str, diagnosis: Sequence[str] = (), reproducer: str = "") -> SiteCell:
+    return SiteCell(
+        row=record.system,
+        column=record.subject,
+        verdict=record.verdict,
+        expected=record.expected,
+        as_expected=record.as_expected,
+        outcome=record.verdict,
+        agrees=record.verdict == Verdict.AGREES,
+        quantity=record.quantity,
+        features=list(record.features),
+        states=record.states,
+        **_numbers(record),
+        reason=record.expected_reason,
+        link=record.expected_link,
+        message=record.message,
+        diagnosis=list(diagnosis),
+        replay=record.replay,
+        reproducer=reproducer,
+        page=page,
+    )
 
 
 def _numbers(record: Record) -> dict[str, Number]:
@@ -187,8 +198,8 @@ def _features(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Itera
 
 
 def asked_of(cell: SiteCell) -> list[str]:
-    """The features of a cell; what is compared is one where it is not the accelerations."""
-    return [*cell.features, *([cell.quantity] if cell.quantity != "accelerations" else [])]
+    """The features of a cell; of another quantity than accelerations that quantity alone."""
+    return cell.features if cell.quantity == "accelerations" else [cell.quantity]
 
 
 def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:

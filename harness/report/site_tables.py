@@ -50,6 +50,15 @@ def matrix(site: Site) -> Table:
     return Table(["mechanism or robot", *map(head_of, site.columns)], drawn, caption, "matrix verdicts")
 
 
+def quantities(site: Site, row: str) -> Table:
+    """A row for each quantity beside accelerations that was asked of a mechanism, a column for each subject; none where none was."""
+    held = {(cell.quantity, cell.column): [cell] for cell in site.quantities if cell.row == row}
+    columns = [column for column in site.columns if any(column.name == name for _, name in held)]
+    names = sorted({quantity for quantity, _ in held})
+    drawn = [[name, *(_matrix_cell(held.get((name, column.name), []), _NOT_ASKED, {}) for column in columns)] for name in names]
+    return Table(["quantity", *map(head_of, columns)], drawn, f"Other quantities on {row}: verdict and worst backward error", "matrix")
+
+
 def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str, str]) -> Cell:
     """The cells of one pair, nearly always one."""
     if not cells:

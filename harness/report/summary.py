@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
-from harness.results.records import Record, Records, Run
+from harness.results.records import ACCELERATIONS, Record, Records, Run
 from harness.results.table import Cell, Column, Table, counted, error_text
 from harness.results.trend import MEDIAN, PERCENTILE_99, WORST, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
 
@@ -34,11 +34,12 @@ class Summary:
     """Records arranged for a reader.
 
     Attributes:
-        run, cards, records, earlier: of the arguments; cards by name, earlier runs oldest first.
+        run, cards, earlier: of the arguments; cards by name, earlier runs oldest first.
         systems, subjects: sorted names of every card and record.
-        cells: (system, subject) to its records, nearly always one.
-        unexpected: records whose verdict is not the expected one.
-        listed: records that are expected to differ.
+        records: those of accelerations. further: those of other quantities.
+        cells: (system, subject) to its records of accelerations, nearly always one.
+        unexpected: records of all quantities whose verdict is not the expected one.
+        listed: records that are expected to differ; of other quantities those that an entry expects to.
         missing: (system, subject) pairs without a record, of the systems that have a card.
         superfluous: parts of models that their scenes do not need, by file and line; of a path, only the folder
             and the file stay, because reports are published.
@@ -51,15 +52,18 @@ class Summary:
     def __init__(self, run: Run, found: CrossCheckResult, history: Sequence[Earlier] = ()) -> None:
         self.run = run
         self.cards = {card.name: card for card in found.systems}
-        self.records = Records(found.records)
-        self.earlier = sorted(history, key=lambda entry: datetime.fromisoformat(entry[0].started))
-        self.systems = sorted({record.system for record in self.records} | set(self.cards))
-        self.subjects = sorted({record.subject for record in self.records})
+        self.records, self.further = Records(_of_accelerations(found.records)), Records(_of_others(found.records))
+        earlier = [(one, _of_accelerations(records)) for one, records in history]
+        self.earlier = sorted(earlier, key=lambda entry: datetime.fromisoformat(entry[0].started))
+        self.systems = sorted({record.system for record in found.records} | set(self.cards))
+        self.subjects = sorted({record.subject for record in found.records})
         self.cells: dict[tuple[str, str], list[Record]] = defaultdict(list)
         for record in self.records:
             self.cells[record.system, record.subject].append(record)
-        self.unexpected = self.records.unexpected
+        self.unexpected = [*self.records.unexpected, *self.further.unexpected]
         self.listed = [record for record in self.records if record.expected != "agrees"]
+        # What nobody claims to compute needs no entry.
+        self.listed += [record for record in self.further if record.expected != "agrees" and record.expected_link]
         # A variant of models, which has no card, need not stand in every format.
         self.missing = [
             (system, subject) for system in sorted(self.cards) for subject in self.subjects if not self.cells.get((system, subject))
@@ -87,12 +91,14 @@ class Summary:
         superfluous = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
         apart = len([finding for finding in self.differs if finding.fails])
         held = f"{counted(apart, 'difference')} after loading {'is' if apart == 1 else 'are'} not expected"
-        found = [*([superfluous] if parts else []), *([held] if apart else [])]
+        wrong = len(self.further.unexpected)
+        others = f"{counted(wrong, 'answer')} for other quantities {'is' if wrong == 1 else 'are'} not as expected"
+        found = [*([others] if wrong else []), *([superfluous] if parts else []), *([held] if apart else [])]
         return f"{'; '.join([self._compared.removesuffix('.'), *found])}." if found else self._compared
 
     @property
     def _compared(self) -> str:
-        total, wrong = len(self.records), len(self.unexpected)
+        total, wrong = len(self.records), len(self.records.unexpected)
         if not total:
             return "Nothing was compared: this run holds no records."
         pairs = f"{counted(total, 'pair')} of system and subject"
@@ -111,6 +117,9 @@ class Summary:
         if self.missing:
             verb = "has" if len(self.missing) == 1 else "have"
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
+        if names := sorted({record.quantity for record in self.further}):
+            agree = sum(record.verdict == "agrees" for record in self.further)
+            remarks.append(f"Of {', '.join(names)}, {agree:,} of {counted(len(self.further), 'answer')} agree.")
         return [*remarks, *([f"{self.records.origins.capitalize()}."] if self.records.origins else [])]
 
     @property
@@ -134,6 +143,11 @@ class Summary:
         subjects = dict.fromkeys(subject_of(record) for record in self.of_system(system)) if len(self.nights) > 1 else {}
         rows = [[subject, *(self._sparkline(system, subject, number) for number in _TRACKED.values())] for subject in subjects]
         return Table(["subject", *(f"trend of the {name}" for name in _TRACKED)], rows, f"Trends of backward errors on {system}")
+
+    def quantities_on(self, system: str) -> Table:
+        """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""
+        records = Records(record for record in self.further if record.system == system)
+        return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
 
     @cached_property
     def nights(self) -> list[tuple[Run, Sequence[Record]]]:
@@ -199,6 +213,14 @@ class Summary:
         if not self.earlier:
             return []
         return changed_versions(self.earlier[-1][0].versions, self.run.versions)
+
+
+def _of_accelerations(records: Iterable[Record]) -> list[Record]:
+    return [record for record in records if record.quantity == ACCELERATIONS]
+
+
+def _of_others(records: Iterable[Record]) -> list[Record]:
+    return [record for record in records if record.quantity != ACCELERATIONS]
 
 
 def _short(path: str) -> str:

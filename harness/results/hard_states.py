@@ -160,11 +160,11 @@ class RankedCase:
 def worst_cases(records: Iterable[Record], most: int = 10) -> list[RankedCase]:
     """By subject the worst case of each system, the worst system first, at most ``most`` each; none with a reproducer yet.
 
-    A record without a state, and a verdict that is no answer of the engine, is no case. Stored states are among those of the
-    records: what was stored of their errors was measured elsewhere.
+    Cases are of accelerations. A record without a state, and a verdict that is no answer of the engine, is no case. Stored states are
+    among those of the records: what was stored of their errors was measured elsewhere.
     """
     cases = []
-    for record in records:
+    for record in (one for one in records if one.quantity == ACCELERATIONS):
         state, error, replay = record.worst_state, record.backward_error, record.replay
         if record.verdict == Verdict.ERROR and (shown := record.representative) is not None:
             # Worse than any number.

@@ -121,6 +121,11 @@ class Record:
                 raise ValueError(f"{verdict!r} is no verdict; expected one of {', '.join(_VERDICTS)}")
 
     @property
+    def asked(self) -> str:
+        """The subject, and the quantity where it is not the usual one, for a reader."""
+        return self.subject if self.quantity == ACCELERATIONS else f"{self.subject}, {self.quantity}"
+
+    @property
     def title(self) -> str:
         """System and subject, and the quantity where it is not the usual one."""
         return " ".join([self.system, self.subject, *([] if self.quantity == ACCELERATIONS else [self.quantity])])
@@ -129,6 +134,11 @@ class Record:
     def as_expected(self) -> bool:
         """True for the expected verdict with no larger errors than the expectation explains."""
         return self.verdict == self.expected and not self.beyond
+
+    @property
+    def is_noteworthy(self) -> bool:
+        """True where there is more to say than that it agrees, or that nobody claims to compute it."""
+        return not self.as_expected or self.verdict not in (Verdict.AGREES, Verdict.UNSUPPORTED)
 
     @property
     def beyond(self) -> list[str]:

@@ -231,6 +231,7 @@ class Site:
     Attributes:
         run: what was run, as of ``harness.results.records.Run``; versions: distribution to version; limit: backward error up to which
             an answer agrees [data roundoffs].
+        cells: of accelerations; quantities: of other quantities.
         nights: study to the starts of its runs over which numbers have trends, oldest first, ISO 8601. trends: none of a single run.
         tables: every table of every page, with its numbers in full.
     """
@@ -244,6 +245,7 @@ class Site:
     counts: list[SiteCount] = field(default_factory=list)
     features: list[FeatureLine] = field(default_factory=list)
     findings: list[SiteFinding] = field(default_factory=list)
+    quantities: list[SiteCell] = field(default_factory=list)
     nights: dict[str, list[str]] = field(default_factory=dict)
     trends: list[SiteTrend] = field(default_factory=list)
     tables: list[ShownTable] = field(default_factory=list)

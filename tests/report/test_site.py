@@ -187,6 +187,37 @@ def test_another_quantity_is_a_feature() -> None:
     assert lines_of(record("a", "mujoco/mjcf", quantity="reactions")) == {("reactions", "mujoco/mjcf"): "agrees on 1 of 1, worst 1.30"}
 
 
+def test_other_quantities_have_a_table_of_their_own_on_the_page_of_their_mechanism(tmp_path: Path) -> None:
+    wrong = record(
+        "collar", "mujoco/mjcf", quantity="mass_matrix", verdict="disagrees", message="Farthest off is the entry.", replay="again"
+    )
+    silent = {"verdict": "unsupported", "expected": "unsupported", "backward_error": None}
+    further = [wrong, record("collar", "mujoco/mjcf", quantity="energy"), record("collar", "lagrange", quantity="energy", **silent)]
+    records = [record("collar", "mujoco/mjcf"), record("collar", "lagrange"), *further]
+    site = site_of(records)
+    assert [(count.engine, count.agrees, count.asked) for count in site.counts] == [("lagrange", 1, 1), ("mujoco", 1, 1)]
+    assert {(cell.column, cell.quantity) for cell in site.cells} == {("mujoco/mjcf", "accelerations"), ("lagrange", "accelerations")}
+    assert {(cell.column, cell.quantity, cell.verdict) for cell in site.quantities} == {
+        ("mujoco/mjcf", "mass_matrix", "disagrees"), ("mujoco/mjcf", "energy", "agrees"), ("lagrange", "energy", "unsupported"),
+    }  # fmt: skip
+    files = build(run_on(0), [card("collar")], records)
+    page = lxml.html.fromstring(files["mechanisms/collar.html"])
+    [table] = [one for one in page.iter("table") if "Other quantities on collar" in one.text_content()]
+    rows = [[" ".join(cell.text_content().split()) for cell in row] for row in table.find("tbody")]
+    assert rows == [["energy", "unsupported as expected", "agrees 1.30"], ["mass_matrix", "not asked", "✗ disagrees 1.30 expected: agrees"]]
+    assert "Farthest off is the entry." in files["mechanisms/collar.html"] and "Farthest off is the entry." in files["report.md"]
+    index = lxml.html.fromstring(files["index.html"])
+    assert "1 answer for other quantities is not as expected" in index.text_content()
+    assert index.xpath('//ul[@class="unexpected"]//a/@href') == ["mechanisms/collar.html#quantities"]
+    write(tmp_path, files)
+    done = rebuild(tmp_path)
+    assert done.returncode == 0, done.stderr
+    # The script notices a table that says something else.
+    path = tmp_path / "mechanisms" / "collar.html"
+    path.write_text(path.read_text().replace("✗ disagrees", "✗ unstable"))
+    assert "mechanisms/collar.html" in rebuild(tmp_path).stderr
+
+
 def finding(system: str, error: float | None, program: str) -> EngineFinding:
     return EngineFinding(system=system, method="pinocchio lcaba", statement=f"on {system}", backward_error=error, reproducer=program)
 

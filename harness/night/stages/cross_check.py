@@ -1,10 +1,16 @@
-"""The cross-check, system by system: records, causes of what is not as expected, and a picture; then the worst cases of all."""
+"""The cross-check, system by system: records, causes of what is not as expected, and a picture; then the worst cases of all.
+
+Other quantities than accelerations follow at fewer states where accelerations are as expected.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
+from harness.certify.quantities import find_quantities
 from harness.crosscheck.loading import orphans
+from harness.crosscheck.quantities import QuantityCheck
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.wanted import wanted_diagnosis
@@ -18,6 +24,8 @@ from harness.show.gallery import Gallery
 from harness.workers import Workers
 
 NAME = "cross-check"
+# At which other quantities than accelerations are compared.
+QUANTITY_STATES = 128
 # Beside the subjects of a system: what its files hold.
 _FILES = "models"
 
@@ -27,21 +35,28 @@ def _units(choice: Choice) -> list[str]:
 
 
 def _steps(choice: Choice, name: str) -> Steps:
-    study = CrossCheck(
-        Settings(
-            library=choice.library,
-            names=[name],
-            subjects=choice.subjects,
-            states=choice.settings.states,
-            seed=choice.settings.seed,
-            # The simplest failing states of an interrupted run would come on top of those that a night has otherwise.
-            examples=None,
-            componentwise=True,
-            replay_options=choice.replay_options,
-        )
+    settings = Settings(
+        library=choice.library,
+        names=[name],
+        subjects=choice.subjects,
+        states=choice.settings.states,
+        seed=choice.settings.seed,
+        # The simplest failing states of an interrupted run would come on top of those that a night has otherwise.
+        examples=None,
+        componentwise=True,
+        replay_options=choice.replay_options,
     )
+    study = CrossCheck(settings)
     yield study
     found: CrossCheckResult = study.result()
+    problems, faults, crashed = list(study.problems), list(study.faults), study.crashed
+    if all(record.as_expected for record in found.records):
+        few = replace(settings, states=min(settings.states, QUANTITY_STATES))
+        for quantity in find_quantities().values():
+            check = QuantityCheck(few, [quantity], audits=False)
+            yield check
+            found.extend(check.result())
+            problems, faults, crashed = [*problems, *check.problems], [*faults, *check.faults], crashed or check.crashed
     diagnosis = wanted_diagnosis(study)
     if diagnosis is not None:
         yield diagnosis
@@ -49,7 +64,7 @@ def _steps(choice: Choice, name: str) -> Steps:
     gallery = Gallery(choice.library, [name], study.crashes)
     yield gallery
     found.extend(gallery.result())
-    return Found(result=found, problems=study.problems, faults=study.faults, crashed=study.crashed)
+    return Found(result=found, problems=problems, faults=faults, crashed=crashed)
 
 
 def _closing(choice: Choice, found: CrossCheckResult, workers: Workers) -> CrossCheckResult:
