@@ -6,6 +6,7 @@ import functools
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,10 +46,11 @@ def _install(engine: str) -> None:
 
 
 def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
-    """The record on a file of what an engine answers on it, or on the file ``asked`` instead."""
+    """The record on a file of what an engine answers on it, or at the same states on the file ``asked`` instead."""
     _install(engine)
-    found, other = meant_by(path, floating_base), meant_by(asked or path, floating_base)
-    return judgement.judge(found, ask_engine(engine, question_of(other, aided)), caller_of(engine), aided)
+    found = meant_by(path, floating_base)
+    question = replace(question_of(found, aided), path=asked or path)
+    return judgement.judge(found, ask_engine(engine, question), caller_of(engine), aided)
 
 
 def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:
