@@ -55,6 +55,7 @@ METHODS = (
     "reactions",
     "forward_dynamics_derivatives",
     "inverse_dynamics_derivatives",
+    "regressor",
 )
 
 

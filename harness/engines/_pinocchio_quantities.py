@@ -104,7 +104,7 @@ class PinocchioQuantities:
         for state, inputs in enumerate(zip(configuration.T, velocity.T, acceleration.T, strict=True)):
             found[state] = np.reshape(pinocchio.computeJointTorqueRegressor(self.model, self._data, *inputs), found[state].shape)
         # The universe has no parameters.
-        return np.ascontiguousarray(found[:, self.addresses[1]][:, :, [number - 1 for number in self._numbers]])
+        return np.ascontiguousarray(found[:, self.addresses[1]][:, :, [number - 1 for number in self.numbers]])
 
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""

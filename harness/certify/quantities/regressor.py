@@ -15,14 +15,13 @@ from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._file_truth import Asked, FileTruth
 from harness.engines import Model, NotOffered, answer_of
 from harness.robots.regressor import PARAMETERS, RegressorQuantities, carrying_joints
-from harness.robots.robot import robot_of
 
 
 def _truth(question: Question) -> Truth:
     mechanism, read = question.mechanism, question.read
     if mechanism.constraints is not None:
         raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
-    carrying = carrying_joints(robot_of(read, mechanism.gravity).tree, tuple(dict.fromkeys(mechanism.joints)))
+    carrying = carrying_joints(question.robot_of(read).tree, tuple(dict.fromkeys(mechanism.joints)))
 
     def answers(model: Model, asked: Asked) -> Array:
         shape = (len(asked.q), asked.v.shape[1], len(asked.joints), len(PARAMETERS))

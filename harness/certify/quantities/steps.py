@@ -143,4 +143,4 @@ def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
     return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
 
 
-STEPS = Quantity("steps", StepTruth, describe)
+STEPS = Quantity("steps", StepTruth, describe=describe)
