@@ -165,7 +165,18 @@ def test_no_engines_presence_changes_anothers_answers(library: Library, tmp_path
     found = []
     for others in ((), ("toy@1.0/urdf", "toy@1.1/urdf")):
         options = [word for one in ("mujoco/urdf", *others) for word in ("--subject", one)]
-        done = harness("check", *of_library(library, *options), "--states", "400", "--json", "out.json", cwd=tmp_path, isolated=True)
+        done = harness(
+            "check",
+            *of_library(library, *options),
+            "--quantity",
+            "accelerations",
+            "--states",
+            "400",
+            "--json",
+            "out.json",
+            cwd=tmp_path,
+            isolated=True,
+        )
         [record] = [one for one in json.loads((tmp_path / "out.json").read_text())["records"] if one["subject"] == "mujoco/urdf"]
         assert done.returncode == (1 if others else 0), done.stderr
         found.append({name: value for name, value in record.items() if "seconds" not in name and name not in ("replay", "faster")})
