@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.commands._bracket import Bracket
 from harness.results.records import ACCELERATIONS
+from harness.verdict import Verdict
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -61,13 +62,14 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
 
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
-    """The cross-check of all quick quantities but accelerations, after that of these, of the systems in which these are as expected."""
+    """The cross-check of all quick quantities but accelerations, after that of these, of the systems in which these are sound."""
     from harness.certify.quantities import find_quantities
     from harness.crosscheck.quantities import QuantityCheck
 
     if settings.state is not None or settings.library.is_of_robots:
         return None
-    wrong = {record.system for record in study.result().records if not record.as_expected}
+    sound = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
+    wrong = {record.system for record in study.result().records if not record.as_expected or record.verdict not in sound}
     names = [name for name in study.names if name not in wrong]
     if not names:
         return None

@@ -20,7 +20,8 @@ from harness.commands._options import quantities_option, stand_in_options, state
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
-@quantities_option("accelerations, and all others at a few states")
+@quantities_option("accelerations")
+@click.option("--further", is_flag=True, help="All other quantities too, at a few states, in a line for each subject.")
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
@@ -30,6 +31,7 @@ def command(
     states: int,
     subjects: tuple[str, ...],
     quantities: tuple[str, ...],
+    further: bool,
     stand_ins: Mapping[str, Path],
     state: str | None,
 ) -> None:
@@ -68,7 +70,7 @@ def command(
     )
     bracket.begin(states, "check")
     asked = select_quantities(quantities)
-    finish(bracket, cross_check(bracket, settings, asked, brief=not quantities), asked)
+    finish(bracket, cross_check(bracket, settings, asked, brief=further), asked)
 
 
 def _parse_state(text: str | None) -> Any:

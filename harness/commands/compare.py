@@ -55,10 +55,9 @@ def command(
     Examples:
       harness compare robot.urdf
       harness compare robot.urdf robot.xml --map shoulder=joint1
-      harness compare robot.urdf --subject drake/urdf --subject mujoco@3.13.0/urdf
+      harness compare robot.urdf --subject mujoco@3.13.0/urdf
       harness compare robot.urdf --floating-base --html robot.html
-      harness compare robot.xml --steps 1000 --by mujoco/Euler --by mujoco/RK4@0.001
-      harness compare robot.urdf --steps 500 --by mujoco/implicitfast --by pinocchio/Euler
+      harness compare r.xml --steps 100 --by mujoco/Euler --by mujoco/RK4@0.001
     """
     if steps is not None:
         _compare_motions(bracket, files, dict(map(_names, renamed)), steps, by, start, html_path)

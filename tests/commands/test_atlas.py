@@ -73,7 +73,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
 def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(stage: Stage, invoke: Callable[..., Result]) -> None:
     # Without a single "unstable" the entries that expect it hold nowhere, which is not as expected.
     assert invoke().exit_code == 1
-    asked = {(name, str(subject)) for name, subject in map(where, stage.tasks)}
+    asked = {(name, str(subject)) for name, subject, *_ in map(where, stage.tasks)}
     native = select_subjects(Library.built_in(), (), native_only=True)
     about = {name: case.subjects or tuple(map(str, native)) for name, case in hard_cases().items()}
     assert asked == {(name, str(subject)) for name in about for subject in native if str(subject) in about[name]}

@@ -92,7 +92,8 @@ def test_a_night_writes_page_summary_and_junit_and_says_what_is_new(folder: Path
     root = etree.parse(folder / "out" / "nightly.xml").getroot()
     cases = {(case.get("classname"), case.get("name")) for case in root.iter("testcase")}
     subjects = ("lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf", "scaled/mjcf", "models")
-    assert cases == {(f"cross-check.{system}", name) for system in ("bar_pendulum", "spring_damper") for name in subjects}
+    # Beside them stand those of further quantities.
+    assert cases >= {(f"cross-check.{system}", name) for system in ("bar_pendulum", "spring_damper") for name in subjects}
     assert (folder / "out" / "index.html").is_file()
 
     done = night(folder, "bar_pendulum", states=60, ulps=1e6)
@@ -143,5 +144,5 @@ def test_a_file_that_has_to_be_mended_is_named_and_the_rest_goes_on(folder: Path
     cases = document(folder)["cases"]
     assert isinstance(cases, list)
     good = {case["name"] for case in cases if case["group"] == "bar_pendulum" and case["outcome"] == "passed"}
-    assert good == {"lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf", "scaled/mjcf", "models"}
+    assert good >= {"lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf", "scaled/mjcf", "models"}
     assert "To be mended" in (folder / "out" / "nightly.md").read_text()

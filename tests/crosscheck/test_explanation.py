@@ -109,7 +109,7 @@ class Engine:
 
     def load(self, source, joints, gravity):
         name, value, unit = source.parameters[1]
-        return LagrangeModel(with_parameters(source, {name: value * (1 + 1e-12)}).float64())
+        return LagrangeModel(with_parameters(source, {name: value * (1 + 1e-12)}))
 
 ENGINE = Engine()
 """
