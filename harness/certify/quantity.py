@@ -36,6 +36,8 @@ from harness.verdict import AGREEMENT, Verdict
 _PRECISIONS = (128, 256, 512)
 # Numbers of the derivatives that are held at once.
 _ROOM = 2**24
+# Of the derivatives of the outputs, that are held at once where their lengths are taken.
+_COPIES = 12
 # Roundings that a derivative in float64 takes, at most, of each of the products that it is the sum of.
 _ROUNDINGS = 64
 
@@ -113,7 +115,7 @@ class QuantityKernel:
         self.program, self._of_sizes, self._between = program, sizes, between
         self._blocks = np.array(blocks, dtype=np.int64)
         self._kernel = BallKernel(program, 0)
-        self._at_once = most_at_once(program)
+        self._at_once = most_at_once(program) + _COPIES * self._blocks.size
         self._bound: dict[int, Any] = {}
 
     def evaluate(self, inputs: Array, between: Between | None = None, norm_factor: Array | None = None) -> Certified:

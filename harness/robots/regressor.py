@@ -34,19 +34,23 @@ class RegressorQuantities(ForceQuantities):
         accelerations = self._accelerations(self._moving, self.given_accelerations)
         for joint in carrying_joints(self.tree, self._order):
             for parameter in PARAMETERS:
-                parts, lump = self._unit(numbers[joint], parameter, accelerations[numbers[joint]])
-                values, sizes = self._column(numbers[joint], parts, lump)
+                unit = self._unit(numbers[joint], parameter, accelerations[numbers[joint]])
+                values, sizes = self._column(numbers[joint], *unit)
                 for column, value, size in zip(self.columns, values, sizes, strict=True):
                     name = f"derivative by {parameter} of the body behind {joint!r} of the generalised force on {column}"
                     yield Block(name, (value,), size)
 
-    def _unit(self, number: int, parameter: str, acceleration: Pair) -> tuple[list[Pair], Lump]:
-        """What a unit of a parameter of a node needs for its motion against gravity, and a lump by which the arms of that are measured."""
+    def _unit(self, number: int, parameter: str, acceleration: Pair) -> tuple[list[Pair], list[Pair], Lump]:
+        """What a unit of a parameter of a node needs for its motion against gravity; vectors as long as what cancels in the components of
+        that; and a lump by which the arms are measured."""
         one, (turning, of_origin) = self._moving[number], acceleration
         upward = self.minus(self.numbers(self.tree.gravity))
         axes, nothing = transposed(one.orientation), [self.still] * 3
         if parameter == "m":
-            return [(self.still, of_origin), (self.still, upward)], Lump(self.number(1), self.still, nothing)
+            parts = [(self.still, of_origin), (self.still, upward)]
+            return parts, parts, Lump(self.number(1), self.still, nothing)
+        # As long as the square of the spin.
+        squared = self.times(self._length(one.spin), one.spin)
         if parameter[0] == "m":
             axis = axes[_AXES[parameter[1]]]
             parts = [
@@ -54,27 +58,27 @@ class RegressorQuantities(ForceQuantities):
                 (self.cross(axis, upward), self.still),
                 (self.still, self.cross(one.spin, self.cross(one.spin, axis))),
             ]
-            return parts, Lump(self.number(1), axis, nothing)
+            return parts, [(of_origin, turning), (upward, self.still), (self.still, squared)], Lump(self.number(1), axis, nothing)
         first, second = (axes[_AXES[name]] for name in parameter[1:])
         momenta = []
         for angular in (turning, one.spin):
             momentum = self.times(self.dot(second, angular), first)
             mirrored = self.times(self.dot(first, angular), second)
             momenta.append(momentum if first is second else self.added(momentum, mirrored))
-        return [(momenta[0], self.still), (self.cross(one.spin, momenta[1]), self.still)], Lump(self.zero, self.still, nothing)
+        parts = [(momenta[0], self.still), (self.cross(one.spin, momenta[1]), self.still)]
+        return parts, [(turning, self.still), (squared, self.still)], Lump(self.zero, self.still, nothing)
 
-    def _column(self, number: int, parts: list[Pair], lump: Lump) -> tuple[Three, Three]:
+    def _column(self, number: int, parts: list[Pair], that_cancel: list[Pair], lump: Lump) -> tuple[Three, Three]:
         """The generalised force of each velocity, and the sizes, where one node alone bears ``parts``."""
         moving = [replace(one, lumps=[]) for one in self._moving]
         moving[number] = replace(moving[number], lumps=[lump])
-        of_nodes: list[list[Pair]] = [[] for _ in moving]
-        of_nodes[number] = parts
+        of_node, of_sizes = ([own if at == number else [] for at in range(len(moving))] for own in (parts, that_cancel))
         values, sizes = [self.zero] * self.nv, [self.zero] * self.nv
         at = number
         while at >= 0:
             one = moving[at]
-            moment, force = self._wrench(moving, of_nodes, at, one.position)
-            size_of_moment, size_of_force = self._size(moving, of_nodes, at, one.position)
+            moment, force = self._wrench(moving, of_node, at, one.position)
+            size_of_moment, size_of_force = self._size(moving, of_sizes, at, one.position)
             for (about, along), column in zip(one.motions, one.node.columns, strict=True):
                 values[column] = self.sum(values[column], self.sum(self.dot(moment, about), self.dot(force, along)))
                 for motion, size in ((about, size_of_moment), (along, size_of_force)):
