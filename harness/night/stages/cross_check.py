@@ -17,9 +17,11 @@ from harness.diagnosis.wanted import wanted_diagnosis
 from harness.errors import InvalidModel
 from harness.hard.worst_cases import ranked
 from harness.night.stage import Choice, Found, Numbers, Stage, Steps
+from harness.results.change_points import Reading
 from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of
-from harness.results.trend import readings_of_records
+from harness.results.records import ACCELERATIONS
+from harness.results.trend import Cell, readings_of_records
 from harness.show.gallery import Gallery
 from harness.workers import Workers
 
@@ -86,6 +88,11 @@ def _cases(found: CrossCheckResult) -> Iterator[Case]:
         yield Case.of(NAME, system, _FILES, sentences, replay=f"harness check {system}")
 
 
+def _readings(found: CrossCheckResult) -> dict[Cell, Reading]:
+    """Of accelerations: a median over the few states of another quantity may be any of the values that its answers often have."""
+    return readings_of_records(record for record in found.records if record.quantity == ACCELERATIONS)
+
+
 STAGE = Stage(
     name=NAME,
     place=1,
@@ -96,5 +103,5 @@ STAGE = Stage(
     cases=_cases,
     closing=_closing,
     problems=_problems,
-    numbers=Numbers(part="records", readings=lambda found: readings_of_records(found.records)),
+    numbers=Numbers(part="records", readings=_readings),
 )
