@@ -81,7 +81,7 @@ def check(
 
     Raises:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
-        harness.errors.InvalidRequest: a name that nothing has; a robot, and another quantity than accelerations.
+        harness.errors.InvalidRequest: a name that nothing has.
     """
     from harness.certify.quantities import select_quantities
 
@@ -113,14 +113,17 @@ def diagnose(
 
     Raises:
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
-        harness.errors.InvalidRequest: as ``check``.
+        harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
     """
     from harness.certify.quantities import require_quantity
+    from harness.crosscheck.quantity_judge import refuse_robots
     from harness.diagnosis.wanted import wanted_diagnosis
     from harness.study import run_study
 
     require_quantity(quantity)
     settings = _settings([name], library, mjcf, urdf, subjects, states, seed, floating_base)
+    if quantity != ACCELERATIONS:
+        refuse_robots(settings.library, quantity)
     with _checked(settings, workers, time_limit, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)
         if diagnoses is None:

@@ -58,7 +58,14 @@ class PinocchioModel(PinocchioQuantities):
         # What both solve with.
         self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
-        self.numbers = [self.force_elements.places[name].joint for name in dict.fromkeys(joints)]
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Pinocchio's joint behind each joint, each once.
+
+        A ``KeyError`` where the file has another name, which the static audit tells and which no acceleration needs.
+        """
+        return [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
 
     def solved_by(self, solver: Solver) -> PinocchioModel:
         """The same model whose constraints another solver holds.

@@ -85,5 +85,5 @@ def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
 
 
 def test_quantities_of_robots_are_refused() -> None:
-    with pytest.raises(InvalidRequest, match="accelerations alone"):
+    with pytest.raises(InvalidRequest, match="bias: of mechanisms here"):
         harness.diagnose(str(BUILT_IN.model_path("arm_2r", "urdf")), quantity="bias")

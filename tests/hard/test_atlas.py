@@ -319,7 +319,10 @@ ENTRY = '[[expected]]\ncase = "stiff_damper"\nsubject = "lagrange"\nverdict = "u
         (ENTRY.replace("stiff_damper", "stiff_dumper") + "backward_error = 1.0\n", "did you mean 'stiff_damper'"),
         (ENTRY.replace('remedy = "u"\n', "") + "backward_error = 1.0\n", "missing required field `remedy`; expected the texts"),
         (ENTRY.replace('"unstable"', '"agrees"') + "backward_error = 1.0\n", "names verdict 'agrees'"),
-        ((ENTRY + "backward_error = 1.0\nmedian_backward_error = 1.0\nshare = 0.5\n") * 2, "repeats stiff_damper, lagrange, unstable"),
+        (
+            (ENTRY + "backward_error = 1.0\nmedian_backward_error = 1.0\nshare = 0.5\n") * 2,
+            "repeats stiff_damper, lagrange, accelerations, unstable",
+        ),
         (ENTRY.replace('"unstable"', '"undecided"') + "backward_error = 1.0\n", "must have no backward_error"),
         ("[[", "cannot be read as TOML"),
     ],

@@ -131,7 +131,7 @@ def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | Non
 
 def test_a_case_is_asked_of_the_subjects_it_is_about() -> None:
     study = AtlasStudy(Library.built_in(), cases=["proximal_once", "dead_point"])
-    asked = {(name, str(subject)) for (_, name, subject) in (task.key for task in study.tasks())}
+    asked = {(name, str(subject)) for (_, name, subject, _) in (task.key for task in study.tasks())}
     assert asked == {("proximal_once", "pinocchio/urdf"), *(("dead_point", one) for one in ("lagrange", "mujoco/mjcf", "pinocchio/urdf"))}
     assert PROXIMAL_ONCE.subjects == ("pinocchio/urdf",) and subject_named("pinocchio/urdf") == PINOCCHIO
 

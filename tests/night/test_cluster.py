@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from support import harness, make_library
 
+from harness.certify.quantities import find_quantities
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
+from harness.results.records import ACCELERATIONS
 
 
-def verdicts(folder: Path) -> list[tuple[str, str, str, int, float | None]]:
+def verdicts(folder: Path) -> list[tuple[str, str, str, str, int, float | None]]:
     with History(folder / "history.sqlite") as history:
         [number] = history.studies(CrossCheckResult)
         records = history.read(number, CrossCheckResult).records
-    return sorted((one.system, one.subject, one.verdict, one.states, one.backward_error) for one in records)
+    return sorted((one.quantity, one.system, one.subject, one.verdict, one.states, one.backward_error) for one in records)
 
 
 @pytest.mark.usefixtures("without_charts")
@@ -29,4 +32,5 @@ def test_a_night_spreads_over_a_cluster(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert harness(*asked, "here", cwd=tmp_path).returncode == 0
     assert verdicts(tmp_path / "far") == verdicts(tmp_path / "here")
-    assert len(verdicts(tmp_path / "far")) == 10
+    # Five subjects of two mechanisms.
+    assert Counter(quantity for quantity, *_ in verdicts(tmp_path / "far")) == {one: 10 for one in (ACCELERATIONS, *find_quantities())}

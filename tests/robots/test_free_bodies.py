@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
-from harness.engines import load_engine, reactions
+from harness.engines import answer_of, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
 from harness.equations.program import right_hand_side, upper_triangle
@@ -186,7 +186,8 @@ def largest_difference(tree: Tree, joints: Sequence[str], states: States, answer
 
 def test_reactions_of_mujoco_where_bodies_have_several_joints(tmp_path: Path) -> None:
     model, tree, joints, states = everything(tmp_path)
-    answers = reactions(load_engine(BUILT_IN, "mujoco").load(model, joints, 0.0), joints, states)
+    shape = (len(states), len(dict.fromkeys(joints)), 6)
+    answers = answer_of(load_engine(BUILT_IN, "mujoco").load(model, joints, 0.0), "reactions", [states.q, states.v, states.tau], shape)
     assert largest_difference(tree, joints, states, answers) < 1e-13
 
 
@@ -194,7 +195,8 @@ def test_reactions_of_pinocchio_off_the_axes_and_beyond_fixed_joints(tmp_path: P
     model = parse_model(tmp_path / "everything.urdf", URDF_WITH_EVERYTHING, "urdf")
     states = States.at(*np.random.default_rng(SEED).normal(size=(3, STATES, 3)))
     joints = ("first", "second", "third")
-    answers = reactions(load_engine(BUILT_IN, "pinocchio").load(model, joints, 9.81), joints, states)
+    loaded = load_engine(BUILT_IN, "pinocchio").load(model, joints, 9.81)
+    answers = answer_of(loaded, "reactions", [states.q, states.v, states.tau], (STATES, len(joints), 6))
     assert largest_difference(tree_of(model, 9.81), joints, states, answers) < 1e-13
 
 
