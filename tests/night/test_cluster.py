@@ -33,4 +33,4 @@ def test_a_night_spreads_over_a_cluster(tmp_path: Path) -> None:
     assert harness(*asked, "here", cwd=tmp_path).returncode == 0
     assert verdicts(tmp_path / "far") == verdicts(tmp_path / "here")
     # Five subjects of two mechanisms.
-    assert Counter(quantity for quantity, *_ in verdicts(tmp_path / "far")) == {one: 10 for one in (ACCELERATIONS, *find_quantities())}
+    assert Counter(quantity for quantity, *_ in verdicts(tmp_path / "far")) == dict.fromkeys((ACCELERATIONS, *find_quantities()), 10)
