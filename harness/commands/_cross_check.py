@@ -25,7 +25,7 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
-    all other quick quantities follow at a few states, for the systems whose accelerations are as expected.
+    all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected.
     """
     from harness.crosscheck.quantities import cross_check_of
     from harness.results.cross_check import CrossCheckResult
@@ -62,20 +62,22 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
 
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
-    """The cross-check of all quick quantities but accelerations, after that of these, of the systems in which these are sound."""
+    """The cross-check of all quick quantities but accelerations, after that of these, of the subjects whose accelerations are sound."""
     from harness.certify.quantities import find_quantities
     from harness.crosscheck.quantities import QuantityCheck
 
     if settings.state is not None or settings.library.is_of_robots:
         return None
     sound = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
-    wrong = {record.system for record in study.result().records if not record.as_expected or record.verdict not in sound}
-    names = [name for name in study.names if name not in wrong]
+    records = study.result().records
+    wrong = {(record.system, record.subject) for record in records if not record.as_expected or record.verdict not in sound}
+    asked = {record.system for record in records if (record.system, record.subject) not in wrong}
+    names = [name for name in study.names if name in asked]
     if not names:
         return None
     few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
     quick = [quantity for quantity in find_quantities().values() if quantity.is_quick]
-    return QuantityCheck(few, quick, audits=False)
+    return QuantityCheck(few, quick, audits=False, without=wrong)
 
 
 def _append(before: CrossCheck, study: CrossCheck) -> None:
@@ -117,12 +119,13 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
     found = study.result()
     asked = [record for record in found.records if record.quantity in quantities]
     print_table(asked, bracket.run)
-    print_further_quantities([record for record in found.records if record.quantity not in quantities])
+    others = [record for record in found.records if record.quantity not in quantities]
+    print_further_quantities(others)
     say(*study.settings.library.remarks())
     print_unexpected(found.records)
     print_superfluous(found.superfluous)
     print_differs(found.differs)
-    print_count(found.records, found.superfluous, found.differs)
+    print_count(asked, found.superfluous, found.differs, others)
     print_causes(found.causes, study.settings)
     print_quantity_diagnoses(found.records, study.settings)
     bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)

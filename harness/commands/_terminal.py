@@ -163,8 +163,13 @@ def print_unexpected(records: Sequence[Record]) -> None:
             say("", f"{record.title}: {record.message}")
 
 
-def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart], differs: Sequence[HeldDifference] = ()) -> None:
-    """The number of records that are as expected, of all records, superfluous parts and differences that fail the check."""
+def print_count(
+    records: Sequence[Record], findings: Sequence[SuperfluousPart], differs: Sequence[HeldDifference] = (), others: Sequence[Record] = ()
+) -> None:
+    """The number of records that are as expected, of all records, superfluous parts and differences that fail the check.
+
+    ``others`` are records of quantities that were not asked for by name; they are counted by themselves.
+    """
     failing = sum(part.fails for part in findings)
     warnings = len(findings) - failing
     apart = sum(finding.fails for finding in differs)
@@ -173,6 +178,7 @@ def print_count(records: Sequence[Record], findings: Sequence[SuperfluousPart], 
     counts += [f"{apart} difference{'' if apart == 1 else 's'} after loading"] if apart else []
     parts = f": {' and '.join(counts)} {'is' if failing + apart == 1 else 'are'} not" if counts else ""
     parts += f", and {_superfluous(warnings)} {'is a warning' if warnings == 1 else 'are warnings'}" if warnings else ""
+    parts += f", {sum(record.as_expected for record in others)} of {len(others)} of further quantities" if others else ""
     say("", f"{good} of {in_all} as expected{parts}; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
 
 

@@ -20,8 +20,7 @@ from harness.commands._options import quantities_option, stand_in_options, state
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
 @states_option
 @subjects_option
-@quantities_option("accelerations")
-@click.option("--further", is_flag=True, help="All other quantities too, at a few states, in a line for each subject.")
+@quantities_option("accelerations, and in a line for each subject the others at a few states")
 @stand_in_options
 @click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
@@ -31,7 +30,6 @@ def command(
     states: int,
     subjects: tuple[str, ...],
     quantities: tuple[str, ...],
-    further: bool,
     stand_ins: Mapping[str, Path],
     state: str | None,
 ) -> None:
@@ -49,6 +47,7 @@ def command(
       harness check double_pendulum arm_7r --states 10000
       harness check double_pendulum --mjcf edited.xml
       harness check double_pendulum --quantity reactions
+      harness check double_pendulum --quantity accelerations
       harness check --library mine --subject mujoco/mjcf --json out.json
       harness check robot.urdf --floating-base
     """
@@ -70,7 +69,7 @@ def command(
     )
     bracket.begin(states, "check")
     asked = select_quantities(quantities)
-    finish(bracket, cross_check(bracket, settings, asked, brief=further), asked)
+    finish(bracket, cross_check(bracket, settings, asked, brief=not quantities), asked)
 
 
 def _parse_state(text: str | None) -> Any:

@@ -17,7 +17,7 @@ from harness.commands._options import STATES_OF_PROFILE
 def command(bracket: Bracket, profile: str) -> None:
     """Cross-check everything and write the report.
 
-    Accelerations are compared at all states; harness nightly compares all quantities.
+    Accelerations are compared at all states, the other quantities at a few.
 
     \b
     Examples:
@@ -35,7 +35,7 @@ def command(bracket: Bracket, profile: str) -> None:
         library=bracket.library, states=states, seed=bracket.seed, componentwise=True, replay_options=bracket.replay_options
     )
     bracket.begin(states, profile, CrossCheckResult)
-    study = cross_check(bracket, settings)
+    study = cross_check(bracket, settings, brief=True)
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import replace
 
 from harness.certify.quantities import Quantity, find_quantities
@@ -34,17 +34,21 @@ class QuantityCheck(CrossCheck):
     """A ``harness.study.Study`` like the cross-check, whose records are of other quantities.
 
     ``audits``: whether what engines hold after loading is compared as well, which a cross-check of accelerations does.
+    ``without``: (system, subject) that are not asked.
     """
 
-    def __init__(self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True) -> None:
+    def __init__(
+        self, settings: Settings, quantities: Sequence[Quantity], audits: bool = True, without: Collection[tuple[str, str]] = ()
+    ) -> None:
         names = [quantity.name for quantity in quantities]
         self.title = names[0] if len(names) == 1 else "further quantities"
-        self._quantities, self._audits = names, audits
+        self._quantities, self._audits, self._without = names, audits, without
         self._of_quantities = {name: load_expectations(settings.library, name) for name in names}
         super().__init__(settings)
 
     def _pairs_of(self, name: str) -> list[Pair]:
-        return [Pair(subject=subject, quantity=quantity) for quantity in self._quantities for subject in self.subjects_of(name)]
+        asked = [subject for subject in self.subjects_of(name) if (name, str(subject)) not in self._without]
+        return [Pair(subject=subject, quantity=quantity) for quantity in self._quantities for subject in asked]
 
     def _expectations_of(self, pair: Pair) -> Expectations:
         return self._of_quantities[pair.quantity]

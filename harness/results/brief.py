@@ -25,6 +25,7 @@ def quantities_in_brief(records: Sequence[Record]) -> str:
     for verdict in sorted({record.verdict for record in good} - {Verdict.AGREES.value}):
         # What one mechanism has nothing of is no news where another one has.
         names = {record.quantity for record in good if record.verdict == verdict} - {record.quantity for record in agreeing}
-        parts += [f"{', '.join(sorted(names))} {verdict} (as expected)"] if names else []
+        said = "not offered" if verdict == Verdict.UNSUPPORTED else f"{verdict} (as expected)"
+        parts += [f"{', '.join(sorted(names))} {said}"] if names else []
     parts += [f"not as expected: {', '.join(wrong)}"] if wrong else []
     return "; ".join(parts)
