@@ -27,14 +27,14 @@ class EngineElsewhere:
         # Imported late: the interpreter imports this module, and asks no other.
         from harness.engines._interpreter import interpreter_of
 
-        interpreter = interpreter_of(self.environment.name)
+        interpreter = interpreter_of(self.environment)
         return interpreter.load(self._path, self._module, self.environment.engine, (source, joints, gravity))
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns in the environment, or raises there."""
         from harness.engines._interpreter import interpreter_of
 
-        interpreter = interpreter_of(self.environment.name)
+        interpreter = interpreter_of(self.environment)
         return interpreter.evaluate(self._path, self._module, self.environment.engine, method, arguments)
 
     def __getattr__(self, name: str) -> Any:

@@ -89,7 +89,7 @@ class Interpreter:
 
     def _die(self) -> None:
         status = self._process.wait()
-        interpreter_of.cache_clear()
+        _RUNNING.clear()
         if is_worker() and status < 0:
             # As the default would have it: a handler in this process would survive it.
             signal.signal(-status, signal.SIG_DFL) if -status not in (signal.SIGKILL, signal.SIGSTOP) else None
@@ -99,16 +99,16 @@ class Interpreter:
         raise EngineDied(f"{self._environment.name} ended its process with status {status}")
 
 
-@functools.cache
-def interpreter_of(environment_name: str) -> Interpreter:
-    """The interpreter of an environment, ``engine@version``, in this process.
+# By folder: another cache directory has other environments of the same names.
+_RUNNING: dict[Path, Interpreter] = {}
 
-    Raises:
-        InvalidRequest: there is no such environment.
-    """
-    from harness.environments.folders import environment_of, split_name
 
-    return Interpreter(environment_of(*split_name(environment_name)))
+def interpreter_of(environment: Environment) -> Interpreter:
+    """The interpreter of an environment in this process, started at the first call."""
+    folder = environment.folder
+    if folder not in _RUNNING:
+        _RUNNING[folder] = Interpreter(environment)
+    return _RUNNING[folder]
 
 
 class DistantModel:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,12 +41,18 @@ class PinocchioQuantities:
 
     model: Any
     force_elements: Supplied
-    # Of the joint of the model that each joint is, or a part of.
-    numbers: Sequence[int]
     constraints: Any
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]
     _data: Any
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Of the joint of the model that each joint is, or a part of; each joint once.
+
+        A ``KeyError`` where the file has another name, which the static audit tells and which no acceleration needs.
+        """
+        return [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
 
     @property
     @abstractmethod

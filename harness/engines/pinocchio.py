@@ -59,14 +59,6 @@ class PinocchioModel(PinocchioQuantities):
         self.factorises_mass_matrix = self.constraints is not None
         self._data = model.createData()
 
-    @cached_property
-    def numbers(self) -> list[int]:
-        """Pinocchio's joint behind each joint, each once.
-
-        A ``KeyError`` where the file has another name, which the static audit tells and which no acceleration needs.
-        """
-        return [self.force_elements.places[name].joint for name in dict.fromkeys(self._joints)]
-
     def solved_by(self, solver: Solver) -> PinocchioModel:
         """The same model whose constraints another solver holds.
 

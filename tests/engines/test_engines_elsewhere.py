@@ -96,6 +96,14 @@ def test_its_model_answers_as_one_in_this_process(library: Library, bar: ModelFi
     assert 0 < before == model.clock()  # type: ignore[attr-defined]
 
 
+def test_another_cache_directory_has_another_interpreter(library: Library, bar: ModelFile, tmp_path: Path) -> None:
+    q, v, tau = np.ones((3, 1, 1))
+    [[right]] = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)
+    with toy_engine.planted(tmp_path, {"1.0": toy_engine.HEAVIER}):
+        [[heavier]] = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)
+    assert heavier != right
+
+
 def test_it_runs_in_the_environment_and_sees_nothing_of_the_harnesss(library: Library) -> None:
     environment = load_engine(library, "toy@1.0").environment  # type: ignore[attr-defined]
     probe = (
