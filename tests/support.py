@@ -6,6 +6,7 @@ import base64
 import contextlib
 import gzip
 import io
+import json
 import os
 import posixpath
 import re
@@ -32,7 +33,7 @@ from harness.crosscheck.settings import Settings
 from harness.equations.lagrange import EquationsOfMotion
 from harness.equations.program import StraightLineProgram
 from harness.library import MODEL_SUFFIXES
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
 
@@ -105,6 +106,11 @@ def linearised(
 def program_from(data: Any) -> StraightLineProgram:
     """A program out of plain data, read as that of a mechanism in the cache is; ``msgspec.to_builtins`` writes it."""
     return msgspec.convert(data, StraightLineProgram).checked()
+
+
+def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, Any]]:
+    """The records of one quantity in the JSON of a cross-check or report."""
+    return [record for record in json.loads(document.read_text())["records"] if record["quantity"] == quantity]
 
 
 def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:

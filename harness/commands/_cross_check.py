@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -71,13 +71,20 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     sound = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
     records = study.result().records
     wrong = {(record.system, record.subject) for record in records if not record.as_expected or record.verdict not in sound}
-    asked = {record.system for record in records if (record.system, record.subject) not in wrong}
-    names = [name for name in study.names if name in asked]
+    names = [name for name in study.names if not _has_suspected_file(study, name, wrong)]
     if not names:
         return None
     few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
     quick = [quantity for quantity in find_quantities().values() if quantity.is_quick]
     return QuantityCheck(few, quick, audits=False, without=wrong)
+
+
+def _has_suspected_file(study: CrossCheck, system: str, wrong: Collection[tuple[str, str]]) -> bool:
+    """Whether a model file has readers and each is wrong: the file is at fault, which may be the truth of other quantities."""
+    by_format: dict[str, list[bool]] = {}
+    for subject in study.subjects_of(system):
+        by_format.setdefault(subject.format, []).append((system, str(subject)) in wrong)
+    return any(all(readers) for readers in by_format.values())
 
 
 def _append(before: CrossCheck, study: CrossCheck) -> None:

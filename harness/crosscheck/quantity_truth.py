@@ -29,12 +29,12 @@ def truth_of(quantity: Quantity, system: str, assignment: Assignment, declared: 
     declared = declared or declared_model(assignment.library, system)
     read = declared if assignment.model is None else assignment.model
     engine = load_engine(assignment.library, assignment.subject.engine)
-    rules = step_rules(engine, read)
+    rules = step_rules(engine, read) if quantity.is_of_engine else ()
     laws: Mapping[str, ConstraintLaw] = {}
     if mechanism.constraints is not None:
         require_constraints(declared, mechanism)
         require_constraints(read, mechanism)
-        laws = constraint_laws(engine, read)
+        laws = constraint_laws(engine, read) if quantity.is_of_engine else {}
         softening = _softening(laws, read) if laws else None
     key = quantity.name, mechanism.key, declared.text, read.text, in_body, tuple(laws.items()), rules
     return _TRUTHS.get(key, lambda: quantity.truth(Question(mechanism, declared, read, in_body, softening, rules)))

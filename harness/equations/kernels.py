@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -210,7 +211,10 @@ class BallKernel:
         """``parameters`` is how many of the last inputs ``bind`` fixes."""
         self.program = program
         self.parameters = parameters
-        self._source = compile(_ball_source(program, parameters), "<ball kernel>", "exec")
+
+    @cached_property
+    def _source(self) -> CodeType:
+        return compile(_ball_source(self.program, self.parameters), "<ball kernel>", "exec")
 
     def bind(self, parameters: Sequence[float]) -> Callable[..., tuple[Any, ...]]:
         """A function from the other inputs (exact float64 each) to all outputs as ``arb``.

@@ -19,7 +19,6 @@ from functools import cached_property
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.robots.constraints import untied
 from harness.robots.nodes import SIZES
-from harness.robots.reactions import have_same_points
 from harness.robots.rigid import Lump
 from harness.robots.spatial import Three
 from harness.robots.tree import Given, Tree
@@ -60,16 +59,23 @@ class QuantityWriter(WrenchWriter):
     """What all quantities of one tree take.
 
     ``read`` is another tree of the same joints, whose bodies and anchors are asked for: what is one body with two joints in one file is two
-    bodies in another.
+    bodies in another. ``has_other_points``: whether its anchors are other points, see ``have_same_points``.
     """
 
-    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, read: Tree | None = None) -> None:
+    def __init__(
+        self,
+        tree: Tree,
+        joints: Sequence[str],
+        linear_velocity_in_body: bool = False,
+        read: Tree | None = None,
+        has_other_points: bool = False,
+    ) -> None:
         super().__init__(untied(tree, joints), joints, linear_velocity_in_body)
         self._moving = self.moving()
         self._roots = [self._root(self._moving, number) for number in range(len(self._moving))]
         self._anchors = self.points(self._moving)
         read = self.tree if read is None else untied(read, self._order)
-        if not have_same_points(self.tree, read, self._order):
+        if has_other_points:
             # Another point is a number of another file, with roundings of its own.
             self._anchors = self.positions_of(read)
             self._plant(self.tree)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from catalogue import STATES
-from support import harness
+from support import harness, records_of
 
 from harness.commands._scaffold import write_example
 from harness.errors import InvalidInput, InvalidRequest
@@ -31,9 +31,8 @@ def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, si
     directory = written(tmp_path, sizes)
     done = harness("check", "--library", ".", "--states", str(STATES), "--json", "out.json", cwd=directory)
     assert done.returncode == 0, done.stdout + done.stderr
-    document = json.loads((directory / "out.json").read_text())
-    assert document["superfluous"] == []
-    records = document["records"]
+    assert json.loads((directory / "out.json").read_text())["superfluous"] == []
+    records = records_of(directory / "out.json")
     assert len(records) == 5 * len(sizes)
     assert {record["verdict"] for record in records} == {"agrees"}
     for path in (directory / "systems").glob("*.py"):
@@ -47,7 +46,7 @@ def test_a_new_engine_agrees_on_a_new_mechanism(tmp_path: Path) -> None:
     assert "EDIT:" in (tmp_path / "mine" / "engines" / "solver.py").read_text()
     done = harness("check", "--library", "mine", "--subject", "solver/urdf", "--states", str(STATES), "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    [record] = json.loads((tmp_path / "out.json").read_text())["records"]
+    [record] = records_of(tmp_path / "out.json")
     assert (record["subject"], record["verdict"]) == ("solver/urdf", "agrees")
 
 

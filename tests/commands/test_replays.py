@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import harness, make_library, written_site
+from support import harness, make_library, records_of, written_site
 
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep
@@ -82,7 +82,7 @@ def same(one: float | None, other: float | None) -> bool:
 def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
     page, markdown = written_site(reported), (reported / "report.md").read_text()
-    records = {(record["system"], record["subject"]): record for record in document["records"]}
+    records = {(record["system"], record["subject"]): record for record in records_of(reported / "report.json")}
     assert len(document["worst_cases"]) == len(records) == 12
     for case in document["worst_cases"]:
         again, record = replayed(case["replay"], reported), records[case["system"], case["subject"]]
@@ -99,7 +99,7 @@ def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
 
 
 def test_every_record_gives_its_numbers_again(reported: Path) -> None:
-    records = json.loads((reported / "report.json").read_text())["records"]
+    records = records_of(reported / "report.json")
     found = {record["subject"]: record["representative"] for record in records if record["system"] == "bar_pendulum"}
     # At rest and below every sampled rate: the simplest state that fails is another one than the worst.
     assert found["mujoco/mjcf"]["state"]["v"] == [0.0] and found["lagrange"] is None
@@ -118,8 +118,8 @@ def test_every_record_gives_its_numbers_again(reported: Path) -> None:
 
 
 def test_where_states_come_from_is_said(reported: Path) -> None:
-    document = json.loads((reported / "report.json").read_text())
-    for record in document["records"]:
+    records = records_of(reported / "report.json")
+    for record in records:
         origins = record["origins"]
         assert sum(origins.values()) == record["states"]
         assert origins["sampled"] == 500 and origins["stored"] == (record["system"] == "arm_2r")
@@ -130,13 +130,13 @@ def test_where_states_come_from_is_said(reported: Path) -> None:
     )
     for text in (written_site(reported).text, (reported / "report.md").read_text()):
         assert "500 sampled" in text and "; on top 0 to 1 stored with the system" in text
-    given = harness(*shlex.split(document["records"][0]["replay"])[1:], cwd=reported)
+    given = harness(*shlex.split(records[0]["replay"])[1:], cwd=reported)
     assert "states:" not in given.stdout
 
 
 def test_costs_carry_their_spread_and_the_load(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
-    for record in document["records"]:
+    for record in records_of(reported / "report.json"):
         assert 0 < record["fastest_seconds_per_state"] <= record["seconds_per_state"]
     assert re.fullmatch(r"\d+\.\d\d at the start", document["run"]["machine"]["load"])
     assert int(document["run"]["machine"]["worker processes"]) > 0

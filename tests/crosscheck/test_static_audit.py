@@ -63,7 +63,9 @@ def differs(library: Path, **options: Any) -> list[HeldDifference]:
 
 def test_mass_that_moves_between_links_is_found_though_no_acceleration_feels_it(library: Path) -> None:
     change(library, *MOVED)
-    done = harness("check", "arm_2r", "--library", str(library), "--states", "10", "--json", "out.json", cwd=library)
+    done = harness(
+        "check", "arm_2r", "--quantity", "accelerations", "--library", str(library), "--states", "10", "--json", "out.json", cwd=library
+    )
     assert done.returncode == 1
     [mass] = [line for line in done.stdout.splitlines() if "mass of elbow" in line]
     assert "is 1.75 (mujoco/mjcf, pinocchio/mjcf), but 2 (mujoco/urdf, pinocchio/urdf)" in mass

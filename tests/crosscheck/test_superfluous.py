@@ -356,7 +356,7 @@ def built_in_at(root: Path) -> Library:
     return replace(Library.at(root), name=LIBRARY.name, engines=LIBRARY.engines)
 
 
-OPTIONS = ("--states", "40", "--json", "out.json")
+OPTIONS = ("--states", "40", "--quantity", "accelerations", "--json", "out.json")
 
 
 def test_a_surplus_is_a_warning_that_is_printed_and_in_the_json(library: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import psutil
 import pytest
-from support import Done, engine_source, harness, harness_in_a_process, make_library
+from support import Done, engine_source, harness, harness_in_a_process, make_library, records_of
 
 from harness import check
 from harness.commands._options import STATES_OF_PROFILE
@@ -61,7 +61,9 @@ def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     """Exit status, records by subject and standard error of a check of all, whose JSON goes to standard output."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.engines._files.LOADING_SECONDS", 2.5)
-        done = harness("check", "--library", ".", "--states", "40", "--json", "-", isolated=True, cwd=library)
+        done = harness(
+            "check", "--library", ".", "--quantity", "accelerations", "--states", "40", "--json", "-", isolated=True, cwd=library
+        )
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 
 
@@ -100,7 +102,7 @@ def test_what_an_engine_prints_is_not_in_standard_output(tmp_path: Path) -> None
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"talking": AT_IMPORT["talking"]})
     options = ["--states", "40", "--subject", "talking/mjcf", "--library", str(root)]
     done = harness_in_a_process("check", "bar_pendulum", *options, "--json", "-", cwd=tmp_path)
-    [record] = json.loads(done.stdout)["records"]
+    [record] = [record for record in json.loads(done.stdout)["records"] if record["quantity"] == "accelerations"]
     assert record["verdict"] == "disagrees"
     assert "talking/mjcf" in done.stderr
     assert "spoon" not in done.stderr
@@ -173,7 +175,7 @@ def test_a_report_is_written_whatever_engines_answer(nonsense: Path, reported: D
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_an_answer_that_is_no_array_of_accelerations_costs_its_own_record(nonsense: Path, reported: Done, name: str) -> None:
-    records = {record["subject"]: record for record in json.loads((nonsense / "out.json").read_text())["records"]}
+    records = {record["subject"]: record for record in records_of(nonsense / "out.json")}
     record, found = records[f"{name}/mjcf"], ANSWERS[name][1].replace("40", "1").replace("39", "0")
     assert record["verdict"] == "error"
     assert f"returned {'' if found.startswith('a ') else 'an array of shape '}{found}; expected" in record["message"]

@@ -22,8 +22,11 @@ from harness.library import nearest
 from harness.models.model_file import ModelFile
 from harness.models.step_rule import StepRule
 from harness.results.records import ACCELERATIONS
+from harness.robots.constraints import untied
 from harness.robots.mechanism import RobotMechanism
+from harness.robots.reactions import have_same_points
 from harness.robots.robot import Robot, robot_of
+from harness.storage import Kept
 
 # Stands for every quantity.
 ALL = "all"
@@ -52,9 +55,24 @@ class Question:
     def robot_of(self, file: ModelFile | None) -> Robot:
         """The robot of ``declared`` or of ``read``."""
         if file is not None:
-            return robot_of(file, self.mechanism.gravity)
+            return _ROBOTS.get((file.text, self.mechanism.gravity), lambda: robot_of(file, self.mechanism.gravity))
         assert isinstance(self.mechanism, RobotMechanism)
         return self.mechanism.robot
+
+    @property
+    def has_other_points(self) -> bool:
+        """Whether points of joints are elsewhere by the numbers of ``read`` than by those of ``declared``."""
+        if self.declared is None or self.read is None or self.declared.text == self.read.text:
+            return False
+        joints = tuple(dict.fromkeys(self.mechanism.joints))
+        trees = [untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read)]
+        key = self.declared.text, self.read.text, self.mechanism.gravity, joints
+        return not _SAME_POINTS.get(key, lambda: have_same_points(*trees, joints))
+
+
+# By the text of a file, and of two.
+_ROBOTS: Kept[Robot] = Kept(16)
+_SAME_POINTS: Kept[bool] = Kept(64)
 
 
 class Truth(Protocol):
@@ -88,6 +106,7 @@ class Quantity:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
             ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        is_of_engine: whether the truth asks what engine reads the file: for its law of constraints, or its rules of steps.
         is_quick: whether a check that names no quantity compares it as well, at a few states.
         describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
             enough to name the block that is farthest off.
@@ -95,6 +114,7 @@ class Quantity:
 
     name: str
     truth: Callable[[Question], Truth]
+    is_of_engine: bool = False
     is_quick: bool = True
     describe: Callable[[Any, States, Certified, Array], str] | None = None
 

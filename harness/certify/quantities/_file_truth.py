@@ -64,7 +64,7 @@ class FileTruth:
         robot = question.robot_of(question.declared)
         self._robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
         read = question.robot_of(question.read)
-        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree)
+        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree, question.has_other_points)
         self._written: ComputedQuantity = own.written(blocks_of(own))
         self.blocks: Sequence[str] = self._written.blocks
         places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)

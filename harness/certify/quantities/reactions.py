@@ -25,9 +25,9 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
-from harness.robots.reactions import have_same_points, reactions_program
+from harness.robots.reactions import reactions_program
 from harness.robots.recursion import recursion_program
-from harness.robots.robot import Robot, robot_of
+from harness.robots.robot import Robot
 from harness.robots.tied_mechanism import Tied, tied_mechanism
 from harness.robots.tree import Given
 from harness.storage import Kept
@@ -45,12 +45,11 @@ class ReactionTruth:
             raise NotOffered("reactions are those of a mechanism's file, which is held against energies; a robot's file has none")
         self._question, self._declared = question, declared
         self._joints = tuple(dict.fromkeys(mechanism.joints))
-        robot = robot_of(declared, mechanism.gravity)
+        robot = question.robot_of(declared)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
         in_body = question.linear_velocity_in_body
-        read = untied(robot_of(question.read, mechanism.gravity).tree, self._joints)
         # Another point is a number of another file, with roundings of its own.
-        points_of = None if have_same_points(robot.tree, read, self._joints) else read
+        points_of = untied(question.robot_of(question.read).tree, self._joints) if question.has_other_points else None
         own, rigid, self._numbers, bearing = self._motion(robot)
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of, declared.constraints, bearing)
         if not self.reactions.joints:
@@ -167,4 +166,4 @@ def _tied(robot: Robot, question: Question) -> Tied:
 
 
 _TIED: Kept[Tied] = Kept(64)
-REACTIONS = Quantity("reactions", ReactionTruth)
+REACTIONS = Quantity("reactions", ReactionTruth, is_of_engine=True)

@@ -28,7 +28,6 @@ from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.states import States
 from harness.models.step_rule import StepRule
-from harness.robots.robot import robot_of
 from harness.robots.step_forces import step_forces
 from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
 
@@ -47,7 +46,7 @@ class StepTruth:
         if question.linear_velocity_in_body and mechanism.charts_in_body:
             raise NotOffered("the linear velocity of a free joint is in the body's frame, in which no rule is written")
         self.question, self.rules, self._declared = question, question.step_rules, declared
-        robot = replace(robot_of(declared, mechanism.gravity), joints=tuple(dict.fromkeys(mechanism.joints)))
+        robot = replace(question.robot_of(declared), joints=tuple(dict.fromkeys(mechanism.joints)))
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
         self._energies, self._reference = ReferenceKernel(mechanism), RobotReference(robot)
@@ -143,4 +142,4 @@ def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
     return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
 
 
-STEPS = Quantity("steps", StepTruth, describe=describe)
+STEPS = Quantity("steps", StepTruth, is_of_engine=True, describe=describe)
