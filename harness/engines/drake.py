@@ -194,7 +194,14 @@ class DrakeEngine:
     optional = True
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
-        """Source: Drake documentation, ``MultibodyPlant``, discrete systems: joint damping is implicit, all other forces are explicit."""
+        """One rule, of the free motion of a plant in discrete time: (M + h D) a = f, v' = v + h a, q' = q + h N(q) v'.
+
+        D is the diagonal matrix of the dampers of joints; reflected inertias are in M, and all other forces are those at the start.
+
+        Source: Drake, multibody/plant/compliant_contact_manager.cc, ``CalcAccelerationsDueToNonConstraintForcesCache``, and
+        discrete_update_manager.cc, ``DoCalcDiscreteValues``, of v1.51.1; the class documentation of ``MultibodyPlant`` says that the update
+        is periodic and gives no formula.
+        """
         return (StepRule("discrete", _TIME_STEP, frozenset({Part.JOINT_DAMPERS})),)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DrakeModel:
