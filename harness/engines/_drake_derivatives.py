@@ -82,7 +82,7 @@ class DifferentiatedPlant:
         from pydrake.autodiffutils import ExtractGradient, ExtractValue
 
         turn, nv = state[3], self._columns.nv
-        found = (turn @ ExtractGradient(answer)).reshape(nv, 3, nv).transpose(1, 0, 2)
+        found: Array = (turn @ ExtractGradient(answer)).reshape(nv, 3, nv).transpose(1, 0, 2)
         found[0] += self._crosses(turn @ ExtractValue(answer).ravel())
         return found
 
