@@ -209,6 +209,6 @@ def test_automatic_derivatives_are_on_the_chart(name: str, environment: Callable
     variables = {**os.environ, "HARNESS_CACHE": str(environment(name))}
     done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=variables, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    found = {one["method"]: one for one in json.loads((tmp_path / "out.json").read_text())["derivatives"]}
+    found = {one["method"]: one for one in json.loads((tmp_path / "out.json").read_text())["benchmark"]["derivatives"]}
     own = [method.name for method in find_derivative_methods() if method.engine == name]
     assert len(own) == 2 and all(not found[one]["note"] and found[one]["error"] < 1e-12 for one in own)
