@@ -254,7 +254,7 @@ class BenchmarkStudy(Rounds):
 
     @property
     def steps(self) -> int:
-        return len(self.names) + sum(len(self._places(part)) for part in PARTS)
+        return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in PARTS)
 
     def rounds(self) -> Iterator[list[Task]]:
         yield [Task((self._loaded, name, "equations and models"), load, (self.settings.library, name)) for name in self.names]
@@ -268,9 +268,19 @@ class BenchmarkStudy(Rounds):
         for part in PARTS:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
-                    given = replace(self.settings, methods=self.methods[part.kind]), self._scenes.get(name)
-                    # Two timings at once would take turns on memory and caches, and measure each other.
-                    yield Task((self._taken, name, part.name), part.measure, given, affinity="timed" if timed else None)
+                    for engine, methods in self._by_engine(part).items():
+                        what = f"{part.name} of {engine}" if engine else part.name
+                        given = replace(self.settings, methods=methods), self._scenes.get(name)
+                        # Two timings at once would take turns on memory and caches, and measure each other.
+                        yield Task((self._taken, name, what), part.measure, given, affinity="timed" if timed else None)
+
+    def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
+        """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
+        engines = {method.name: method.engine for method in find_derivative_methods()}
+        found: dict[str, list[str]] = {}
+        for name in self.methods[part.kind]:
+            found.setdefault(engines.get(name, ""), []).append(name)
+        return found
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""

@@ -100,6 +100,10 @@ def test_methods_of_an_engine_that_is_installed_nowhere_are_measured_by_name_alo
     assert not {method.name for method in missing} & set(BenchmarkStudy(settings).methods[DERIVATIVES])
     named = replace(settings, methods=(missing[0].name,))
     assert BenchmarkStudy(named).methods[DERIVATIVES] == [missing[0].name]
+    # Each in a task of its own: one that takes too long, as MJX compiles for minutes, costs its own rows alone.
+    names = ["heyoka derivatives of qdd", *(one.name for one in missing)]
+    study = BenchmarkStudy(replace(settings, methods=tuple(names)))
+    assert study.steps == 2 + len({one.engine for one in missing})
     found = costs("arm_2r", *missing)
     assert [one.note for one in found] == [f"{one.engine} is not installed: harness engines add {one.engine}" for one in missing]
     assert not any(one.failed for one in found)
