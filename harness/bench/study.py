@@ -21,6 +21,7 @@ from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.bench.yardstick import Stopwatch
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
+from harness.engines import subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, member_of, nearest
 from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
@@ -209,9 +210,10 @@ class BenchmarkStudy(Rounds):
                 )
             if not asked[kind]:
                 raise InvalidRequest(f"{name!r} computes {kind}; ask for it with --{kind}")
+        chosen = settings.methods or self._measured_by_default(known)
         # By what they compute.
-        self._methods = {
-            kind: [name for name in names if asked[kind] and name in (settings.methods or names)] for kind, names in known.items()
+        self.methods: dict[str, list[str]] = {
+            kind: [name for name in names if asked[kind] and name in chosen] for kind, names in known.items()
         }
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
@@ -224,6 +226,15 @@ class BenchmarkStudy(Rounds):
         of_trees = [] if self.settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
         return {ACCELERATIONS: methods, DERIVATIVES: of_trees, MOTION: moving}
 
+    def _measured_by_default(self, known: dict[str, list[str]]) -> set[str]:
+        """All names but those of methods whose engine is installed nowhere."""
+        names = {name for those in known.values() for name in those}
+        needing = [method for method in find_derivative_methods() if method.engine] if self.settings.derivatives else []
+        if needing:
+            installed = {subject.engine for subject in subjects(self.settings.library)}
+            names -= {method.name for method in needing if method.engine not in installed}
+        return names
+
     def _refuse_other_kind(self, name: str) -> None:
         other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
         if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
@@ -232,18 +243,18 @@ class BenchmarkStudy(Rounds):
     @property
     def constrained(self) -> list[str]:
         """The systems whose action is not varied, because variations would have to keep their constraints."""
-        varied = [part for part in PARTS if part.measure is _stationarity and self._methods[part.kind]]
+        varied = [part for part in PARTS if part.measure is _stationarity and self.methods[part.kind]]
         return [name for name, scene in self._scenes.items() if varied and scene.mechanism.constraints is not None]
 
     @property
     def left_out(self) -> list[str]:
         """The names of the parts that were asked for and need energies, where there are none."""
-        chosen = (part for part in PARTS if part.needs_energies and self._methods[part.kind])
+        chosen = (part for part in PARTS if part.needs_energies and self.methods[part.kind])
         return [part.name for part in chosen] if self.settings.library.is_of_robots else []
 
     @property
     def steps(self) -> int:
-        return len(self.names) + sum(len(self._places(part)) for part in PARTS)
+        return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in PARTS)
 
     def rounds(self) -> Iterator[list[Task]]:
         yield [Task((self._loaded, name, "equations and models"), load, (self.settings.library, name)) for name in self.names]
@@ -257,13 +268,23 @@ class BenchmarkStudy(Rounds):
         for part in PARTS:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
-                    given = replace(self.settings, methods=self._methods[part.kind]), self._scenes.get(name)
-                    # Two timings at once would take turns on memory and caches, and measure each other.
-                    yield Task((self._taken, name, part.name), part.measure, given, affinity="timed" if timed else None)
+                    for engine, methods in self._by_engine(part).items():
+                        what = f"{part.name} of {engine}" if engine else part.name
+                        given = replace(self.settings, methods=methods), self._scenes.get(name)
+                        # Two timings at once would take turns on memory and caches, and measure each other.
+                        yield Task((self._taken, name, what), part.measure, given, affinity="timed" if timed else None)
+
+    def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
+        """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
+        engines = {method.name: method.engine for method in find_derivative_methods()}
+        found: dict[str, list[str]] = {}
+        for name in self.methods[part.kind]:
+            found.setdefault(engines.get(name, ""), []).append(name)
+        return found
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
-        if not self._methods[part.kind] or (self.settings.methods and not part.by_methods):
+        if not self.methods[part.kind] or (self.settings.methods and not part.by_methods):
             return []
         if part.name in self.left_out:
             return []
@@ -279,13 +300,14 @@ class BenchmarkStudy(Rounds):
             self._scenes[name] = outcome.value
             # Of systems that nobody named, those that a method is for are meant.
             if self.settings.names and self.settings.methods:
-                found.problems += self._not_for(outcome.value)
+                found.problems += self.not_for(outcome.value)
         yield self._part(f"{name} loaded", found)
 
-    def _not_for(self, scene: Scene) -> list[str]:
+    def not_for(self, scene: Scene) -> list[str]:
         """A sentence for each chosen method that a scene's kind has not."""
         kind = kind_of(scene)
         able = [one.name for find in (find_methods, integrators) for one in find(kind)]
+        able += [one.name for one in find_derivative_methods() if kind == MECHANISMS]
         name = scene.mechanism.name
         return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
 

@@ -129,11 +129,15 @@ class DistantModel:
         """See ``harness.engines.Model``."""
         return self._interpreter.seconds
 
+    def _call(self, method: str, *arguments: Any) -> Any:
+        return self._interpreter.call(self._number, method, *arguments)
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         if name in self._attributes:
             return self._attributes[name]
         if name in self._methods:
-            return functools.partial(self._interpreter.call, self._number, name)
+            # Bound to this object: who holds the method alone must not have the model forgotten.
+            return functools.partial(self._call, name)
         raise AttributeError(f"the model of {self._interpreter} offers no {name}")

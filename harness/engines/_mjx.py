@@ -6,20 +6,24 @@ A model's numbers are arguments of that function, so that models of one structur
 
 Its constraints are MuJoCo's, soft by the law that the file declares (``harness.engines._mujoco_law``).
 
-Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not implemented; JAX documentation, ``jax.enable_x64``.
+Derivatives are JAX's automatic ones, in forward mode, of ``mjx.forward`` and ``mjx.inverse``. Positions move along MuJoCo's velocities:
+a ball joint turns about the axes of its body, and a free joint besides moves along the axes of the world.
+
+Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not implemented; JAX documentation, ``jax.enable_x64`` and
+``jax.jacfwd``.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, HeldModel, LoadedModel, Unsupported, _mujoco_law, require_model
+from harness.engines import ConstraintLaw, HeldModel, LoadedModel, NotOffered, Unsupported, _mujoco_law, require_model
 from harness.engines.mujoco import MujocoModel
 from harness.models.model_file import ModelFile
 from harness.storage import cache_directory
@@ -34,21 +38,60 @@ FLOAT32 = 2.0**-24
 COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion,fusion_wrapper", "xla_backend_optimization_level": 0}
 
 
-@functools.cache
-def _accelerations() -> Any:
-    """The function of a model, its empty data, and a block of positions, velocities and applied forces; compiled at its first call."""
-    import jax
+def _forward(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
     from mujoco import mjx
+
+    return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
+
+
+def _inverse(model: Any, empty: Any, q: Any, v: Any, qdd: Any) -> Any:
+    from mujoco import mjx
+
+    return mjx.inverse(model, empty.replace(qpos=q, qvel=v, qacc=qdd)).qfrc_inverse
+
+
+def _derivatives(function: Callable[..., Any], model: Any, empty: Any, q: Any, v: Any, third: Any) -> Any:
+    """Of a function of one state, by q, v and the third vector, (3, nv, nv)."""
+    import jax
+    import jax.numpy as jnp
+
+    def after(moves: Any, v: Any, third: Any) -> Any:
+        return function(model, empty, _moved(model, q, moves), v, third)
+
+    return jnp.stack(jax.jacfwd(after, argnums=(0, 1, 2))(jnp.zeros_like(v), v, third))
+
+
+def _moved(model: Any, q: Any, moves: Any) -> Any:
+    """Positions after small moves along the velocities, (nv,), to first order, which derivatives at no move at all are of."""
+    import jax.numpy as jnp
+    from mujoco.mjx import JointType
+
+    for kind, place, start in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
+        if kind in (JointType.HINGE, JointType.SLIDE):
+            q = q.at[place].add(moves[start])
+            continue
+        if kind == JointType.FREE:
+            q, place, start = q.at[place : place + 3].add(moves[start : start + 3]), place + 3, start + 3
+        (w, x, y, z), turn = q[place : place + 4], moves[start : start + 3]
+        rates = jnp.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
+        q = q.at[place : place + 4].add(rates @ turn)
+    return q
+
+
+@functools.cache
+def _compiled(of_a_state: Callable[..., Any]) -> Any:
+    """A function of a model, its empty data and three vectors, of blocks of these; compiled at its first call."""
+    import jax
 
     # What takes less than a second to compile is kept as well: a check asks many models.
     jax.config.update("jax_compilation_cache_dir", str(cache_directory() / "jax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-
-    def accelerations(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
-        return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
-
-    of_a_block = jax.vmap(accelerations, in_axes=(None, None, 0, 0, 0))
+    of_a_block = jax.vmap(of_a_state, in_axes=(None, None, 0, 0, 0))
     return jax.jit(of_a_block, compiler_options=COMPILER_OPTIONS)
+
+
+# Each is one object, by which what is compiled is kept.
+_FORWARD_DERIVATIVES, _INVERSE_DERIVATIVES = (functools.partial(_derivatives, one) for one in (_forward, _inverse))
 
 
 class OnDevice:
@@ -68,24 +111,28 @@ class OnDevice:
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array) -> Array:
         """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv)."""
+        return self.evaluate(_forward, qpos, qvel, applied)
+
+    def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Array:
+        """What a function of the model, its empty data and one state answers, at n states: positions, velocities and a third vector."""
         import jax
 
-        answer = np.empty(qvel.shape)
-        for start in range(0, len(qpos), BLOCK):
-            block = [given[start : start + BLOCK] for given in (qpos, qvel, applied)]
+        answers, states = [], len(given[0])
+        for start in range(0, states, BLOCK):
+            block = [values[start : start + BLOCK] for values in given]
             count = len(block[0])
             # A block that is not full repeats its first state, as zeros are no quaternion.
-            full = [np.concatenate([given, np.repeat(given[:1], BLOCK - count, axis=0)]) for given in block]
+            full = [np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)]) for values in block]
             with jax.enable_x64(self._in_float64):
-                found = np.asarray(_accelerations()(self._model, self._empty, *full))
-            answer[start : start + count] = found[:count]
-        return answer
+                answers.append(np.asarray(_compiled(of_a_state)(self._model, self._empty, *full), dtype=np.float64)[:count])
+        return np.concatenate(answers)
 
 
 class MjxModel:
     """An ``MjModel`` that the file compiles to, and the same on the device."""
 
     def __init__(self, model: Any, joints: Sequence[str], in_float64: bool) -> None:
+        self._in_float64 = in_float64
         self._compiled, self._on_device = MujocoModel(model, joints), OnDevice(model, in_float64)
 
     def loaded(self) -> LoadedModel:
@@ -100,10 +147,29 @@ class MjxModel:
         return self._compiled.gaps(q)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        return self._on_device.accelerations(*self._own(q, v, tau))[:, self._compiled.addresses[1]]
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines._answers``; raises NotOffered in float32."""
+        return self._matrices(_FORWARD_DERIVATIVES, q, v, tau)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """See ``harness.engines._answers``; raises NotOffered in float32."""
+        return self._matrices(_INVERSE_DERIVATIVES, q, v, qdd)
+
+    def _matrices(self, of_a_state: Callable[..., Any], q: Array, v: Array, third: Array) -> Array:
+        if not self._in_float64:
+            raise NotOffered("derivatives are certified at states of float64, which float32 rounds")
+        velocities = self._compiled.addresses[1]
+        found = self._on_device.evaluate(of_a_state, *self._own(q, v, third))
+        return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
+
+    def _own(self, q: Array, v: Array, third: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities, and forces or accelerations, in MuJoCo's order."""
         model, (positions, velocities) = self._compiled.model, self._compiled.addresses
-        qpos, qvel, applied = (np.zeros((len(q), size)) for size in (model.nq, model.nv, model.nv))
-        qpos[:, positions], qvel[:, velocities], applied[:, velocities] = q, v, tau
-        return self._on_device.accelerations(qpos, qvel, applied)[:, velocities]
+        qpos, qvel, given = (np.zeros((len(q), size)) for size in (model.nq, model.nv, model.nv))
+        qpos[:, positions], qvel[:, velocities], given[:, velocities] = q, v, third
+        return qpos, qvel, given
 
 
 def keep_what_is_on(model: Any) -> None:

@@ -11,12 +11,14 @@ Source: Drake documentation, drake::multibody::MultibodyPlant, ``get_generalized
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines import LoadedModel, NotOffered, Part, StepRule, Terms, Unsupported, require_model
+from harness.engines._drake_derivatives import DifferentiatedPlant
 from harness.engines._drake_files import armatures_passed_over, floating_bodies, refuse, refused_warnings, springs_at_world, text_for_parser
 from harness.engines._rotations import BALL, FREE, Columns
 from harness.models.model_file import JointSpring, ModelFile, PointSpring
@@ -64,6 +66,10 @@ class DrakeModel:
     def _columns(self) -> Columns:
         return Columns(self._order, {name: _SIZES[joint.type_name()] for name, joint in self.joints.items()})
 
+    @cached_property
+    def _differentiated(self) -> DifferentiatedPlant:
+        return DifferentiatedPlant(self.plant, self._columns())
+
     def _states(self, q: Array, v: Array, tau: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
         """Drake's own q, v and tau of each state, and the matrix that takes its accelerations to those of the harness."""
         from pydrake.common.eigen_geometry import Quaternion
@@ -95,6 +101,15 @@ class DrakeModel:
             self._set(plant, context, *own)
             answer[state] = turn @ port.Eval(context)
         return answer
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines._answers``; of the accelerations' output port."""
+        return self._differentiated.forward(self._states(q, v, tau))
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
+        """See ``harness.engines._answers``; of ``CalcInverseDynamics`` beside force elements, which have the dampers of joints too."""
+        # Accelerations turn between frames as forces do.
+        return self._differentiated.inverse(self._states(q, v, qdd))
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines._answers``: the output port of reaction forces, each about and along the axes of the child's frame."""
@@ -179,7 +194,14 @@ class DrakeEngine:
     optional = True
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
-        """Source: Drake documentation, ``MultibodyPlant``, discrete systems: joint damping is implicit, all other forces are explicit."""
+        """One rule, of the free motion of a plant in discrete time: (M + h D) a = f, v' = v + h a, q' = q + h N(q) v'.
+
+        D is the diagonal matrix of the dampers of joints; reflected inertias are in M, and all other forces are those at the start.
+
+        Source: Drake, multibody/plant/compliant_contact_manager.cc, ``CalcAccelerationsDueToNonConstraintForcesCache``, and
+        discrete_update_manager.cc, ``DoCalcDiscreteValues``, of v1.51.1; the class documentation of ``MultibodyPlant`` says that the update
+        is periodic and gives no formula.
+        """
         return (StepRule("discrete", _TIME_STEP, frozenset({Part.JOINT_DAMPERS})),)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DrakeModel:

@@ -1,4 +1,4 @@
-"""What engines are known to get wrong beside the mechanisms, as ``known_findings.toml`` declares it: adapters supply or refuse it."""
+"""What engines are known to get wrong beside the mechanisms, as ``known_findings.toml`` declares it, which says who meets it."""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,14 @@ from harness.bench.derivative_cost import derivative_costs
 from harness.bench.methods import DerivativeMethod, find_derivative_methods
 from harness.bench.study import DERIVATIVES, PARTS, BenchmarkSettings, BenchmarkStudy
 from harness.crosscheck.scene import Scene
+from harness.engines import installed_version, load_engine
 from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.results.benchmark import DerivativeCost
 
 LIBRARY = Library.built_in()
-METHODS = {method.name: method for method in find_derivative_methods()}
+# Those of engines that not everybody installs are tested in environments of these: tests/engines.
+METHODS = {method.name: method for method in find_derivative_methods() if not method.engine}
 # Hinges, a spring between points, a ball joint, and a free one.
 SYSTEMS = ("arm_2r", "collar", "heavy_top", "quadrotor")
 # Of what truncates: one-sided differences and central ones.
@@ -37,6 +41,10 @@ def scene(name: str) -> Scene:
 
 def costs(name: str, *methods: DerivativeMethod) -> list[DerivativeCost]:
     return derivative_costs(scene(name), methods, (1, 4), 3, 0.0, lambda text: None)
+
+
+def is_installed(engine: str) -> bool:
+    return installed_version(load_engine(LIBRARY, engine)) is not None
 
 
 def test_every_difference_has_an_order() -> None:
@@ -83,6 +91,24 @@ def test_what_fails_costs_its_own_row_alone() -> None:
     assert not found[1].failed and found[1].error is not None
 
 
+def test_methods_of_an_engine_that_is_installed_nowhere_are_measured_by_name_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    monkeypatch.setattr("harness.engines._files._DESCRIBED", {})
+    missing = [method for method in find_derivative_methods() if method.engine and not is_installed(method.engine)]
+    assert missing, "one of the engines is not installed beside the harness"
+    settings = BenchmarkSettings(library=LIBRARY, names=("arm_2r",), derivatives=True)
+    assert not {method.name for method in missing} & set(BenchmarkStudy(settings).methods[DERIVATIVES])
+    named = replace(settings, methods=(missing[0].name,))
+    assert BenchmarkStudy(named).methods[DERIVATIVES] == [missing[0].name]
+    # Each in a task of its own: one that takes too long, as MJX compiles for minutes, costs its own rows alone.
+    names = ["heyoka derivatives of qdd", *(one.name for one in missing)]
+    study = BenchmarkStudy(replace(settings, methods=tuple(names)))
+    assert study.steps == 2 + len({one.engine for one in missing})
+    found = costs("arm_2r", *missing)
+    assert [one.note for one in found] == [f"{one.engine} is not installed: harness engines add {one.engine}" for one in missing]
+    assert not any(one.failed for one in found)
+
+
 def test_the_study_measures_them_where_they_are_asked_for() -> None:
     [part] = [part for part in PARTS if part.kind == DERIVATIVES]
     chosen = ("heyoka derivatives of qdd", "mujoco mjd_inverseFD")
@@ -90,5 +116,6 @@ def test_the_study_measures_them_where_they_are_asked_for() -> None:
     found = part.measure(settings, scene("arm_2r"), lambda text: None)
     assert {cost.method for cost in found.derivatives} == set(chosen) and not found.problems
     assert part.measure(settings, scene("four_bar"), lambda text: None).derivatives == []
+    assert BenchmarkStudy(settings).not_for(scene("arm_2r")) == []
     with pytest.raises(InvalidRequest, match="'mujoco mjd_inverseFD' computes derivatives; ask for it with --derivatives"):
         BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=("arm_2r",), methods=["mujoco mjd_inverseFD"]))

@@ -96,6 +96,13 @@ def test_its_model_answers_as_one_in_this_process(library: Library, bar: ModelFi
     assert 0 < before == model.clock()  # type: ignore[attr-defined]
 
 
+def test_a_method_that_is_kept_keeps_its_model(library: Library, bar: ModelFile) -> None:
+    q, v, tau = np.ones((3, 1, 1))
+    terms = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).terms  # type: ignore[attr-defined]
+    load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)
+    assert isinstance(terms(q, v, tau), Terms)
+
+
 def test_another_cache_directory_has_another_interpreter(library: Library, bar: ModelFile, tmp_path: Path) -> None:
     q, v, tau = np.ones((3, 1, 1))
     [[right]] = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)

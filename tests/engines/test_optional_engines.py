@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from support import harness, harness_in_a_process, make_library
 
+from harness.bench.methods import find_derivative_methods
 from harness.certify.reference import UNIT_ROUNDOFF
 from harness.certify.sampling import random_sample
 from harness.crosscheck.truth import Truth
@@ -28,6 +29,7 @@ from harness.models.model_file import read_model
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()
+DERIVATIVES = ("forward_dynamics_derivatives", "inverse_dynamics_derivatives")
 OPTIONAL = sorted(name for name, file in describe_engines(BUILT_IN, Workers).items() if file.optional and "@" not in name)
 # A pendulum of 2 m in float32, or with gravity that is off by 1e-5, of which float32 could not lose so much.
 FLOAT32 = """
@@ -123,9 +125,12 @@ def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
     assert own_v[9] == v[6]
 
 
-def check_in_its_environment(name: str, systems: list[str], cache: Path, folder: Path) -> list[dict[str, object]]:
+def check_in_its_environment(
+    name: str, systems: list[str], cache: Path, folder: Path, quantities: Sequence[str] = ()
+) -> list[dict[str, object]]:
     """The records of an engine on ``systems``, of the whole catalogue for none; ``cache`` holds its environment."""
     chosen = [word for model_format in load_engine(BUILT_IN, name).formats for word in ("--subject", f"{name}/{model_format}")]
+    chosen += [word for quantity in quantities for word in ("--quantity", quantity)]
     checked = ["check", *systems, *chosen, "--states", "100", "--time-limit", "600", "--json", "out.json"]
     words, variables = [sys.executable, "-m", "harness", *checked], {**os.environ, "HARNESS_CACHE": str(cache)}
     done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=variables, check=False)
@@ -182,3 +187,28 @@ def test_a_reproducer_prints_what_the_engine_answers(name: str, system: str, env
     done = subprocess.run([interpreter, "-c", text], capture_output=True, text=True, check=True, cwd=tmp_path)
     engine, certified = done.stdout.splitlines()[-2:]
     np.testing.assert_allclose(json.loads(engine), json.loads(certified), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "systems"), [
+    ("drake", ["acrobot", "collar", "heavy_top", "quadrotor", "satellite_wheel", "furuta_pendulum.armature"]),
+    ("mjx", ["collar", "heavy_top", "quadrotor"]),
+])  # fmt: skip
+def test_automatic_derivatives_agree(name: str, systems: list[str], environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Hinges, springs and dampers, a rotor, a ball joint and a free one: along the velocities of the harness."""
+    records = check_in_its_environment(name, systems, environment(name), tmp_path, DERIVATIVES)
+    formats = load_engine(BUILT_IN, name).formats
+    assert [one["verdict"] for one in records] == ["agrees"] * len(DERIVATIVES) * len(formats) * len(systems)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["drake", "mjx"])
+def test_automatic_derivatives_are_on_the_chart(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Where the engine is installed they are measured without being named."""
+    words = [sys.executable, "-m", "harness", "bench", "acrobot", "--derivatives", "--json", "out.json"]
+    variables = {**os.environ, "HARNESS_CACHE": str(environment(name))}
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=variables, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {one["method"]: one for one in json.loads((tmp_path / "out.json").read_text())["benchmark"]["derivatives"]}
+    own = [method.name for method in find_derivative_methods() if method.engine == name]
+    assert len(own) == 2 and all(not found[one]["note"] and found[one]["error"] < 1e-12 for one in own)

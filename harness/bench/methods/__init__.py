@@ -87,6 +87,7 @@ class DerivativeMethod:
         loop: what goes from state to state, as of ``Method``.
         linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame, and moves its position there.
         steps: of finite differences, which are tried; () for derivatives that have none.
+        engine: that not everybody installs, without which it is measured by name alone; "" for a method of what is always there.
     """
 
     name: str
@@ -96,6 +97,7 @@ class DerivativeMethod:
     loop: str = ""
     linear_velocity_in_body: bool = False
     steps: tuple[float, ...] = ()
+    engine: str = ""
 
 
 def find_derivative_methods() -> list[DerivativeMethod]:

@@ -1,11 +1,11 @@
-"""Ways of computing derivatives by q and v: analytic ones, and finite differences, which have a step.
+"""Ways of computing derivatives by q and v: analytic and automatic ones, and finite differences, which have a step.
 
 A difference of engines' answers has two errors: truncation, which falls with the step, and rounding, which grows as the step falls.
 MuJoCo's differences are of its own step in time, or of inverse dynamics; the matrices of ``mjd_inverseFD`` stand transposed. That of the
 step is taken over one second by explicit Euler, so that what changes the velocity is the acceleration and nothing else.
 
 Sources: Pinocchio documentation, ``computeABADerivatives``; MuJoCo documentation, API reference, ``mjd_transitionFD`` and
-``mjd_inverseFD``; Press et al., Numerical Recipes, 3rd ed., section 5.7 (numerical derivatives).
+``mjd_inverseFD``; ``harness.engines`` of Drake and MJX; Press et al., Numerical Recipes, 3rd ed., section 5.7 (numerical derivatives).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import DerivativeMethod
 from harness.crosscheck.scene import Scene
-from harness.engines import EQUATIONS, Unsupported
+from harness.engines import EQUATIONS, Unsupported, installed_version, load_engine
 from harness.engines.mujoco import MujocoModel
 from harness.engines.pinocchio import PinocchioModel
 from harness.equations.states import States
@@ -36,8 +36,11 @@ def _compiled(is_inverse: bool, scene: Scene, states: States, third: Array, step
     return lambda: evaluate(states.q, states.v, third, states.time)[:, :2]
 
 
-def _pinocchio(is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
-    model: PinocchioModel = scene.load("pinocchio", "urdf")
+def _of_engine(engine: str, format: str, is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+    """Derivatives that an engine gives itself; the time of one in an environment of its own includes the way there and back."""
+    if installed_version(load_engine(scene.library, engine)) is None:
+        raise Unsupported(f"{engine} is not installed: harness engines add {engine}")
+    model = scene.load(engine, format)
     evaluate = model.inverse_dynamics_derivatives if is_inverse else model.forward_dynamics_derivatives
     return lambda: evaluate(states.q, states.v, third)[:, :2]
 
@@ -123,15 +126,21 @@ def _inverse(scene: Scene, states: States, third: Array, step: float) -> Compute
     return batch.one_by_one("qacc", derivatives)
 
 
-def _method(name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False) -> DerivativeMethod:
-    loop = {"urdf": "Python", "mjcf": "Python", EQUATIONS: "machine code"}[format]
+def _method(
+    name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False, loop: str = "Python"
+) -> DerivativeMethod:
     return DerivativeMethod(name, format, inverse, prepare, loop, in_body, STEPS if differences else ())
 
 
-COMPILED = _method("heyoka derivatives of qdd", EQUATIONS, partial(_compiled, False), inverse=False)
-COMPILED_INVERSE = _method("heyoka derivatives of tau", EQUATIONS, partial(_compiled, True), inverse=True)
-ABA = _method("pinocchio computeABADerivatives", "urdf", partial(_pinocchio, False), inverse=False, in_body=True)
-RNEA = _method("pinocchio computeRNEADerivatives", "urdf", partial(_pinocchio, True), inverse=True, in_body=True)
+def _automatic(name: str, engine: str, inverse: bool, loop: str) -> DerivativeMethod:
+    """Of an engine that not everybody installs, which reads MJCF."""
+    return DerivativeMethod(name, "mjcf", inverse, partial(_of_engine, engine, "mjcf", inverse), loop, engine=engine)
+
+
+COMPILED = _method("heyoka derivatives of qdd", EQUATIONS, partial(_compiled, False), inverse=False, loop="machine code")
+COMPILED_INVERSE = _method("heyoka derivatives of tau", EQUATIONS, partial(_compiled, True), inverse=True, loop="machine code")
+ABA = _method("pinocchio computeABADerivatives", "urdf", partial(_of_engine, "pinocchio", "urdf", False), inverse=False, in_body=True)
+RNEA = _method("pinocchio computeRNEADerivatives", "urdf", partial(_of_engine, "pinocchio", "urdf", True), inverse=True, in_body=True)
 DIFFERENCES_OF_ABA = _method(
     "central differences of pinocchio aba", "urdf", partial(_differences_of_pinocchio, False), inverse=False, in_body=True, differences=True
 )
@@ -141,3 +150,7 @@ DIFFERENCES_OF_RNEA = _method(
 TRANSITION = _method("mujoco mjd_transitionFD", "mjcf", partial(_transition, False), inverse=False, differences=True)
 CENTRED_TRANSITION = _method("mujoco mjd_transitionFD, centred", "mjcf", partial(_transition, True), inverse=False, differences=True)
 INVERSE = _method("mujoco mjd_inverseFD", "mjcf", _inverse, inverse=True, differences=True)
+AUTODIFF = _automatic("drake AutoDiff of accelerations", "drake", inverse=False, loop="Python")
+AUTODIFF_INVERSE = _automatic("drake AutoDiff of CalcInverseDynamics", "drake", inverse=True, loop="Python")
+JACFWD = _automatic("mjx jacfwd of forward", "mjx", inverse=False, loop="XLA")
+JACFWD_INVERSE = _automatic("mjx jacfwd of inverse", "mjx", inverse=True, loop="XLA")
