@@ -48,9 +48,11 @@ class ReactionTruth:
         robot = robot_of(declared, mechanism.gravity)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
         in_body = question.linear_velocity_in_body
-        read = untied(robot_of(question.read, mechanism.gravity).tree, self._joints)
         # Another point is a number of another file, with roundings of its own.
-        points_of = None if have_same_points(robot.tree, read, self._joints) else read
+        points_of = None
+        if (question.read.text, question.read.format) != (declared.text, declared.format):
+            read = untied(robot_of(question.read, mechanism.gravity).tree, self._joints)
+            points_of = None if have_same_points(robot.tree, read, self._joints) else read
         own, rigid, self._numbers, bearing = self._motion(robot)
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of, declared.constraints, bearing)
         if not self.reactions.joints:
