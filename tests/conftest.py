@@ -44,7 +44,7 @@ CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
 # two processes make it at once. Then come rooms whose tests start processes and wait for them, and the files beside the rooms, so
 # that no processor is left with one of their files in the end.
-SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis", "hostile", "tests")
+SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis", "environments", "hostile", "night", "tests", "upgrade")
 
 
 @pytest.hookimpl(tryfirst=True)

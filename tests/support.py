@@ -34,6 +34,7 @@ from harness.equations.lagrange import EquationsOfMotion
 from harness.equations.program import StraightLineProgram
 from harness.library import MODEL_SUFFIXES
 from harness.results.records import ACCELERATIONS, Record
+from harness.storage import cache_directory
 from harness.study import Study, run_study
 from harness.workers import Outcome, Task, Workers
 
@@ -124,6 +125,16 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
     for name, source in (engines or {}).items():
         (root / "engines" / f"{name}.py").write_text(source)
     return root
+
+
+def cache_with_mechanisms(folder: Path) -> Path:
+    """A new cache at ``folder``, for environments of its own, that shares with the current one what is derived of mechanisms."""
+    folder.mkdir(parents=True)
+    for name in ("mechanisms", "sobol"):
+        shared = cache_directory() / name
+        shared.mkdir(parents=True, exist_ok=True)
+        (folder / name).symlink_to(shared.resolve())
+    return folder
 
 
 def engine_source(answer: str = "return np.zeros_like(v)", top: str = "", requires: str = 'requires = ("numpy", "numpy")') -> str:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from support import make_library
+from support import cache_with_mechanisms, make_library
 
 from harness.environments.folders import Environment, interpreter_in, this_python
 from harness.environments.installation import REQUIREMENTS
@@ -72,7 +72,7 @@ ENGINE = Engine()
 def planted(root: Path, versions: Mapping[str, str]) -> Iterator[Path]:
     """A library of the bar with the toy engine's file, and a cache with environments of these versions, while the context lasts."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(root / "cache"))
+        patch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(root / "cache")))
         for version, source in versions.items():
             plant(version, source)
         yield make_library(root / "library", ["bar_pendulum"], {"toy": ADAPTER})

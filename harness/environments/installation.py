@@ -93,7 +93,8 @@ def _fill(folder: Path, requirements: Sequence[str]) -> None:
         _output([uv, "venv", "--quiet", "--allow-existing", "--python", sys.executable, str(folder)])
         _output([uv, "pip", "install", "--quiet", "--python", str(interpreter_in(folder)), *_sources(), *requirements])
         return
-    pip = ["install", "--quiet", "--disable-pip-version-check", *requirements]
+    # As by uv, a module is compiled when it is first imported: most of what an engine brings never is.
+    pip = ["install", "--quiet", "--disable-pip-version-check", "--no-compile", *requirements]
     if importlib.util.find_spec("pip") is not None:
         _output([sys.executable, "-m", "venv", "--without-pip", str(folder)])
         _output([sys.executable, "-m", "pip", "--python", str(interpreter_in(folder)), *pip])

@@ -49,6 +49,9 @@ class ProgramWriter(Assembler):
         super().__init__(program.inputs)
         # Every sum and product asks for the values of its operands, and most programs hold few numbers.
         self._values: dict[int, Fraction] = {}
+        # Most are the zeros and ones of frames that are not turned. A look for their places costs less than comparing fractions.
+        self._zero_places: set[int] = set()
+        self._one_places: set[int] = set()
         self.outputs = self.append(program)
 
     def append(self, program: StraightLineProgram) -> dict[str, list[int]]:
@@ -61,7 +64,9 @@ class ProgramWriter(Assembler):
     def add(self, *instruction: Any) -> int:
         place = super().add(*instruction)
         if instruction[0] == "rational" and place not in self._values:
-            self._values[place] = Fraction(int(instruction[1]), int(instruction[2]))
+            value = self._values[place] = Fraction(int(instruction[1]), int(instruction[2]))
+            if value in (0, 1):
+                (self._one_places if value else self._zero_places).add(place)
         return place
 
     def number(self, value: Fraction | int) -> int:
@@ -70,25 +75,22 @@ class ProgramWriter(Assembler):
 
     def sum(self, first: int | None, second: int) -> int:
         """first + second; None stands for 0."""
-        if first is None:
+        if first is None or first in self._zero_places:
             return second
+        if second in self._zero_places:
+            return first
         known, other = self._values.get(first), self._values.get(second)
-        if known is not None and not known:
-            return second
-        if other is not None:
-            if not other:
-                return first
-            if known is not None:
-                return self.number(known + other)
+        if known is not None and other is not None:
+            return self.number(known + other)
         for one, place in ((first, second), (second, first)):
             if self.instructions[place][0] == "neg":
                 return self.difference(one, self.instructions[place][1])
         return self.add("add", *sorted((first, second)))
 
     def difference(self, first: int, second: int) -> int:
-        if self._values.get(second) == 0:
+        if second in self._zero_places:
             return first
-        if self._values.get(first) == 0:
+        if first in self._zero_places:
             return self.negative(second)
         if first == second:
             return self.number(0)
@@ -106,13 +108,14 @@ class ProgramWriter(Assembler):
         return self.add("sub", operands[1], operands[0]) if operation == "sub" else self.add("neg", place)
 
     def product(self, first: int, second: int) -> int:
+        if first in self._zero_places or second in self._one_places:
+            return first
+        if second in self._zero_places or first in self._one_places:
+            return second
         factor, other = self._values.get(first), self._values.get(second)
         if factor is None and other is not None:
             first, second, factor, other = second, first, other, factor
         if factor is not None:
-            # Most numbers are the zeros and ones of frames that are not turned.
-            if not factor or factor == 1:
-                return second if factor else first
             if other is not None:
                 return self.number(factor * other)
             if factor == -1:
@@ -130,16 +133,17 @@ class ProgramWriter(Assembler):
         return self.add("mul", *((first, second) if factor is not None else sorted((first, second))))
 
     def quotient(self, first: int, second: int) -> int:
-        return first if self._values.get(second) == 1 or self._values.get(first) == 0 else self.add("div", first, second)
+        return first if second in self._one_places or first in self._zero_places else self.add("div", first, second)
 
     def inverse(self, place: int) -> int:
         value = self._values.get(place)
         return self.number(1 / value) if value else self.quotient(self.number(1), place)
 
     def dot(self, first: Sequence[int], second: Sequence[int]) -> int:
-        total = self.number(0)
-        for pair in zip(first, second, strict=True):
-            total = self.sum(total, self.product(*pair))
+        total, zeros = self.number(0), self._zero_places
+        for one, other in zip(first, second, strict=True):
+            if one not in zeros and other not in zeros:
+                total = self.sum(total, self.product(one, other))
         return total
 
     def cross(self, first: Sequence[int], second: Sequence[int]) -> list[int]:

@@ -13,13 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support import cache_with_mechanisms
 
 
 @pytest.fixture(scope="session")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The cache that holds the environment of an engine, which is made at its first use in a run."""
     kept = os.environ.get("HARNESS_TEST_CACHE")
-    cache = Path(kept) if kept else tmp_path_factory.mktemp("environments")
+    cache = Path(kept) if kept else cache_with_mechanisms(tmp_path_factory.mktemp("environments") / "cache")
 
     @functools.cache
     def made(engine: str) -> Path:

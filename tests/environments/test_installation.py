@@ -67,6 +67,14 @@ def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: py
     assert first.installed["toy-engine"] == "1.2"
 
 
+def test_what_is_not_imported_is_not_compiled(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "REQUIREMENTS", ())
+    # What a clean clone's tests set for their own installation.
+    monkeypatch.delenv("PIP_NO_COMPILE", raising=False)
+    folder = install("toy", "toy-engine", "json", "1.2").folder
+    assert [path.suffix for path in folder.rglob("toy_engine*") if path.is_file()] == [".py"]
+
+
 def test_uv_gets_the_indexes_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in installation.os.environ if name.startswith(("UV_", "PIP_"))]:
         monkeypatch.delenv(name)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from catalogue import BUILT_IN
-from support import harness, harness_in_a_process
+from support import cache_with_mechanisms, harness, harness_in_a_process
 
 from harness.engines import describe_engines, engine_files
 from harness.environments.folders import find_environments
@@ -29,7 +29,7 @@ BY_DAY = (
 @pytest.fixture(scope="module", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(tmp_path_factory.mktemp("environments") / "cache")))
         yield
     describe_engines(BUILT_IN, Workers)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import toy_engine
-from support import Done, harness
+from support import Done, cache_with_mechanisms, harness
 
 from harness.environments.folders import find_environments
 
@@ -98,7 +98,7 @@ def test_bad_usage_says_what_to_do(library: Path, arguments: tuple[str, ...], fr
 @pytest.mark.costly
 def test_a_planted_wheel_is_bisected_among_five(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From an index to the name of the version and its term, every environment made on the way."""
-    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(tmp_path / "cache")))
     wheels = tmp_path / "wheels"
     wheels.mkdir()
     for number in range(5):
