@@ -30,7 +30,7 @@ from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind, shares
 from harness.diagnosis.hypotheses import find_hypotheses
 from harness.diagnosis.model_side import Diagnosis, diagnose
 from harness.diagnosis.pattern import Inference
-from harness.models.model_file import read_model
+from harness.models.model_file import ModelFile, read_model
 from harness.models.text import Element, Number, Place, find_elements, find_numbers
 from harness.verdict import Verdict
 
@@ -230,6 +230,27 @@ def test_theory_begins_where_no_reader_rounds_a_number_away() -> None:
     *_, product = (planted for planted in number_faults(bench.model) if planted.places[0].attribute == "ixz")
     smallest, theory, order = bench.smallest(product)
     assert order == 1 and 1e-6 < smallest <= 10 * theory < 1e-4
+
+
+def test_the_order_of_a_fault_that_is_felt_little_is_measured() -> None:
+    """The governor's stiff springs hide a change of 1e-5 of an arm's inertia along itself, which moves the shaft in proportion.
+
+    The slider's axis tilts the slide, which is felt by the square of the tilt.
+    """
+    bench = FaultBench(BUILT_IN, "flyball_governor", "urdf", 32, 0)
+    plants = list(number_faults(bench.model))
+    along = next(one for one in plants if one.places[0].attribute == "izz" and one.places[0].line == _line_of(bench.model, "right_arm"))
+    tilts = [one for one in plants if one.places[0].element == "axis" and not float(one.places[0].found)]
+    smallest, theory, order = bench.smallest(along)
+    assert order == 1 and theory > 1e-5 and 0.5 < smallest / theory < 2
+    smallest, theory, order = bench.smallest(tilts[-1])
+    assert order == 2 and 0.5 < smallest / theory < 2
+
+
+def _line_of(model: ModelFile, link: str) -> int:
+    """The line of a link's moments of inertia."""
+    found = next(one for one in find_elements(model.text, "urdf") if one.tag == "link" and one.get("name") == link)
+    return next(one.line for one in find_elements(model.text, "urdf") if one.tag == "inertia" and found.start < one.start < found.end)
 
 
 def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
