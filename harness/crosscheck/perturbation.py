@@ -68,7 +68,7 @@ def watch(engine: Engine, mechanism: Mechanism, model: ModelFile, states: States
             raise ValueError(str(reason)) from reason
         return answers_with_gaps(loaded, states)
 
-    return Watch(model, answer)
+    return Watch(model, answer, mechanism.nv)
 
 
 def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> States:
@@ -202,16 +202,18 @@ def numeric_candidates(model: ModelFile) -> list[Candidate]:
 def _of_number(
     model: ModelFile, elements: Sequence[Element], element: Element, attribute: Attribute, number: Number
 ) -> Iterator[Candidate]:
-    place = Place(number.line, element.tag, attribute.name, number.index, model.text[number.start : number.end])
+    place = _place(model, number)
     names = INERTIAS.get((model.format, element.tag), ())
     inertia = [other for own in element.attributes if own.name in names for other in own.numbers] if attribute.name in names else []
     group = inertia or list(attribute.numbers)
     scale = _scale(elements, element, attribute, number, group)
     if "axis" in (element.tag, attribute.name):
-        rest = math.hypot(*(other.value for other in group if other is not number))
+        others = [other for other in group if other is not number]
+        rest = math.hypot(*(other.value for other in others))
         length = math.hypot(number.value, rest)
         if rest > 0:
-            yield Candidate(NUMBER, "", place, _turned(model.text, group, number, rest, length), number.value, length)
+            beside = tuple(_place(model, other) for other in others if other.value)
+            yield Candidate(NUMBER, "", place, _turned(model.text, group, number, rest, length), number.value, length, beside)
             return
     yield Candidate(NUMBER, "", place, lambda value: with_values(model.text, {number: value}), number.value, scale)
     moments = [other for other in inertia if other.value != 0]
@@ -223,7 +225,12 @@ def _of_number(
             lambda value: with_values(model.text, {other: other.value * (value / number.value) for other in moments}),
             number.value,
             scale,
+            tuple(_place(model, other) for other in moments if other is not number),
         )
+
+
+def _place(model: ModelFile, number: Number) -> Place:
+    return Place(number.line, number.element, number.attribute, number.index, model.text[number.start : number.end])
 
 
 def _turned(text: str, components: Sequence[Number], number: Number, rest: float, length: float) -> Callable[[float], str]:

@@ -59,9 +59,12 @@ class Tried:
 
     @property
     def is_slight(self) -> bool:
-        """True for a structural mistake of next to no size; a number that is written wrong is likelier, as by its last digits."""
+        """True for a structural mistake of next to no size, and for a zero that should be next to nothing.
+
+        A number that is written wrong is likelier, as by its last digits.
+        """
         candidate, value = self.candidate, self.value
-        if candidate.hypothesis in (NUMBER, PARAMETER) or value is None:
+        if value is None or (candidate.hypothesis in (NUMBER, PARAMETER) and candidate.start != 0):
             return False
         return abs(value - (candidate.start or 0.0)) <= ALL_BUT_ZERO * candidate.scale
 
@@ -250,7 +253,7 @@ def best_first(tried: Sequence[tuple[Tried, float]]) -> list[Tried]:
     """Changes at round values, each beside what its fitted value leaves [data roundoffs], the likeliest first.
 
     What explains comes before what does not. Of what explains, first is what leaves about as little as the least; then comes what is
-    no structural mistake of next to no size, then what has no free value, a value of few digits, and little residual.
+    not slight, then what has no free value, a value of few digits, and little residual.
     """
     enough = as_well(min((left for one, left in tried if one.explains), default=0.0))
 

@@ -67,6 +67,7 @@ class Candidate:
         text: of the whole file, with the change at a value; a change without a free value ignores it.
         start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
         scale: a natural size of the value, above 0, for steps and for relative changes.
+        beside: places of further numbers of the file that change with the value.
     """
 
     hypothesis: str
@@ -75,6 +76,7 @@ class Candidate:
     text: Callable[[float], str]
     start: float | None = None
     scale: float = 1.0
+    beside: tuple[Place, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -234,10 +236,12 @@ class Watch:
         model: the model as it is.
         answer: its accelerations (n, nv) at states of the caller's choice; InvalidModel or ValueError where
             a reader refuses the model.
+        nv: number of accelerations where rows of constraints [m or rad] stand behind them; None where none do.
     """
 
     model: ModelFile
     answer: Callable[[ModelFile], Array]
+    nv: int | None = None
     healthy: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -251,18 +255,22 @@ class Watch:
             return None
 
     def movement(self, text: str) -> float | None:
-        """Largest change of any joint's acceleration, relative to that joint's largest; None where the text is refused.
-
-        Joints are measured each by itself, or the wrist of an arm would hide its shoulder.
-        """
+        """``largest_change`` of the answers with another text; None where it is refused."""
         moved = self.accelerations(text)
-        return None if moved is None else largest_change(self.healthy, moved)
+        return None if moved is None else largest_change(self.healthy, moved, self.nv)
 
 
-def largest_change(healthy: Array, moved: Array) -> float:
-    """The largest change of any joint's accelerations, both (n, nv), relative to that joint's largest; inf where they are not finite."""
+def largest_change(healthy: Array, moved: Array, nv: int | None = None) -> float:
+    """The largest change of any joint's accelerations, both (n, nv), relative to that joint's largest; inf where they are not finite.
+
+    Joints are measured each by itself, or the wrist of an arm would hide its shoulder. Columns from ``nv`` on are rows of constraints
+    [m or rad], whose change counts as it is: those of a closed loop hold nothing but rounding, by which nothing can be measured.
+    """
+    largest = np.abs(healthy).max(axis=0)
+    if nv is not None:
+        largest[nv:] = 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.where(moved == healthy, 0.0, np.abs(moved - healthy) / np.abs(healthy).max(axis=0))
+        change = np.where(moved == healthy, 0.0, np.abs(moved - healthy) / largest)
     return float(np.nan_to_num(change, nan=np.inf, posinf=np.inf).max())
 
 

@@ -426,6 +426,11 @@ def test_the_likeliest_of_the_changes_that_explain_is_named_first() -> None:
     # What merely agrees beside one that leaves nothing, and a structure that is wrong by next to nothing, come behind a number.
     slight, agreeing = tried("bodies_fused", 7e-12, 2.0), tried(NUMBER, 0.5, 56.0)
     assert best_first([slight, agreeing, restored]) == [restored[0], slight[0], agreeing[0]]
+    # So does a zero that should be next to nothing. A number all but zero may be one that is to be zero, or itself slightly wrong.
+    filled, rounded = tried(NUMBER, 1e-10, 0.9), tried(NUMBER, 1.25, 0.9, 1.2500000001)
+    assert best_first([filled, rounded]) == [rounded[0], filled[0]]
+    emptied, least = tried(NUMBER, 0.0, 0.9, 1e-10), tried(NUMBER, 1e-15, 0.9, 1.0000001e-15)
+    assert best_first([rounded, least, emptied]) == [emptied[0], least[0], rounded[0]]
     # Where all merely agree, none does so by chance.
     assert best_first([tried(NUMBER, 0.25, 30.0), agreeing])[0] == agreeing[0]
 

@@ -84,6 +84,29 @@ def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
     assert harness.diagnose("arm_2r", quantity="gravity", subjects=subjects[:2], states=20) == []
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new", "joint"),
+    [
+        ("furuta_pendulum", 'pos="0.15 0 0" mass', 'pos="0.15 0 1e-7" mass', "arm"),
+        ("cart_pendulum", 'pos="0 0 0" mass="10"', 'pos="1e-5 0 0" mass="10"', "slide"),
+    ],
+)
+def test_a_number_that_no_acceleration_feels_is_named_by_a_reaction(tmp_path: Path, name: str, old: str, new: str, joint: str) -> None:
+    text = BUILT_IN.model_path(name, "mjcf").read_text()
+    assert text.count(old) == 1
+    path = tmp_path / f"{name}.xml"
+    path.write_text(text.replace(old, new))
+    line = text[: text.index(old)].count("\n") + 1
+    subjects = ["mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"]
+    assert harness.diagnose(name, mjcf=path, subjects=subjects, states=20) == []
+    causes = harness.diagnose(name, mjcf=path, quantity="reactions", subjects=subjects, states=20)
+    assert [cause.subject for cause in causes] == ["mujoco/mjcf", "pinocchio/mjcf"]
+    for cause in causes:
+        assert "the mjcf model is at fault" in cause.inference
+        assert f"line {line}: 0.0 in the place of" in cause.first_line
+        assert any(f"moment of joint {joint!r} is wrong" in sentence for sentence in cause.terms)
+
+
 def test_quantities_of_robots_are_refused() -> None:
     with pytest.raises(InvalidRequest, match="bias: of mechanisms here"):
         harness.diagnose(str(BUILT_IN.model_path("arm_2r", "urdf")), quantity="bias")

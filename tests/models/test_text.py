@@ -10,7 +10,7 @@ import pytest
 
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Number, Watch, find_elements, find_numbers, scaled, with_values, without
+from harness.models.text import Number, Watch, find_elements, find_numbers, largest_change, scaled, with_values, without
 
 MJCF = """\
 <?xml version="1.0"?>
@@ -112,6 +112,18 @@ def test_a_watch_sees_what_moves_and_what_is_refused() -> None:
     assert watch.movement(scaled(MJCF, [mass], 100.0)) is None  # the reader's own refusal
     assert watch.movement(scaled(MJCF, [mass], 1e-320)) == math.inf
     assert watch.movement(MJCF.replace('axis="0 1 0"', 'axis="0 2 0"')) is None
+
+
+def test_what_constraints_leave_is_measured_by_a_metre_and_not_by_its_own_rounding() -> None:
+    """Behind the acceleration of one joint, two rows of a closed loop hold rounding, which another order of operations changes."""
+    healthy, moved = np.array([[2.0, 0.0, 3e-16], [-4.0, 0.0, 0.0]]), np.array([[2.0, 1e-16, 0.0], [-4.0, 0.0, 2e-16]])
+    assert largest_change(healthy, moved, 1) == pytest.approx(3e-16)
+    assert largest_change(healthy, moved) == math.inf
+    opened = moved + np.array([0.0, 0.0, 1e-3])
+    assert largest_change(healthy, opened, 1) == pytest.approx(1e-3)
+    assert largest_change(healthy, 1.5 * healthy, 1) == pytest.approx(0.5)
+    watch = Watch(parse_model(Path("model.xml"), MJCF, "mjcf"), lambda model: healthy if "-9.81" in model.text else opened, 1)
+    assert watch.movement(MJCF.replace("-9.81", "-9.8")) == pytest.approx(1e-3)
 
 
 def test_the_watched_model_is_the_one_that_was_read() -> None:

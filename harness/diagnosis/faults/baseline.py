@@ -87,8 +87,8 @@ class Baseline:
         return answers is not None and self.verdict(answers) in RED
 
     def movement(self, accelerations: Array) -> float:
-        """The largest change that answers, (n, nv), are of those to the unchanged model, relative to the joint's largest."""
-        return largest_change(self.watch.healthy[self.sound], accelerations[self.sound])
+        """``harness.models.text.largest_change`` from the answers to the unchanged model to others, at the sound states."""
+        return largest_change(self.watch.healthy[self.sound], accelerations[self.sound], self.watch.nv)
 
     def theory(self, slope: Array | None) -> float:
         """Smallest change that theory says is caught, from the accelerations' derivative by the change, (n, nv); inf for None."""

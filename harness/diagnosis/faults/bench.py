@@ -205,9 +205,8 @@ class FaultBench:
         widest = max(self.readers, key=lambda one: int(one.sound.sum()))
         theory, order = widest.theory(derivative(widest.watch.accelerations, planted.text, 0.0, DIFFERENCE)), 1
         if theory > DIFFERENCE:
-            # The difference is rounding alone: the accelerations depend on the square of the size.
-            answers, order = widest.answer(planted.text, CHANGE), 2
-            theory = math.inf if answers is None else CHANGE * math.sqrt(widest.theory(answers - widest.watch.healthy))
+            # The difference is rounding for the most part.
+            theory, order = _by_change(widest, planted.text)
         bar = MOST_ABOVE_THEORY * theory
         if bar < CHANGE and not self._is_felt(planted, bar):
             # A reader rounds it away: theory begins where it does not.
@@ -226,3 +225,18 @@ class FaultBench:
             return ""
         party = infer({**self.others, **answer.verdicts}).party
         return "" if party in (f"model {self.model.format}", NOTHING, UNDECIDED) else party
+
+
+def _by_change(reader: Reader, text: Callable[[float], str]) -> tuple[float, int]:
+    """Smallest size that theory says is caught, and the order of the movement, 1 or 2: by how much half of ``CHANGE`` moves less.
+
+    2 and inf where ``CHANGE`` moves nothing or is refused.
+    """
+
+    def least(size: float) -> float:
+        answers = reader.answer(text, size)
+        return math.inf if answers is None else reader.theory(answers - reader.watch.healthy)
+
+    whole, half = least(CHANGE), least(CHANGE / 2)
+    order = 1 if half <= 2.0**1.5 * whole < math.inf else 2
+    return CHANGE * whole ** (1 / order), order

@@ -73,7 +73,7 @@ def number_faults(model: ModelFile) -> Iterator[Planted]:
         def at(size: float, candidate: Candidate = candidate, start: float = candidate.start or 0.0) -> str:
             return candidate.text(start + size * (start or candidate.scale))
 
-        planted = Planted(NUMBER, candidate.statement, (candidate.place,), at, sized=True)
+        planted = Planted(NUMBER, candidate.statement, (candidate.place, *candidate.beside), at, sized=True)
         if candidate.place not in alone:
             alone[candidate.place] = planted
             yield planted
