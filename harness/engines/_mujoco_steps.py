@@ -23,6 +23,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines._answers import NotOffered
+from harness.engines._mujoco_versions import require_declared_steps
 from harness.models.mjcf_forces import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.step_rule import Part, StepRule
@@ -74,9 +75,11 @@ def step(
     zero, and velocities are not finite at 1 % of the governor's states (MuJoCo 4.0).
 
     Raises:
-        NotOffered: this version has no such integrator.
+        NotOffered: this version has no such integrator, or has rules of its own.
     """
     import mujoco
+
+    require_declared_steps()
 
     positions, velocities = addresses
     number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)

@@ -11,12 +11,14 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines import Unsupported
+from harness.engines import NotOffered, Unsupported
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
 
 # The first version, as ``mj_version`` counts, that knows all that the harness lets stand in a model.
 _KNOWS_ALL = 400
+# The first version whose steps are those that ``_mujoco_steps`` declares: RK4 of 3.13 turns free bodies by another rule.
+_DECLARES_STEPS = 400
 # Stages that were switched off together, as "passive", before each had a flag, and the attribute of what they compute.
 _FLAGS = {"spring": "stiffness", "damper": "damping"}
 
@@ -55,6 +57,14 @@ def read_mjcf(file: ModelFile) -> Any:
         if mujoco.mj_version() < _KNOWS_ALL and "unrecognized" in str(error):
             raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} reads no such file: {' '.join(str(error).split())}") from error
         raise
+
+
+def require_declared_steps() -> None:
+    """Raises NotOffered where the rules that are declared for integrators are not of this version."""
+    import mujoco
+
+    if mujoco.mj_version() < _DECLARES_STEPS:
+        raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
 
 
 def flag(stage: str) -> int:

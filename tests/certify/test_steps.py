@@ -130,6 +130,15 @@ def test_a_version_without_an_integrator_does_not_offer_it(monkeypatch: pytest.M
         setting.truth.answers(setting.model, generic_sample(setting.mechanism, 1, SEED))
 
 
+def test_a_version_of_other_rules_offers_no_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    import mujoco
+
+    setting = Setting(model_of("double_pendulum"))
+    monkeypatch.setattr(mujoco, "mj_version", lambda: 313)
+    with pytest.raises(NotOffered, match="no rules of integrators are declared for MuJoCo"):
+        setting.truth.answers(setting.model, generic_sample(setting.mechanism, 1, SEED))
+
+
 def test_a_step_from_rest_is_certified() -> None:
     """Where nothing turns, the exponential of a rotation divides zero by zero in closed form."""
     setting = Setting(model_of("free_body"))

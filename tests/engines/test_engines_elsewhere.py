@@ -51,7 +51,7 @@ def bar(library: Library) -> ModelFile:
 
 
 def of_library(library: Library, *arguments: str) -> tuple[str, ...]:
-    return (*arguments, "--library", str(library.systems.parent), "--states", "40", "--workers", "1")
+    return (*arguments, "--library", str(library.systems.parent), "--quantity", "accelerations", "--states", "40", "--workers", "1")
 
 
 def test_a_version_is_asked_by_name_and_no_other_is(library: Library) -> None:
@@ -183,8 +183,6 @@ def test_no_engines_presence_changes_anothers_answers(library: Library, tmp_path
         done = harness(
             "check",
             *of_library(library, *options),
-            "--quantity",
-            "accelerations",
             "--states",
             "400",
             "--json",

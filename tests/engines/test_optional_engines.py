@@ -26,6 +26,7 @@ from harness.environments.folders import find_environments
 from harness.equations.derivation import load_mechanism
 from harness.library import Library
 from harness.models.model_file import read_model
+from harness.results.records import ACCELERATIONS
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()
@@ -126,7 +127,7 @@ def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
 
 
 def check_in_its_environment(
-    name: str, systems: list[str], cache: Path, folder: Path, quantities: Sequence[str] = ()
+    name: str, systems: list[str], cache: Path, folder: Path, quantities: Sequence[str] = (ACCELERATIONS,)
 ) -> list[dict[str, object]]:
     """The records of an engine on ``systems``, of the whole catalogue for none; ``cache`` holds its environment."""
     chosen = [word for model_format in load_engine(BUILT_IN, name).formats for word in ("--subject", f"{name}/{model_format}")]
