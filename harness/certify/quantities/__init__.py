@@ -65,9 +65,9 @@ class Question:
         if self.declared is None or self.read is None or self.declared.text == self.read.text:
             return False
         joints = tuple(dict.fromkeys(self.mechanism.joints))
-        trees = [untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read)]
+        own, other = (untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read))
         key = self.declared.text, self.read.text, self.mechanism.gravity, joints
-        return not _SAME_POINTS.get(key, lambda: have_same_points(*trees, joints))
+        return not _SAME_POINTS.get(key, lambda: have_same_points(own, other, joints))
 
 
 # By the text of a file, and of two.
