@@ -67,6 +67,13 @@ def test_who_offers_nothing_is_left_out_with_the_reason() -> None:
     assert (missing.quantity, missing.method, missing.note) == ("regressor", "mujoco/mjcf", "the engine offers no regressor")
 
 
+def test_times_are_of_calls_and_costs_of_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.bench.quantity_cost.measure", lambda *arguments: [12.0, 3.0, 6.0])
+    for cost in costs("mass_matrix", SUBJECTS[2:]):
+        expected = 6.0 / cost.states, 3.0 / cost.states, 12.0 / cost.states, 3
+        assert (cost.seconds_per_state, cost.fastest, cost.slowest, cost.repetitions) == expected
+
+
 class _Wrong:
     """A model whose mass matrix grows with the number of states that are asked for."""
 
