@@ -15,7 +15,7 @@ from support import make_library, without_progress
 from harness.workers import Task, Workers, local
 
 LIST = "list --library library"
-CHECK = "check bar_pendulum --library library --states 40 --subject mujoco/mjcf"
+CHECK = "check bar_pendulum --library library --states 40 --quantity accelerations --subject mujoco/mjcf"
 
 
 def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -35,7 +35,7 @@ def failing_library(directory: Path, engines: dict[str, str]) -> Path:
 def check(library: Path, *options: str) -> tuple[int, dict[str, dict[str, object]], str]:
     """Exit status, records by subject, and standard error of ``harness check``."""
     out = library / "out.json"
-    arguments = ("--library", str(library), "--json", str(out), "--states", "40")
+    arguments = ("--library", str(library), "--json", str(out), "--quantity", "accelerations", "--states", "40")
     done = support.harness("check", *arguments, *options, isolated=True, cwd=library)
     records = {record["subject"]: record for record in json.loads(out.read_text())["records"]}
     return done.returncode, records, done.stderr
