@@ -56,8 +56,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="what is compared, as mass_matrix; repeatable, and all stands for all (default: harness_quantity of the settings, else "
-        "accelerations)",
+        help="what is compared, as mass_matrix; repeatable; derivatives stands for both of these, and all for all (default: "
+        "harness_quantity of the settings, else accelerations)",
     )
     group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
     group.addoption(

@@ -13,13 +13,14 @@ import time
 import timeit
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from harness.bench.findings import Judged, findings
 from harness.bench.methods import Method
-from harness.certify.compare import compare
-from harness.certify.reference import Reference
+from harness.certify.compare import Comparison, compare
+from harness.certify.reference import Flags, Reference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
@@ -88,28 +89,33 @@ class References:
 
 
 def _cost(system: str, one: Judged, times: Sequence[float]) -> AccelerationCost:
-    n, comparison = len(one.reference), one.comparison
+    n = len(one.reference)
+    measured = shared_fields(one.comparison, one.reference.certified, times, n, one.prepared.note)
+    return AccelerationCost(system=system, method=one.method.name, states=n, loop=one.method.loop, **measured)
+
+
+def shared_fields(comparison: Comparison, certified: Flags, times: Sequence[float], count: int, remark: str) -> dict[str, Any]:
+    """What costs of accelerations and of other quantities have in common, by the names of their fields.
+
+    ``comparison`` and ``certified`` are of the states at which errors are measured, ``times`` [s] of calls for ``count`` states each.
+    """
+    n, decided = len(certified), int(certified.sum())
     backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
-    remarks = [one.prepared.note]
-    undecided, useless = n - int(one.reference.certified.sum()), int(one.reference.certified.sum()) - len(backward)
-    if undecided:
-        remarks.append(f"{undecided} of {n} states are undecided")
-    if useless:
-        remarks.append(f"{useless} of {n} answers are not finite")
-    return AccelerationCost(
-        system=system,
-        method=one.method.name,
-        states=n,
-        seconds_per_state=statistics.median(times) / n,
-        fastest=min(times) / n,
-        slowest=max(times) / n,
-        repetitions=len(times),
-        backward_error=max(backward.tolist(), default=None),
-        median_backward_error=float(np.median(backward)) if len(backward) else None,
-        relative_error=max(relative.tolist(), default=None),
-        note="; ".join(filter(None, remarks)),
-        loop=one.method.loop,
-    )
+    remarks = [remark]
+    if decided < n:
+        remarks.append(f"{n - decided} of {n} states are undecided")
+    if len(backward) < decided:
+        remarks.append(f"{decided - len(backward)} of {n} answers are not finite")
+    return {
+        "seconds_per_state": statistics.median(times) / count,
+        "fastest": min(times) / count,
+        "slowest": max(times) / count,
+        "repetitions": len(times),
+        "backward_error": max(backward.tolist(), default=None),
+        "median_backward_error": float(np.median(backward)) if len(backward) else None,
+        "relative_error": max(relative.tolist(), default=None),
+        "note": "; ".join(filter(None, remarks)),
+    }
 
 
 def _missing(system: str, method: Method, why: str, failed: bool = False) -> AccelerationCost:

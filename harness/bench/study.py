@@ -1,188 +1,35 @@
-"""The benchmark as a study: its parts, and one task per system and part, so that a crash costs that part alone.
-
-Whatever is timed for comparison runs by itself, one task after the other; the rest shares the processors.
-"""
+"""The benchmark as a study: one task per system and part, so that a crash costs that part alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import replace
 
-from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
-from harness.bench.derivative_cost import derivative_costs
-from harness.bench.energy_drift import drifts
-from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
-from harness.bench.motion_cost import motion_costs
-from harness.bench.robot_growth import robot_growth
-from harness.bench.stationary_action import stationarity
-from harness.bench.thoroughness import THOROUGHNESS, Thoroughness
-from harness.bench.tuned_mass_damper import SYSTEM, figures
-from harness.bench.yardstick import Stopwatch
+from harness.bench.methods import find_derivative_methods, find_methods
+from harness.bench.parts import (
+    DERIVATIVES,
+    MOTION,
+    PARTS,
+    QUANTITIES,
+    BenchmarkPart,
+    BenchmarkSettings,
+    load,
+    parts_of,
+    vary_action,
+)
+from harness.certify.quantities import select_quantities
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
-from harness.engines import subjects
+from harness.engines import engine_files, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
-from harness.library import Library, member_of, nearest
-from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
-from harness.results.benchmark import Benchmark, Yardstick
+from harness.library import member_of, nearest
+from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, kind_of
+from harness.results.benchmark import Benchmark
+from harness.results.records import ACCELERATIONS
 from harness.study import Part, Rounds
 from harness.workers import Outcome, Task
 
-ACCELERATIONS, DERIVATIVES, MOTION = "accelerations", "derivatives", "motion"
-# Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
-MOST_INSTRUCTIONS_OF_MOTION = 5000
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchmarkSettings:
-    """A choice of measurements.
-
-    Attributes:
-        library: where systems and models are.
-        names: systems; all for none.
-        methods: names of methods and integrators, all for none; of a part, those of its own kind.
-        motion, derivatives: whether to measure these too.
-        profile: name of one of ``THOROUGHNESS``.
-        seed: of the sampled states.
-    """
-
-    library: Library
-    names: Sequence[str] = ()
-    methods: Sequence[str] = ()
-    motion: bool = False
-    derivatives: bool = False
-    profile: str = "quick"
-    seed: int = 0
-
-    @property
-    def thoroughness(self) -> Thoroughness:
-        return THOROUGHNESS[self.profile]
-
-    @property
-    def kinds(self) -> Sequence[str]:
-        """What may be measured: robots, or mechanisms of either kind."""
-        return (ROBOTS,) if self.library.is_of_robots else (MECHANISMS, CONSTRAINED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BenchmarkPart:
-    """One part of a benchmark.
-
-    Attributes:
-        name: in words.
-        measure: what a worker does with settings and a scene, which is None for a part that belongs to one system or family.
-        kind: what its methods compute: accelerations, derivatives or motion.
-        timed: whether it must run by itself because its times are compared.
-        system: the one system or family it belongs to; "" for a part that is measured on every system.
-        by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
-        needs_energies: whether it needs T and V, which a robot's file does not have.
-    """
-
-    name: str
-    measure: Callable[[BenchmarkSettings, Any, Note], Benchmark]
-    kind: str
-    timed: bool
-    system: str = ""
-    by_methods: bool = True
-    needs_energies: bool = False
-
-
-def load(library: Library, name: str, note: Note) -> Scene:
-    """The equations and models of system ``name``."""
-    return Scene.of(library, name)
-
-
-def _chosen(settings: BenchmarkSettings, kind: str) -> list[Method]:
-    """The methods of one kind that are asked for."""
-    known = [method.name for method in find_methods(kind)]
-    names = [name for name in settings.methods if name in known]
-    return select_methods(names, kind) if names or not settings.methods else []
-
-
-def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
-    """The names of the integrators of one kind that are asked for."""
-    return [one.name for one in integrators(kind) if not settings.methods or one.name in settings.methods]
-
-
-def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
-    stopwatch = Stopwatch()
-
-    def noted(text: str) -> None:
-        # Before each method, so that what else the machine does by then slows both.
-        stopwatch.time()
-        note(text)
-
-    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, noted)
-    return Benchmark(
-        accelerations=costs,
-        findings=found,
-        yardsticks=[Yardstick(system=scene.mechanism.name, seconds=stopwatch.fastest)] if costs else [],
-        problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed],
-    )
-
-
-def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, _chosen(settings, MECHANISMS)
-    found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
-    return Benchmark(growth=found)
-
-
-def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
-    extent = settings.thoroughness
-    return Benchmark(growth=[robot_growth(extent.arms, settings.seed, extent.minimum_seconds, note)])
-
-
-def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, size = settings.thoroughness, len(scene.mechanism.program.instructions)
-    if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
-        found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
-        return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
-    names = _integrators(settings, kind_of(scene))
-    if not names:
-        return Benchmark()
-    truth, costs, orders = motion_costs(scene, names, extent.steps, extent.horizon, extent.seconds, note)
-    return Benchmark(truths=[truth], motion=costs, orders=orders)
-
-
-def _drifts(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent = settings.thoroughness
-    names = _integrators(settings, kind_of(scene))
-    return Benchmark(drifts=drifts(scene, names, extent.long_steps, note, seconds=extent.long_seconds) if names else [])
-
-
-def _stationarity(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    if scene.mechanism.constraints is not None:
-        # Variations are of all coordinates; see ``BenchmarkStudy.constrained``.
-        return Benchmark()
-    return Benchmark(stationarity=stationarity(scene, note))
-
-
-def _figures(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
-    return Benchmark(figures=figures(settings.library, note))
-
-
-def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    if scene.mechanism.constraints is not None:
-        # None is along motions that they allow.
-        return Benchmark()
-    extent, methods = settings.thoroughness, [one for one in find_derivative_methods() if one.name in settings.methods]
-    # A tenth, as each method is timed at several numbers of states.
-    costs = derivative_costs(scene, methods, extent.derivative_states, settings.seed, extent.minimum_seconds / 10, note)
-    return Benchmark(derivatives=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
-
-
-PARTS = (
-    BenchmarkPart(name="accelerations", measure=_accelerations, kind=ACCELERATIONS, timed=True),
-    BenchmarkPart(name="derivatives", measure=_derivatives, kind=DERIVATIVES, timed=True),
-    BenchmarkPart(name="growth", measure=_growth, kind=ACCELERATIONS, timed=True, system=FAMILY),
-    BenchmarkPart(name="growth of robots", measure=_robot_growth, kind=ACCELERATIONS, timed=True, system=FAMILY, by_methods=False),
-    BenchmarkPart(name="motion", measure=_motion, kind=MOTION, timed=True),
-    BenchmarkPart(name="long runs", measure=_drifts, kind=MOTION, timed=False, needs_energies=True),
-    BenchmarkPart(name="stationary action", measure=_stationarity, kind=MOTION, timed=False, needs_energies=True),
-    BenchmarkPart(name="figures of the text", measure=_figures, kind=MOTION, timed=False, system=SYSTEM),
-)
+# By what methods compute, what asks for it.
+_OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity", DERIVATIVES: "--derivatives", MOTION: "--motion"}
 
 
 class BenchmarkStudy(Rounds):
@@ -190,7 +37,8 @@ class BenchmarkStudy(Rounds):
 
     Raises:
         InvalidInput: the library cannot be used at all.
-        InvalidRequest: a system, method or integrator that does not exist, or an integrator without motion.
+        InvalidRequest: a system, method, integrator or quantity that does not exist, a method of what is not asked for, or a quantity
+            beyond accelerations of a robot.
     """
 
     title = "benchmark"
@@ -200,7 +48,16 @@ class BenchmarkStudy(Rounds):
         self.settings = settings
         self.names = settings.library.select(settings.names)
         known = self._known()
-        asked = {ACCELERATIONS: True, DERIVATIVES: settings.derivatives, MOTION: settings.motion}
+        quantities = select_quantities(settings.quantities)
+        if settings.library.is_of_robots and settings.further_quantities:
+            raise InvalidRequest(f"{settings.further_quantities[0]} is measured on mechanisms, and {self.names[0]} is none")
+        self._parts = parts_of(settings)
+        asked = {
+            ACCELERATIONS: ACCELERATIONS in quantities,
+            QUANTITIES: bool(settings.further_quantities),
+            DERIVATIVES: settings.derivatives,
+            MOTION: settings.motion,
+        }
         for name in settings.methods:
             kind = next((kind for kind, names in known.items() if name in names), None)
             if kind is None:
@@ -209,7 +66,7 @@ class BenchmarkStudy(Rounds):
                     f"no method or integrator is called {name!r}; {nearest(name, [one for names in known.values() for one in names])}"
                 )
             if not asked[kind]:
-                raise InvalidRequest(f"{name!r} computes {kind}; ask for it with --{kind}")
+                raise InvalidRequest(f"{name!r} computes {kind}; ask for it with {_OPTIONS[kind]}")
         chosen = settings.methods or self._measured_by_default(known)
         # By what they compute.
         self.methods: dict[str, list[str]] = {
@@ -224,15 +81,18 @@ class BenchmarkStudy(Rounds):
             list(dict.fromkeys(one.name for kind in self.settings.kinds for one in find(kind))) for find in (find_methods, integrators)
         )
         of_trees = [] if self.settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
-        return {ACCELERATIONS: methods, DERIVATIVES: of_trees, MOTION: moving}
+        answering = [] if self.settings.library.is_of_robots else [str(subject) for subject in known_subjects(self.settings.library)]
+        return {ACCELERATIONS: methods, QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: moving}
 
     def _measured_by_default(self, known: dict[str, list[str]]) -> set[str]:
         """All names but those of methods whose engine is installed nowhere."""
         names = {name for those in known.values() for name in those}
         needing = [method for method in find_derivative_methods() if method.engine] if self.settings.derivatives else []
-        if needing:
-            installed = {subject.engine for subject in subjects(self.settings.library)}
+        if needing or self.settings.further_quantities:
+            asked = subjects(self.settings.library)
+            installed = {subject.engine for subject in asked}
             names -= {method.name for method in needing if method.engine not in installed}
+            names -= set(known[QUANTITIES]) - {str(subject) for subject in asked}
         return names
 
     def _refuse_other_kind(self, name: str) -> None:
@@ -243,7 +103,7 @@ class BenchmarkStudy(Rounds):
     @property
     def constrained(self) -> list[str]:
         """The systems whose action is not varied, because variations would have to keep their constraints."""
-        varied = [part for part in PARTS if part.measure is _stationarity and self.methods[part.kind]]
+        varied = [part for part in PARTS if part.measure is vary_action and self.methods[part.kind]]
         return [name for name, scene in self._scenes.items() if varied and scene.mechanism.constraints is not None]
 
     @property
@@ -254,7 +114,7 @@ class BenchmarkStudy(Rounds):
 
     @property
     def steps(self) -> int:
-        return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in PARTS)
+        return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in self._parts)
 
     def rounds(self) -> Iterator[list[Task]]:
         yield [Task((self._loaded, name, "equations and models"), load, (self.settings.library, name)) for name in self.names]
@@ -265,7 +125,7 @@ class BenchmarkStudy(Rounds):
         return self._measured
 
     def _measuring(self, timed: bool) -> Iterator[Task]:
-        for part in PARTS:
+        for part in self._parts:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
                     for engine, methods in self._by_engine(part).items():
@@ -276,7 +136,9 @@ class BenchmarkStudy(Rounds):
 
     def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
         """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
+        files = engine_files(self.settings.library)
         engines = {method.name: method.engine for method in find_derivative_methods()}
+        engines |= {str(one): one.engine for one in known_subjects(self.settings.library) if files[one.engine].elsewhere}
         found: dict[str, list[str]] = {}
         for name in self.methods[part.kind]:
             found.setdefault(engines.get(name, ""), []).append(name)
@@ -307,7 +169,7 @@ class BenchmarkStudy(Rounds):
         """A sentence for each chosen method that a scene's kind has not."""
         kind = kind_of(scene)
         able = [one.name for find in (find_methods, integrators) for one in find(kind)]
-        able += [one.name for one in find_derivative_methods() if kind == MECHANISMS]
+        able += [one.name for one in find_derivative_methods() if kind == MECHANISMS] + self._known()[QUANTITIES]
         name = scene.mechanism.name
         return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
 

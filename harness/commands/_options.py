@@ -97,7 +97,7 @@ subjects_option = click.option("--subject", "subjects", multiple=True, metavar="
 
 def quantities_option(without: str) -> Callable[..., Any]:
     """--quantity, repeatable; ``without`` says what is compared where it is not given."""
-    help_text = f"What is compared, as mass_matrix or reactions, or all; repeatable. Without it {without}."
+    help_text = f"What is compared, as mass_matrix or reactions, derivatives for both of these, or all; repeatable. Without it {without}."
     return click.option("--quantity", "quantities", multiple=True, metavar="NAME", help=help_text)
 
 

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.commands._bracket import Bracket, computing
-from harness.commands._options import time_limit_option
+from harness.commands._options import quantities_option, time_limit_option
 from harness.commands._terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from harness.report.benchmarks import BenchmarkSummary
+    from harness.results.benchmark import AccelerationCost
 
 
 @click.command("bench")
@@ -20,14 +23,24 @@ if TYPE_CHECKING:
     "--methods",
     multiple=True,
     metavar="NAME",
-    help="Only this way of computing accelerations or motion; repeatable. harness list methods and harness list integrators have them.",
+    help="Only this way of computing accelerations or motion, or this subject of other quantities; repeatable. "
+    "harness list methods and harness list integrators have them.",
 )
+@quantities_option("accelerations")
 @click.option("--motion", is_flag=True, help="Measure integrators too.")
 @click.option("--derivatives", is_flag=True, help="Measure derivatives by q and v too, finite differences over their steps.")
 @click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
 @time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True, floating_base=True)
-def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], motion: bool, derivatives: bool, profile: str) -> None:
+def command(
+    bracket: Bracket,
+    names: tuple[str, ...],
+    methods: tuple[str, ...],
+    quantities: tuple[str, ...],
+    motion: bool,
+    derivatives: bool,
+    profile: str,
+) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
@@ -39,17 +52,26 @@ def command(bracket: Bracket, names: tuple[str, ...], methods: tuple[str, ...], 
       harness bench
       harness bench cart_pendulum --motion
       harness bench arm_3r --derivatives
+      harness bench arm_3r --quantity mass_matrix --quantity reactions
       harness bench double_pendulum --methods "pinocchio aba"
       harness bench robot.urdf
     """
-    from harness.bench.study import BenchmarkSettings, BenchmarkStudy
+    from harness.bench.parts import BenchmarkSettings
+    from harness.bench.study import BenchmarkStudy
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
     bracket.choose_library(names)
     settings = BenchmarkSettings(
-        library=bracket.library, names=names, methods=methods, motion=motion, derivatives=derivatives, profile=profile, seed=bracket.seed
+        library=bracket.library,
+        names=names,
+        methods=methods,
+        quantities=quantities,
+        motion=motion,
+        derivatives=derivatives,
+        profile=profile,
+        seed=bracket.seed,
     )
     study = BenchmarkStudy(settings)
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
@@ -77,12 +99,11 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark", *unused))
     if costs:
         say(f"times: median and fastest call; where Python loops over the states, they hold its calls; {summary.run.load}")
-    remarks: dict[tuple[str, str], list[str]] = {}
-    for cost in costs:
-        if cost.note:
-            remarks.setdefault((cost.note, cost.method), []).append(cost.system)
-    for (note, method), systems in remarks.items():
-        say(f"  {method} on {', '.join(systems)}: {note}")
+    _print_remarks((cost.method, cost) for cost in costs)
+    further = [cost for system in summary.systems for own in summary.quantities(system).values() for cost in own]
+    answered = tables.quantities(cost for cost in further if cost.seconds_per_state is not None)
+    print_titled("other quantities", answered.without("slowest", "timed", "remark"))
+    _print_remarks((f"{cost.quantity} of {cost.method}", cost) for cost in further)
     for finding in summary.benchmark.findings:
         say("", f"finding: {finding.method} on {finding.system}: {finding.statement}")
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
@@ -100,3 +121,15 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     for text, places in summary.explanations(["as expected", "differs"]).items():
         say("", text, f"  {'; '.join(places)}")
     print_sentences(summary)
+
+
+def _print_remarks(costs: Iterable[tuple[str, AccelerationCost]]) -> None:
+    """A line for each note, of what is named and the systems where it holds."""
+    remarks: dict[tuple[str, str], list[str]] = {}
+    for name, cost in costs:
+        systems = remarks.setdefault((cost.note, name), [])
+        if cost.system not in systems:
+            systems.append(cost.system)
+    for (note, name), systems in remarks.items():
+        if note:
+            say(f"  {name} on {', '.join(systems)}: {note}")

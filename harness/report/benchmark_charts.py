@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_figure, log_range, scatter, styles
-from harness.results.benchmark import Growth, MotionCost
+from harness.results.benchmark import AccelerationCost, Growth, MotionCost, QuantityCost
 from harness.results.pareto import cost_of, way_of
 from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
@@ -32,13 +32,24 @@ def plots(summary: BenchmarkSummary) -> dict[str, plotting.figure | None]:
 def plots_of(summary: BenchmarkSummary, system: str) -> dict[str, plotting.figure | None]:
     """The plots of one system by name, as "accelerations", "derivative errors" and "motion seconds"; None without data."""
     derived = {"derivative errors": _derivative_errors(summary, system), "derivative costs": _derivative_costs(summary, system)}
-    return {"accelerations": _accelerations(summary, system)} | derived | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
+    further = {f"quantity {name}": _quantity(summary, costs) for name, costs in summary.quantities(system).items()}
+    return (
+        {"accelerations": _accelerations(summary, system)}
+        | further
+        | derived
+        | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
+    )
 
 
 def method_styles(summary: BenchmarkSummary) -> dict[str, Style]:
     """The style of each method, the same in all plots."""
     growing = {growth.method for growth in summary.benchmark.growth}
     return styles(sorted({*summary.methods, *growing}))
+
+
+def quantity_styles(summary: BenchmarkSummary) -> dict[str, Style]:
+    """The style of each subject that was asked for quantities beyond accelerations, the same in all plots."""
+    return styles(sorted({cost.method for cost in summary.benchmark.quantities}))
 
 
 def derivative_styles(summary: BenchmarkSummary) -> dict[str, Style]:
@@ -97,7 +108,19 @@ def _draw_line(plot: plotting.figure, style: Style, x: Sequence[float], y: Seque
 
 
 def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
-    costs = [cost for cost in summary.accelerations(system) if cost.seconds_per_state and drawable(cost.backward_error)]
+    known = method_styles(summary)
+    return _answers(summary.accelerations(system), lambda cost: known[way_of(cost)])
+
+
+def _quantity(summary: BenchmarkSummary, costs: Sequence[QuantityCost]) -> plotting.figure | None:
+    """A mark for each subject and number of states at once."""
+    known = quantity_styles(summary)
+    return _answers(costs, lambda cost: known[cost.method])
+
+
+def _answers(measured: Sequence[AccelerationCost], style_of: Callable[[AccelerationCost], Style]) -> plotting.figure | None:
+    """Cost against worst and median backward error, with the front."""
+    costs = [cost for cost in measured if cost.seconds_per_state and drawable(cost.backward_error)]
     if not costs:
         return None
     low, high = log_range(
@@ -108,10 +131,10 @@ def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | 
     _draw_front(
         plot, [(c.seconds_per_state or 0.0, inside(c.backward_error, low, high)) for c in acceleration_front(costs)], x_range[1], high
     )
-    known, chosen = method_styles(summary), [cost for cost in costs if drawable(cost.median_backward_error)]
+    chosen = [cost for cost in costs if drawable(cost.median_backward_error)]
     x, medians = [cost.seconds_per_state or 0.0 for cost in chosen], [inside(cost.median_backward_error, low, high) for cost in chosen]
     worst = [inside(cost.backward_error, low, high) for cost in chosen]
-    plot.segment(x, medians, x, worst, line_color=[known[way_of(cost)][0] for cost in chosen], line_width=1, line_alpha=0.6)
+    plot.segment(x, medians, x, worst, line_color=[style_of(cost)[0] for cost in chosen], line_width=1, line_alpha=0.6)
     for shown, error, alpha in ((chosen, "median_backward_error", 0.0), (costs, "backward_error", 0.75)):
         words = {
             "method": [way_of(cost) for cost in shown],
@@ -121,7 +144,7 @@ def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | 
             "median error": [error_text(cost.median_backward_error) for cost in shown],
         }
         x, y = [cost.seconds_per_state or 0.0 for cost in shown], [inside(getattr(cost, error), low, high) for cost in shown]
-        scatter(plot, [known[way_of(cost)] for cost in shown], x, y, words, fill_alpha=alpha)
+        scatter(plot, [style_of(cost) for cost in shown], x, y, words, fill_alpha=alpha)
     hover(plot)
     line_across(plot, "width", AGREEMENT, RED)
     return plot

@@ -9,7 +9,17 @@ from typing import TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.sparkline import NO_TREND, Sparkline
-from harness.results.benchmark import AccelerationCost, Cheapest, DerivativeCost, Drift, Figure, MotionCost, Order, Stationarity
+from harness.results.benchmark import (
+    AccelerationCost,
+    Cheapest,
+    DerivativeCost,
+    Drift,
+    Figure,
+    MotionCost,
+    Order,
+    QuantityCost,
+    Stationarity,
+)
 from harness.results.pareto import cost_of, error_of, way_of
 from harness.results.table import Cell, Column, Table, counted, error_text, seconds_text
 from harness.results.trend import Trend
@@ -17,6 +27,17 @@ from harness.results.trend import Trend
 _Entry = TypeVar("_Entry")
 KINDS = {"accelerations": "per state", "motion": "per second of motion"}
 _CAPTIONS = {"accelerations": "Accelerations: worst relative error over the states", "motion": "Motion: relative error of the end state"}
+
+
+_COSTS_AND_ERRORS: Mapping[str | Column, str | Callable[[AccelerationCost], object]] = {
+    Column("time per state", "seconds"): "seconds_per_state",
+    Column("fastest", "seconds"): "fastest",
+    Column("slowest", "seconds"): "slowest",
+    Column("timed", "plain"): lambda cost: counted(cost.repetitions, "time"),
+    Column("worst backward error", "error"): "backward_error",
+    Column("median backward error", "error"): "median_backward_error",
+    Column("worst relative error", "relative"): "relative_error",
+}
 
 
 def accelerations(costs: Iterable[AccelerationCost], trends: Iterable[Trend] = ()) -> Table:
@@ -29,19 +50,29 @@ def accelerations(costs: Iterable[AccelerationCost], trends: Iterable[Trend] = (
             "method": "method",
             Column("threads", "count"): "threads",
             "loop over states": "loop",
-            Column("time per state", "seconds"): "seconds_per_state",
-            Column("fastest", "seconds"): "fastest",
-            Column("slowest", "seconds"): "slowest",
-            Column("timed", "plain"): lambda cost: counted(cost.repetitions, "time"),
-            Column("worst backward error", "error"): "backward_error",
-            Column("median backward error", "error"): "median_backward_error",
-            Column("worst relative error", "relative"): "relative_error",
+            **_COSTS_AND_ERRORS,
             Column("distance from rigid", "relative"): "from_rigid",
             Column("states", "count"): "states",
             **({"trend of the cost": lambda cost: lines.get((cost.system, way_of(cost)), NO_TREND)} if lines else {}),
             "remark": "note",
         },
         "Accelerations: cost and error of each method",
+    )
+
+
+def quantities(costs: Iterable[QuantityCost]) -> Table:
+    """One row per quantity beyond accelerations, subject and number of states at once."""
+    return Table.of(
+        costs,
+        {
+            "system": "system",
+            "quantity": "quantity",
+            "subject": "method",
+            Column("states at once", "count"): "states",
+            **_COSTS_AND_ERRORS,
+            "remark": "note",
+        },
+        "Other quantities: cost and error of each subject",
     )
 
 

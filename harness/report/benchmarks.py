@@ -9,12 +9,13 @@ from itertools import groupby
 from operator import attrgetter
 from typing import TypeVar
 
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, DerivativeCost, Drift, MotionCost, Stationarity
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, DerivativeCost, Drift, MotionCost, QuantityCost, Stationarity
 from harness.results.pareto import front, way_of, with_cheapest
 from harness.results.records import Run
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
-_Cost = TypeVar("_Cost", AccelerationCost, MotionCost)
+_Answered = TypeVar("_Answered", AccelerationCost, QuantityCost)
+_Cost = TypeVar("_Cost", AccelerationCost, QuantityCost, MotionCost)
 
 
 class BenchmarkSummary:
@@ -24,7 +25,7 @@ class BenchmarkSummary:
         run: versions, machine and settings of the benchmark.
         nights: the benchmarks over which costs have trends, oldest first, this one last.
         benchmark: its measurements, with ``cheapest``.
-        systems: sorted names of every system whose accelerations or motion were measured.
+        systems: sorted names of every system whose accelerations, other quantities or motion were measured.
         methods, integrators: sorted names; a method has its number of threads in the name where it is not 1.
         problems: sentences on what could not be measured.
         unexpected: sentences on what is not as theory or text has it and is not explained.
@@ -34,7 +35,8 @@ class BenchmarkSummary:
         self.run = run
         self.nights = [*comparable(run.states, sorted(earlier, key=lambda entry: entry[0].started)), (run, benchmark)]
         self.benchmark = benchmark = with_cheapest(benchmark)
-        self.systems = sorted({cost.system for part in (benchmark.accelerations, benchmark.derivatives, benchmark.motion) for cost in part})
+        costs = benchmark.accelerations, benchmark.quantities, benchmark.derivatives, benchmark.motion
+        self.systems = sorted({cost.system for part in costs for cost in part})
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
         self.integrators = sorted({one.integrator for part in (benchmark.motion, benchmark.orders, benchmark.drifts) for one in part})
         self.problems = benchmark.problems
@@ -54,6 +56,12 @@ class BenchmarkSummary:
         """The methods on ``system``, cheapest first, those without a time last."""
         shown = [cost for cost in self.benchmark.accelerations if cost.system == system]
         return sorted(shown, key=lambda cost: (cost.seconds_per_state is None, cost.seconds_per_state or 0.0, cost.method))
+
+    def quantities(self, system: str) -> dict[str, list[QuantityCost]]:
+        """The costs of quantities beyond accelerations on ``system``, by quantity, each by subject and from few states at once to many."""
+        shown = [cost for cost in self.benchmark.quantities if cost.system == system]
+        ordered = sorted(shown, key=attrgetter("quantity", "method", "states"))
+        return {quantity: list(costs) for quantity, costs in groupby(ordered, key=attrgetter("quantity"))}
 
     def derivatives(self, system: str) -> list[DerivativeCost]:
         """The ways of computing derivatives on ``system``, most exact first, those that could not last."""
@@ -89,7 +97,7 @@ class BenchmarkSummary:
         return places
 
 
-def acceleration_front(costs: Sequence[AccelerationCost]) -> list[AccelerationCost]:
+def acceleration_front(costs: Sequence[_Answered]) -> list[_Answered]:
     """Those no other beats in both cost and worst backward error, cheapest first."""
     return _front(costs, "seconds_per_state", "backward_error", math.inf)
 

@@ -137,6 +137,7 @@ class Pages:
             measured=measured if is_measured else None,
             subject_styles=styles(summary.subjects) if summary else {},
             method_styles=benchmark_charts.method_styles(measured) if measured else {},
+            quantity_styles=benchmark_charts.quantity_styles(measured) if measured else {},
             derivative_styles=benchmark_charts.derivative_styles(measured) if measured else {},
             integrator_styles=styles(measured.integrators) if measured else {},
             families=families,

@@ -53,6 +53,19 @@ class AccelerationCost:
 
 
 @dataclass(frozen=True, kw_only=True)
+class QuantityCost(AccelerationCost):
+    """One subject's answers to a quantity beyond accelerations on one system, so many states at once.
+
+    Attributes:
+        quantity: its name, as "mass_matrix".
+        method: the subject, as "pinocchio/urdf".
+        states: number of states that were asked for at once; 0 where there is no cost. Errors are over the same states for each number.
+    """
+
+    quantity: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class DerivativeCost:
     """One way of computing derivatives by q and v on one system.
 
@@ -305,6 +318,7 @@ class Benchmark(StudyResult):
     STUDY = "benchmark"
 
     accelerations: list[AccelerationCost] = field(default_factory=list)
+    quantities: list[QuantityCost] = field(default_factory=list)
     derivatives: list[DerivativeCost] = field(default_factory=list)
     findings: list[EngineFinding] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)

@@ -9,7 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, MotionCost
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, MotionCost, QuantityCost
+from harness.results.table import counted
 
 ERRORS = (1e-3, 1e-6, 1e-9)
 
@@ -28,7 +29,12 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def way_of(measured: AccelerationCost | MotionCost) -> str:
-    """The name under which a measurement can be repeated, as "pinocchio abaInParallel, 2 threads" or "mujoco RK4, step 0.001 s"."""
+    """The name under which a measurement can be repeated.
+
+    As "pinocchio abaInParallel, 2 threads", "mujoco/mjcf, 10 states at once" or "mujoco RK4, step 0.001 s".
+    """
+    if isinstance(measured, QuantityCost):
+        return f"{measured.method}, {counted(measured.states, 'state')} at once"
     if isinstance(measured, AccelerationCost):
         return measured.method if measured.threads == 1 else f"{measured.method}, {measured.threads} threads"
     if measured.step is not None:

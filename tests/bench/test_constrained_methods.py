@@ -14,7 +14,8 @@ import pytest
 
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
-from harness.bench.study import BenchmarkSettings, BenchmarkStudy, _accelerations
+from harness.bench.parts import BenchmarkSettings, _accelerations
+from harness.bench.study import BenchmarkStudy
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.truth import Truth

@@ -12,7 +12,8 @@ import pytest
 
 from harness.bench.derivative_cost import derivative_costs
 from harness.bench.methods import DerivativeMethod, find_derivative_methods
-from harness.bench.study import DERIVATIVES, PARTS, BenchmarkSettings, BenchmarkStudy
+from harness.bench.parts import DERIVATIVES, PARTS, BenchmarkSettings
+from harness.bench.study import BenchmarkStudy
 from harness.crosscheck.scene import Scene
 from harness.engines import installed_version, load_engine
 from harness.errors import InvalidRequest

@@ -15,8 +15,8 @@ from harness.arrays import Array
 from harness.bench import acceleration_cost
 from harness.bench.acceleration_cost import acceleration_costs, exponent, growth
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
+from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.robot_growth import robot_growth
-from harness.bench.study import BenchmarkSettings, _accelerations
 from harness.certify.compare import compare
 from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
@@ -151,7 +151,7 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
     failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)[0]
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
-    monkeypatch.setattr("harness.bench.study.select_methods", lambda names, of: [planted])
+    monkeypatch.setattr("harness.bench.parts.select_methods", lambda names, of: [planted])
     settings = BenchmarkSettings(library=Library.built_in())
     assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
     with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):

@@ -13,7 +13,8 @@ from harness.arrays import Array
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.methods import find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
-from harness.bench.study import BenchmarkSettings, BenchmarkStudy
+from harness.bench.parts import BenchmarkSettings
+from harness.bench.study import BenchmarkStudy
 from harness.comparison.questions import JointForces
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.scene import Scene
@@ -104,7 +105,7 @@ def test_parts_that_need_energies_are_left_out_and_named() -> None:
 
 
 def test_a_motion_that_would_take_hours_to_certify_is_refused_with_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.bench.study.MOST_INSTRUCTIONS_OF_MOTION", 10)
+    monkeypatch.setattr("harness.bench.parts.MOST_INSTRUCTIONS_OF_MOTION", 10)
     settings = BenchmarkSettings(library=RobotLibrary.of([str(LEG)]), names=[str(LEG)], motion=True, methods=["equations RK4"])
     found = completed(BenchmarkStudy(settings), InThisProcess())
     (problem,) = found.problems
@@ -127,3 +128,8 @@ def test_the_command_prints_a_table_and_leaves_the_report(tmp_path: Path) -> Non
     done = harness("bench", "leg.urdf", "--methods", "recursion float64", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "leg.urdf  recursion float64" in done.stdout and not (tmp_path / "reports" / "index.html").exists()
+
+
+def test_quantities_are_measured_on_mechanisms_alone() -> None:
+    with pytest.raises(InvalidRequest, match=r"bias is measured on mechanisms, and .*arm.urdf is none"):
+        BenchmarkStudy(BenchmarkSettings(library=RobotLibrary.of([str(ARM)]), quantities=("bias",)))

@@ -18,9 +18,10 @@ from click.testing import CliRunner, Result
 from support import Stage, completed, where
 
 from harness import workers
-from harness.bench import study as benchmark_study
-from harness.bench.study import PARTS, BenchmarkSettings, BenchmarkStudy
+from harness.bench.parts import PARTS, BenchmarkSettings, load
+from harness.bench.study import BenchmarkStudy
 from harness.cli import main
+from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.library import Library
@@ -61,9 +62,9 @@ def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Res
 def answer(task: Task) -> Outcome:
     """A scene for what loads, and a measurement for what measures."""
     name, part = where(task)
-    if task.function is benchmark_study.load:
+    if task.function is load:
         library = Library.built_in()
-        return Outcome(task, value=benchmark_study.Scene(library, load_mechanism(library, "bar_pendulum"), {}))
+        return Outcome(task, value=Scene(library, load_mechanism(library, "bar_pendulum"), {}))
     return Outcome(task, value=cost(f"{name} {part}"))
 
 
@@ -88,6 +89,8 @@ def test_one_task_per_system_and_part_and_what_is_timed_runs_alone() -> None:
     ("settings", "expected"),
     [
         ({"names": ["collar"]}, {"accelerations"}),
+        ({"names": ["collar"], "quantities": ["bias", "accelerations"]}, {"accelerations", "bias"}),
+        ({"names": ["collar"], "quantities": ["bias"]}, {"bias"}),
         ({"names": ["cart_pendulum"], "methods": ["pinocchio aba"], "motion": True}, {"accelerations"}),
         ({"names": ["collar"], "methods": ["mujoco RK4"], "motion": True}, {"motion", "long runs", "stationary action"}),
         ({}, {"accelerations", "growth", "growth of robots"}),

@@ -9,7 +9,7 @@ import pytest
 
 from harness.bench.energy_drift import drifts
 from harness.bench.motion_cost import motion_costs
-from harness.bench.study import BenchmarkSettings, _integrators, _motion, _stationarity
+from harness.bench.parts import BenchmarkSettings, _integrators, _motion, vary_action
 from harness.certify.manifold import closes
 from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
@@ -113,7 +113,7 @@ def test_an_integrator_of_trees_is_not_asked_of_constraints() -> None:
 
 def test_what_has_no_variations_is_left_out(four_bar: Scene) -> None:
     settings = BenchmarkSettings(library=LIBRARY, methods=["equations variational midpoint"], motion=True)
-    assert _stationarity(settings, four_bar, silent).stationarity == []
+    assert vary_action(settings, four_bar, silent).stationarity == []
     assert _motion(settings, four_bar, silent).motion == []
 
 

@@ -25,6 +25,7 @@ from harness.results.benchmark import (
     Growth,
     MotionCost,
     Order,
+    QuantityCost,
     Stationarity,
     Truth,
     Yardstick,
@@ -47,6 +48,8 @@ METHODS = {
     "mujoco batch": (1, 4e-7, 5.0, 8e-14),
     "certified balls": (1, 4e-5, 0.0, 1e-38),
 }
+# Of a quantity: seconds of a call, worst backward error.
+SUBJECTS = {"mujoco/mjcf": (1e-4, 3.0), "pinocchio/urdf": (2e-5, 1.5)}
 ORDERS = {"euler-cromer": 1.0, "pinocchio RK4": 4.0, "mujoco Euler": 1.0}
 STEPS = (1e-1, 1e-2, 1e-3)
 DURATION = 2.0
@@ -57,6 +60,14 @@ def acceleration(system: str, method: str) -> AccelerationCost:
     return AccelerationCost(
         system=system, method=method, threads=threads, states=1000, seconds_per_state=seconds, fastest=0.9 * seconds, slowest=1.3 * seconds,
         repetitions=12, backward_error=backward, median_backward_error=backward / 5, relative_error=relative,
+    )  # fmt: skip
+
+
+def answered(subject: str, states: int) -> QuantityCost:
+    seconds, backward = SUBJECTS[subject]
+    return QuantityCost(
+        system="collar", quantity="bias", method=subject, states=states, seconds_per_state=seconds / states, fastest=0.9 * seconds / states,
+        slowest=1.3 * seconds / states, repetitions=5, backward_error=backward, median_backward_error=backward / 5, relative_error=2e-16,
     )  # fmt: skip
 
 
@@ -78,6 +89,10 @@ def sample() -> Benchmark:
             AccelerationCost(system="collar", method="lambdify", threads=1, states=0, seconds_per_state=None, note="no time was left"),
         ],
         yardsticks=[Yardstick(system=system, seconds=3e-5) for system in SYSTEMS],
+        quantities=[
+            *(answered(subject, states) for subject in SUBJECTS for states in (1, 1000)),
+            QuantityCost(system="collar", quantity="bias", method="pybullet/urdf", states=0, seconds_per_state=None, note="offers no bias"),
+        ],
         derivatives=[
             DerivativeCost(
                 system="collar", method="mujoco mjd_inverseFD", of="tau", steps=[1e-2, 1e-6, 1e-10], errors=[1e-2, 3e-7, 1e-5],
@@ -184,6 +199,18 @@ def test_two_charts_per_system_and_their_fronts_are_named(files: dict[str, str])
         assert f"@{{{told}}}" in charts_of(source)
     fronts = re.search(r"<caption>Pareto front of each system</caption>.*?</table>", files["benchmark.html"], re.DOTALL)
     assert fronts and fronts[0].count("heyoka float32; heyoka float64; certified balls") == len(SYSTEMS)
+
+
+def test_a_quantity_has_a_mark_for_each_subject_and_number_of_states(files: dict[str, str]) -> None:
+    source = files["mechanisms/collar.html"]
+    page = Page(source)
+    [caption] = [one for one in re.findall(r"<figcaption>(.*?)</figcaption>", source, re.DOTALL) if one.startswith("Quantity bias:")]
+    assert re.findall(r"<strong>(.*?)</strong>", caption) == ["pinocchio/urdf, 1000 states at once"]
+    marks = charts_of(source)
+    for subject in SUBJECTS:
+        assert f"{subject}, 1 state at once" in marks and f"{subject}, 1000 states at once" in marks
+    assert "Quantity bias in numbers" in page.words and "offers no bias" in page.words
+    assert "Quantity bias" not in Page(files["mechanisms/arm_2r.html"]).words
 
 
 def test_finite_differences_have_a_chart_over_their_steps(files: dict[str, str]) -> None:

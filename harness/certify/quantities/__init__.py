@@ -65,9 +65,9 @@ class Question:
         if self.declared is None or self.read is None or self.declared.text == self.read.text:
             return False
         joints = tuple(dict.fromkeys(self.mechanism.joints))
-        trees = [untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read)]
+        own, other = (untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read))
         key = self.declared.text, self.read.text, self.mechanism.gravity, joints
-        return not _SAME_POINTS.get(key, lambda: have_same_points(*trees, joints))
+        return not _SAME_POINTS.get(key, lambda: have_same_points(own, other, joints))
 
 
 # By the text of a file, and of two.
@@ -110,6 +110,7 @@ class Quantity:
         is_quick: whether a check that names no quantity compares it as well, at a few states.
         describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
             enough to name the block that is farthest off.
+        group: the name that stands for it and others of its kind, as "derivatives"; "" for none.
     """
 
     name: str
@@ -117,6 +118,7 @@ class Quantity:
     is_of_engine: bool = False
     is_quick: bool = True
     describe: Callable[[Any, States, Certified, Array], str] | None = None
+    group: str = ""
 
 
 def find_quantities() -> dict[str, Quantity]:
@@ -129,18 +131,22 @@ def find_quantities() -> dict[str, Quantity]:
 def select_quantities(names: Sequence[str]) -> list[str]:
     """The quantities of these names, each once, in a fixed order with accelerations first; accelerations for no names.
 
+    A name may be that of a group, or ``ALL``.
+
     Raises:
         InvalidRequest: there is no such quantity.
     """
-    known = [ACCELERATIONS, *find_quantities()]
+    groups = {ACCELERATIONS: "", **{quantity.name: quantity.group for quantity in find_quantities().values()}}
     for name in names:
-        if name != ALL:
-            require_quantity(name)
-    return [name for name in known if name in names or ALL in names] or [ACCELERATIONS]
+        _require(name, [*groups, *dict.fromkeys(filter(None, groups.values())), ALL])
+    return [name for name, group in groups.items() if {name, group, ALL} & set(names)] or [ACCELERATIONS]
 
 
 def require_quantity(name: str) -> None:
     """Raises InvalidRequest where there is no such quantity."""
-    known = [ACCELERATIONS, *find_quantities()]
+    _require(name, [ACCELERATIONS, *find_quantities()])
+
+
+def _require(name: str, known: Sequence[str]) -> None:
     if name not in known:
         raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")

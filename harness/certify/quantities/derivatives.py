@@ -159,7 +159,7 @@ def _quantity(dynamics: Dynamics) -> Quantity:
         return DerivativeTruth(dynamics, question.mechanism, question.linear_velocity_in_body)
 
     # To write and to compile a program takes seconds, whatever the number of states.
-    return Quantity(dynamics.method, truth, is_quick=False, describe=describe)
+    return Quantity(dynamics.method, truth, is_quick=False, describe=describe, group="derivatives")
 
 
 FORWARD_DYNAMICS_DERIVATIVES, INVERSE_DYNAMICS_DERIVATIVES = _quantity(FORWARD), _quantity(INVERSE)

@@ -1,0 +1,209 @@
+"""What a benchmark may measure: the settings of a choice, and the parts, each with what a worker does for it.
+
+Whatever is timed for comparison runs by itself, one task after the other; the rest shares the processors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
+from harness.bench.derivative_cost import derivative_costs
+from harness.bench.energy_drift import drifts
+from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
+from harness.bench.motion_cost import motion_costs
+from harness.bench.quantity_cost import SIZES, quantity_costs
+from harness.bench.robot_growth import robot_growth
+from harness.bench.stationary_action import stationarity
+from harness.bench.thoroughness import THOROUGHNESS, Thoroughness
+from harness.bench.tuned_mass_damper import SYSTEM, figures
+from harness.bench.yardstick import Stopwatch
+from harness.certify.quantities import find_quantities, select_quantities
+from harness.crosscheck.scene import Scene
+from harness.crosscheck.tasks import Note
+from harness.engines import asked_of, select_subjects
+from harness.library import Library
+from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
+from harness.results.benchmark import Benchmark, Yardstick
+from harness.results.records import ACCELERATIONS
+
+DERIVATIVES, MOTION, QUANTITIES = "derivatives", "motion", "quantities"
+# Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
+MOST_INSTRUCTIONS_OF_MOTION = 5000
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkSettings:
+    """A choice of measurements.
+
+    Attributes:
+        library: where systems and models are.
+        names: systems; all for none.
+        methods: names of methods, integrators and, of quantities, subjects, all for none; of a part, those of its own kind.
+        quantities: names of quantities, accelerations for none.
+        motion, derivatives: whether to measure these too.
+        profile: name of one of ``THOROUGHNESS``.
+        seed: of the sampled states.
+    """
+
+    library: Library
+    names: Sequence[str] = ()
+    methods: Sequence[str] = ()
+    quantities: Sequence[str] = ()
+    motion: bool = False
+    derivatives: bool = False
+    profile: str = "quick"
+    seed: int = 0
+
+    @property
+    def thoroughness(self) -> Thoroughness:
+        return THOROUGHNESS[self.profile]
+
+    @property
+    def further_quantities(self) -> list[str]:
+        """The quantities beyond accelerations that are asked for; raises InvalidRequest where there is none of a name."""
+        return [name for name in select_quantities(self.quantities) if name != ACCELERATIONS]
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """What may be measured: robots, or mechanisms of either kind."""
+        return (ROBOTS,) if self.library.is_of_robots else (MECHANISMS, CONSTRAINED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkPart:
+    """One part of a benchmark.
+
+    Attributes:
+        name: in words.
+        measure: what a worker does with settings and a scene, which is None for a part that belongs to one system or family.
+        kind: what its methods compute: accelerations, other quantities, derivatives or motion.
+        timed: whether it must run by itself because its times are compared.
+        system: the one system or family it belongs to; "" for a part that is measured on every system.
+        by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
+        needs_energies: whether it needs T and V, which a robot's file does not have.
+    """
+
+    name: str
+    measure: Callable[[BenchmarkSettings, Any, Note], Benchmark]
+    kind: str
+    timed: bool
+    system: str = ""
+    by_methods: bool = True
+    needs_energies: bool = False
+
+
+def load(library: Library, name: str, note: Note) -> Scene:
+    """The equations and models of system ``name``."""
+    return Scene.of(library, name)
+
+
+def _chosen(settings: BenchmarkSettings, kind: str) -> list[Method]:
+    """The methods of one kind that are asked for."""
+    known = [method.name for method in find_methods(kind)]
+    names = [name for name in settings.methods if name in known]
+    return select_methods(names, kind) if names or not settings.methods else []
+
+
+def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
+    """The names of the integrators of one kind that are asked for."""
+    return [one.name for one in integrators(kind) if not settings.methods or one.name in settings.methods]
+
+
+def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
+    stopwatch = Stopwatch()
+
+    def noted(text: str) -> None:
+        # Before each method, so that what else the machine does by then slows both.
+        stopwatch.time()
+        note(text)
+
+    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, noted)
+    return Benchmark(
+        accelerations=costs,
+        findings=found,
+        yardsticks=[Yardstick(system=scene.mechanism.name, seconds=stopwatch.fastest)] if costs else [],
+        problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed],
+    )
+
+
+def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    extent, methods = settings.thoroughness, _chosen(settings, MECHANISMS)
+    found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
+    return Benchmark(growth=found)
+
+
+def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    extent = settings.thoroughness
+    return Benchmark(growth=[robot_growth(extent.arms, settings.seed, extent.minimum_seconds, note)])
+
+
+def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent, size = settings.thoroughness, len(scene.mechanism.program.instructions)
+    if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
+        found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
+        return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
+    names = _integrators(settings, kind_of(scene))
+    if not names:
+        return Benchmark()
+    truth, costs, orders = motion_costs(scene, names, extent.steps, extent.horizon, extent.seconds, note)
+    return Benchmark(truths=[truth], motion=costs, orders=orders)
+
+
+def _drifts(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent = settings.thoroughness
+    names = _integrators(settings, kind_of(scene))
+    return Benchmark(drifts=drifts(scene, names, extent.long_steps, note, seconds=extent.long_seconds) if names else [])
+
+
+def vary_action(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    if scene.mechanism.constraints is not None:
+        # Variations are of all coordinates; see ``BenchmarkStudy.constrained``.
+        return Benchmark()
+    return Benchmark(stationarity=stationarity(scene, note))
+
+
+def _figures(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
+    return Benchmark(figures=figures(settings.library, note))
+
+
+def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    if scene.mechanism.constraints is not None:
+        # None is along motions that they allow.
+        return Benchmark()
+    extent, methods = settings.thoroughness, [one for one in find_derivative_methods() if one.name in settings.methods]
+    # A tenth, as each method is timed at several numbers of states.
+    costs = derivative_costs(scene, methods, extent.derivative_states, settings.seed, extent.minimum_seconds / 10, note)
+    return Benchmark(derivatives=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
+
+
+def _quantity(quantity: str, settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    extent, library, name = settings.thoroughness, settings.library, scene.mechanism.name
+    asked = asked_of(library, name, select_subjects(library, settings.methods))
+    # A tenth, as each subject is timed at several numbers of states.
+    times = SIZES, extent.quantity_states, settings.seed, extent.minimum_seconds / 10
+    costs = quantity_costs(scene, find_quantities()[quantity], asked, *times, note)
+    problems = [f"{cost.system}, {cost.quantity} of {cost.method}: {cost.note}" for cost in costs if cost.failed]
+    return Benchmark(quantities=costs, problems=problems)
+
+
+def parts_of(settings: BenchmarkSettings) -> list[BenchmarkPart]:
+    """The parts of ``PARTS``, and one for each quantity beyond accelerations that is asked for."""
+    further = settings.further_quantities
+    return [*PARTS, *(BenchmarkPart(name=name, measure=partial(_quantity, name), kind=QUANTITIES, timed=True) for name in further)]
+
+
+PARTS = (
+    BenchmarkPart(name="accelerations", measure=_accelerations, kind=ACCELERATIONS, timed=True),
+    BenchmarkPart(name="derivatives", measure=_derivatives, kind=DERIVATIVES, timed=True),
+    BenchmarkPart(name="growth", measure=_growth, kind=ACCELERATIONS, timed=True, system=FAMILY),
+    BenchmarkPart(name="growth of robots", measure=_robot_growth, kind=ACCELERATIONS, timed=True, system=FAMILY, by_methods=False),
+    BenchmarkPart(name="motion", measure=_motion, kind=MOTION, timed=True),
+    BenchmarkPart(name="long runs", measure=_drifts, kind=MOTION, timed=False, needs_energies=True),
+    BenchmarkPart(name="stationary action", measure=vary_action, kind=MOTION, timed=False, needs_energies=True),
+    BenchmarkPart(name="figures of the text", measure=_figures, kind=MOTION, timed=False, system=SYSTEM),
+)
