@@ -114,6 +114,12 @@ def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, 
     return [record for record in json.loads(document.read_text())["records"] if record["quantity"] == quantity]
 
 
+def complaints(done: Done) -> list[str]:
+    """What a command wrote to standard error beside a line of progress every ten seconds, which a loaded machine brings."""
+    progress = re.compile(r"harness: [a-z ]+: \d+ of \d+ after \d+ s")
+    return [line for line in done.stderr.splitlines() if not progress.match(line)]
+
+
 def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:
     """A library in ``root`` with copies of built-in mechanisms, and with engine files of the given sources; its path."""
     for folder in ("systems", *MODEL_SUFFIXES, *(["engines"] if engines else [])):
