@@ -49,6 +49,14 @@ class ForceQuantities(QuantityWriter):
             size = self.sum(sizes[column], self.size_of(of_joints[column]))
             yield Block(f"generalised force on {name}", (self.difference(values[column], of_joints[column]),), size)
 
+    def power(self) -> Iterator[Block]:
+        """What the forces of inverse dynamics do: kinetic and potential energy gain as much, beside what dampers take."""
+        power, size = self.zero, self.zero
+        for velocity, block in zip(self.given_velocities, self.inverse_dynamics(), strict=True):
+            power = self.sum(power, self.product(velocity, block.values[0]))
+            size = self.sum(size, self.product(self.size_of(velocity), block.size))
+        yield Block("power of the applied forces", (power,), size)
+
     def bias(self) -> Iterator[Block]:
         """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
         return self._forces_of(self._parts(self._moving, [self.zero] * self.nv), "bias force")

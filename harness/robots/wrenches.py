@@ -74,6 +74,11 @@ class WrenchWriter(ConstraintWriter):
         return position if fixed < 0 else moving[number].position
 
     @property
+    def given_velocities(self) -> Three:
+        """The second inputs."""
+        return list(range(self._first_rate, self._first_rate + self.nv))
+
+    @property
     def given_accelerations(self) -> Three:
         """The third inputs."""
         return list(range(self._first_rate + self.nv, self._first_rate + 2 * self.nv))

@@ -58,7 +58,7 @@ def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None
             try:
                 own = truth_of(find_quantities()[quantity], modelled_name, assignment)
             except NotOffered:
-                assert quantity == "inverse_dynamics" and modelled_name not in TREES
+                assert quantity in ("inverse_dynamics", "power") and modelled_name not in TREES
                 continue
             comparison = judge_answers(own.evaluate(states), own.answers(model, states))
             assert set(comparison.verdicts.tolist()) == {"agrees"}, (quantity, engine, comparison.backward_error.max())
@@ -91,6 +91,18 @@ def test_inverse_dynamics_of_certified_accelerations_are_the_applied_forces(mode
     own = truth(modelled_name, "inverse_dynamics")
     monkeypatch.setattr(own, "_accelerations", lambda _: accelerations)
     assert (in_roundoffs(own.evaluate(states), states.tau[:, :, None]) <= AGREEMENT).all()
+
+
+@pytest.mark.parametrize("name", [name for name in ("double_pendulum", "arm_3r", "spring_pendulum", "puma_560") if name in PLAIN])
+def test_energy_gains_what_applied_forces_do(name: str) -> None:
+    """The balance of power, by differences of energies along the motion: nothing is damped in these."""
+    mechanism, step = load_mechanism(BUILT_IN, name), 1e-6
+    states, energy, power = generic_sample(mechanism, STATES, SEED), truth(name, "energy"), truth(name, "power")
+    rates = power._accelerations(states)
+    moved = [States(states.q + by * states.v, states.v + by * rates, states.tau, states.time) for by in (step, -step)]
+    ahead, behind = (energy.evaluate(one).high.sum(axis=(1, 2)) for one in moved)
+    done = power.evaluate(states).high[:, 0, 0]
+    np.testing.assert_allclose((ahead - behind) / (2 * step), done, rtol=1e-5, atol=1e-6 * float(np.abs(done).max()))
 
 
 @pytest.mark.parametrize("name", [name for name in ("double_pendulum", "furuta_pendulum", "arm_3r", "scara") if name in PLAIN])
@@ -162,6 +174,7 @@ MISTAKES = [
     ("bias", "bias", _scaled((slice(None), 1), 1 + 1e-12), "bias force on joint 'elbow'"),
     ("gravity", "gravity", _scaled((slice(None), 0), -1.0), "gravity force on joint 'shoulder'"),
     ("inverse_dynamics", "inverse_dynamics", _scaled((slice(None), 1), 1 + 1e-12), "generalised force on joint 'elbow'"),
+    ("power", "inverse_dynamics", _scaled((slice(None), 1), 1 + 1e-11), "power of the applied forces"),
     ("energy", "energies", _scaled((slice(None), 0), 2.0), "kinetic energy"),
     ("energy", "energies", _scaled((slice(None), 1), 1 + 1e-12), "potential energy"),
     ("momentum", "momenta", _scaled((slice(None), slice(6, 9)), 1 + 1e-11), "angular momentum about the centre of mass"),

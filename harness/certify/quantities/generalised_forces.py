@@ -44,13 +44,21 @@ def _inverse_dynamics(model: Model, asked: Asked) -> Array:
     return answer_of(model, "inverse_dynamics", (asked.q, asked.v, asked.qdd), asked.v.shape)
 
 
-def _of_trees(question: Question) -> Truth:
+def _power(model: Model, asked: Asked) -> Array:
+    """Of the applied forces that the engine's inverse dynamics ask for, beside what springs and dampers do."""
+    return np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked))[:, None]
+
+
+def _of_trees(
+    question: Question, blocks_of: Callable[[ForceQuantities], Iterable[Block]], answer: Callable[[Model, Asked], Array]
+) -> Truth:
     if question.mechanism.constraints is not None:
         raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
-    return FileTruth(question, ForceQuantities, ForceQuantities.inverse_dynamics, _inverse_dynamics)
+    return FileTruth(question, ForceQuantities, blocks_of, answer)
 
 
 MASS_MATRIX = _quantity("mass_matrix", ForceQuantities.mass_matrix, _mass_matrix)
 BIAS = _quantity("bias", ForceQuantities.bias, _bias)
 GRAVITY = _quantity("gravity", ForceQuantities.gravity, _gravity)
-INVERSE_DYNAMICS = Quantity("inverse_dynamics", _of_trees)
+INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda question: _of_trees(question, ForceQuantities.inverse_dynamics, _inverse_dynamics))
+POWER = Quantity("power", lambda question: _of_trees(question, ForceQuantities.power, _power))
