@@ -46,7 +46,7 @@ def _inverse_dynamics(model: Model, asked: Asked) -> Array:
 
 def _power(model: Model, asked: Asked) -> Array:
     """Of the applied forces that the engine's inverse dynamics ask for, beside what springs and dampers do."""
-    return np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked))[:, None]
+    return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
 
 
 def _of_trees(
