@@ -109,6 +109,25 @@ def program_from(data: Any) -> StraightLineProgram:
     return msgspec.convert(data, StraightLineProgram).checked()
 
 
+# MuJoCo with a mass matrix that is too large by 1e-9, and right accelerations.
+HEAVY_ENGINE = """
+from harness.engines.mujoco import MujocoEngine
+
+
+class Engine(MujocoEngine):
+    formats = ("mjcf",)
+
+    def load(self, source, joints, gravity):
+        loaded = super().load(source, joints, gravity)
+        mass_matrix = loaded.mass_matrix
+        loaded.mass_matrix = lambda q: mass_matrix(q) * (1 + 1e-9)
+        return loaded
+
+
+ENGINE = Engine()
+"""
+
+
 def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, Any]]:
     """The records of one quantity in the JSON of a cross-check or report."""
     return [record for record in json.loads(document.read_text())["records"] if record["quantity"] == quantity]

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support import make_library, pytest_in_this_process
+from support import HEAVY_ENGINE, make_library, pytest_in_this_process
 
 from harness.certify.quantities import find_quantities
 
@@ -108,24 +108,6 @@ def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> 
             assert "harness_states in the settings is 'none'" in done.stderr
         else:
             assert f"{expected} states per system" in done.stdout and "1 passed" in done.stdout
-
-
-HEAVY_ENGINE = """
-from harness.engines.mujoco import MujocoEngine
-
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        loaded = super().load(source, joints, gravity)
-        mass_matrix = loaded.mass_matrix
-        loaded.mass_matrix = lambda q: mass_matrix(q) * (1 + 1e-9)
-        return loaded
-
-
-ENGINE = Engine()
-"""
 
 
 def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:

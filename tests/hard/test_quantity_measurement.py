@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support import InThisProcess, completed, make_library
+from support import HEAVY_ENGINE, InThisProcess, completed, make_library
 from support_results import RUN
 
 from harness.engines import NotOffered, select_subjects
@@ -46,24 +46,6 @@ def test_verdicts_are_as_the_entries_of_the_quantity_say(case: str, subject: str
         # The entries of another quantity say nothing of this one.
         others = load_hard_expectations(PATH, list(hard_cases()), SUBJECTS, "jacobian")
         assert any("which no entry expects" in problem for problem in judged(row, others).problems)
-
-
-HEAVY_ENGINE = """
-from harness.engines.mujoco import MujocoEngine
-
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        loaded = super().load(source, joints, gravity)
-        mass_matrix = loaded.mass_matrix
-        loaded.mass_matrix = lambda q: mass_matrix(q) * (1 + 1e-9)
-        return loaded
-
-
-ENGINE = Engine()
-"""
 
 
 def test_a_fault_is_seen_in_its_quantity_alone_and_has_a_family_of_its_own(tmp_path: Path) -> None:
