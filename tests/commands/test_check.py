@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from catalogue import IN_CI
-from support import complaints, harness, harness_in_a_process, make_library, records_of
+from support import complaints, engine_source, harness, harness_in_a_process, make_library, records_of
 
 from harness.library import Library
 from harness.results.hard_states import load_found
@@ -249,6 +249,20 @@ def test_a_broken_model_is_exit_status_2_and_costs_its_subject_only(library: Pat
         broken = records.pop(("bar_pendulum", reader))
         assert broken["verdict"] == "error" and fragment in broken["message"]
     assert {record["verdict"] for record in records.values()} == {"agrees"}
+
+
+def test_only_the_subject_that_is_wrong_is_not_asked_for_further_quantities(tmp_path: Path) -> None:
+    library = make_library(tmp_path / "library", ["bar_pendulum"], {"wrong": engine_source("return 2.0 * tau")})
+    subjects = ("--subject", "mujoco/mjcf", "--subject", "wrong/mjcf")
+    done = harness("check", "--library", str(library), *subjects, "--states", "40", "--json", "out.json", cwd=library)
+    assert done.returncode == 1
+    records = json.loads((library / "out.json").read_text())["records"]
+    assert {record["quantity"] for record in records if record["subject"] == "mujoco/mjcf"} > {"accelerations", "mass_matrix", "steps"}
+    assert {record["quantity"] for record in records if record["subject"] == "wrong/mjcf"} == {"accelerations"}
+    assert re.findall(r"^  (\S+): \d+ quantities agree", done.stdout, re.MULTILINE) == ["mujoco/mjcf"]
+    # No reader of a wrong file is right: nothing else is asked of it.
+    done = harness("check", "--library", str(library), "--subject", "wrong/mjcf", "--states", "40", "--json", "out.json", cwd=library)
+    assert len(json.loads((library / "out.json").read_text())["records"]) == 1
 
 
 def test_a_model_without_a_system_is_named(library: Path) -> None:
