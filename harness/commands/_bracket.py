@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from harness.library import Library
     from harness.report import Survey
     from harness.results.history import History
-    from harness.results.records import Record, Run
+    from harness.results.records import JsonDocument, Record, Run
     from harness.results.study_result import StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
 
 
 STANDARD_OUTPUT = "-"
+# So many times over the text of all parts is written while they come; after each part it would be as many times as there are parts.
+_JSON_WRITTEN_BY = 20
 
 
 @dataclass(kw_only=True)
@@ -136,19 +138,28 @@ class Bracket:
         return self._exit.enter_context(History(self.directory / "history.sqlite"))
 
     def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
-        """Run a study to the end and return its result: progress, each part into the history, and the JSON file after each.
+        """Run a study to the end and return its result: progress, each part into the history, and the JSON file beside it.
 
-        ``document`` gives the parts of the JSON file. ``kept`` is False for a study whose parts are no part of the run's.
+        ``document`` gives the parts of the JSON file, which is written when a twentieth of the parts is new and when the study ends,
+        in whatever way: each part while they are few, and of a thousand of them the last fifty may be missing after a kill.
+        ``kept`` is False for a study whose parts are no part of the run's.
         """
         from harness.study import run_study
 
-        with progress(study.steps, study.title) as advance:
-            for part in run_study(study, self.pool):
-                if kept:
-                    self.keep(part.value)
-                if document is not None:
-                    self.write_json(**document())
-                advance(part.label)
+        parts = unwritten = 0
+        try:
+            with progress(study.steps, study.title) as advance:
+                for part in run_study(study, self.pool):
+                    if kept:
+                        self.keep(part.value)
+                    parts, unwritten = parts + 1, unwritten + 1
+                    if document is not None and unwritten * _JSON_WRITTEN_BY >= parts:
+                        self.write_json(**document())
+                        unwritten = 0
+                    advance(part.label)
+        finally:
+            if document is not None and unwritten:
+                self.write_json(**document())
         return study.result()
 
     def keep(self, found: StudyResult) -> None:
@@ -158,10 +169,14 @@ class Bracket:
 
     def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
         """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
-        from harness.results.records import to_json
-
         if self.json_path:
-            self.write_text(to_json(self.run, records, **parts))
+            self.write_text(self._json.text(records, **parts))
+
+    @cached_property
+    def _json(self) -> JsonDocument:
+        from harness.results.records import JsonDocument
+
+        return JsonDocument(self.run)
 
     def write_text(self, text: str) -> None:
         """Make ``text`` the JSON file; on standard output only the last one is written, at the end of the command."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -13,6 +13,43 @@ from typing import Any
 def dumps(value: Any, indent: int | None = None) -> str:
     """Strict JSON of plain data and dataclasses of it; numbers that are not finite become "inf", "-inf" or "nan"."""
     return json.dumps(_plain(value), indent=indent, allow_nan=False)
+
+
+class GrowingJson:
+    """Strict JSON of a mapping whose lists grow while a run goes on, so that every state of it can be written.
+
+    What is in a list is made text once, for as long as it stays there; it must not change. ``plain`` gives what stands for it.
+    """
+
+    def __init__(self, plain: Callable[[Any], Any] = lambda item: item) -> None:
+        self._plain = plain
+        # By identity; the object is kept, so that no other one takes its number.
+        self._texts: dict[int, tuple[Any, str]] = {}
+
+    def dumps(self, document: Mapping[str, Any]) -> str:
+        """The text that ``dumps(document, indent=2)`` gives."""
+        texts: dict[int, tuple[Any, str]] = {}
+        parts = [f"{json.dumps(str(name))}: {self._text_of(value, texts)}" for name, value in document.items()]
+        self._texts = texts
+        return f"{{\n  {_joined(parts, 2)}\n}}" if parts else "{}"
+
+    def _text_of(self, value: Any, texts: dict[int, tuple[Any, str]]) -> str:
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            return _indented(dumps(value, indent=2), 2)
+        if not value:
+            return "[]"
+        for item in value:
+            texts[id(item)] = self._texts.get(id(item)) or (item, _indented(dumps(self._plain(item), indent=2), 4))
+        return f"[\n    {_joined([texts[id(item)][1] for item in value], 4)}\n  ]"
+
+
+def _joined(parts: list[str], indent: int) -> str:
+    return f",\n{' ' * indent}".join(parts)
+
+
+def _indented(text: str, indent: int) -> str:
+    """All lines but the first further in; there are no line breaks within strings."""
+    return text.replace("\n", "\n" + " " * indent)
 
 
 def _plain(value: Any) -> Any:

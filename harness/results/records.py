@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
 
-from harness.results.plain_json import dumps
+from harness.results.plain_json import GrowingJson
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
@@ -333,17 +333,27 @@ def half_decade(backward_error: float) -> str:
     return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
 
 
-def to_json(run: Run, records: Iterable[Record], cards: Iterable[SystemCard] = (), **parts: Any) -> str:
+class JsonDocument:
+    """The JSON of a run that is written while it goes on: what stayed as it was is not made text again."""
+
+    def __init__(self, run: Run) -> None:
+        about = asdict(run)
+        self._head = {"harness": about.pop("versions"), "run": about}
+        self._text = GrowingJson(_with_outcome)
+
+    def text(self, records: Sequence[Record] = (), cards: Sequence[SystemCard] = (), **parts: Any) -> str:
+        """As ``to_json``; no element of a list may change between two calls."""
+        return self._text.dumps(self._head | {"records": records, "systems": cards} | parts) + "\n"
+
+
+def to_json(run: Run, records: Sequence[Record], cards: Sequence[SystemCard] = (), **parts: Any) -> str:
     """{"harness": versions, "run", "records", "systems"} and ``parts``, which are plain data, as strictly valid JSON, ASCII only.
 
     Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the strings "inf", "-inf" and
     "nan".
     """
-    about = asdict(run)
-    document = {
-        "harness": about.pop("versions"),
-        "run": about,
-        "records": [asdict(record) | {"as_expected": record.as_expected} for record in records],
-        "systems": list(cards),
-    }
-    return dumps(document | parts, indent=2) + "\n"
+    return JsonDocument(run).text(records, cards, **parts)
+
+
+def _with_outcome(item: Any) -> Any:
+    return asdict(item) | {"as_expected": item.as_expected} if isinstance(item, Record) else item

@@ -220,6 +220,7 @@ def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], St
         assert row.first_variation < 1e-9
 
 
+@pytest.mark.costly
 def test_the_first_variation_of_first_order_paths_falls_with_the_step(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 1)) >= 2
     for path in of_order(measured, 1):

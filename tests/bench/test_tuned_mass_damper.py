@@ -74,6 +74,7 @@ def of_equations() -> list[Figure]:
     return [figure for figure in computed_figures(BY_DAY) if "equations" in figure.what]
 
 
+@pytest.mark.costly
 def test_the_equations_repeat_the_program_of_the_text() -> None:
     for figure, printed in zip(of_equations(), PRINTED, strict=True):
         assert figure.computed == pytest.approx(printed.measure(printed_program(printed.damping)), rel=1e-5)

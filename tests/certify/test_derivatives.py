@@ -89,6 +89,7 @@ def result(mechanism: Mechanism, evaluate: Callable[..., tuple[Any, ...]], dynam
     return [one - rest for one, rest in zip(inertial, right_hand_side(outputs), strict=True)]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize(
     ("name", "in_body"),
@@ -252,6 +253,7 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize(("name", "mistake", "said"), MISTAKES, ids=[mistake for _, mistake, _ in MISTAKES])
 def test_a_mistake_is_seen_and_named(name: str, mistake: str, said: str, dynamics: Dynamics) -> None:

@@ -79,6 +79,7 @@ class Setting:
         return set(found.verdicts.tolist()), float(found.backward_error.max()), self.truth.blocks[farthest_block(certified, answers)]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("damping", [None, DAMPING], ids=["undamped", "damped"])
 @pytest.mark.parametrize("name", TEN)
 def test_integrators_follow_their_rules_with_and_without_damping(name: str, damping: str | None) -> None:

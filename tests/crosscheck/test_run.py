@@ -80,6 +80,7 @@ def test_the_truth_of_a_batch_is_certified_once_for_all_subjects(monkeypatch: py
     assert 300 <= sum(certified) <= 300 + 1 + 2 * 9 + 5
 
 
+@pytest.mark.costly
 def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: Path) -> None:
     """The engine dies far from the sampled middle, so that the state must be looked for."""
     planted = library(tmp_path, dying="os.abort() if (q > 2.5).any() else None")

@@ -72,6 +72,7 @@ def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_pat
     assert "nothing to explain" in cause.first_line
 
 
+@pytest.mark.costly
 def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
     stand_ins = {}
     for model_format, old, new in [("mjcf", 'mass="1.5"', 'mass="1.50001"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.50001"/>')]:

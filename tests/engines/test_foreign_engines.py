@@ -67,6 +67,7 @@ def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 
 
+@pytest.mark.costly
 def test_what_engine_files_do_at_import_costs_their_own_records(checked: tuple[int, dict[str, Any], str]) -> None:
     status, records, errors = checked
     assert status == 2
@@ -168,6 +169,7 @@ def reported(nonsense: Path) -> Done:
         return harness("report", "--library", ".", "--out", "out", "--json", "out.json", cwd=nonsense)
 
 
+@pytest.mark.costly
 def test_a_report_is_written_whatever_engines_answer(nonsense: Path, reported: Done) -> None:
     assert reported.returncode == 1, reported.stderr
     assert (nonsense / "out" / "index.html").is_file()

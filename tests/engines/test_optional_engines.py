@@ -140,6 +140,7 @@ def check_in_its_environment(
     return records
 
 
+@pytest.mark.costly
 def test_idyntree_agrees_in_an_environment_of_its_own(environment: Callable[[str], Path], tmp_path: Path) -> None:
     """The smallest of them, on a tree from the world, a free joint, a ball joint, springs between points, a rotor, and a coupling."""
     systems = ["acrobot", "satellite_wheel", "heavy_top", "collar", "furuta_pendulum.armature", "simple_pendulum.mimic"]

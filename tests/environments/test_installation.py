@@ -30,6 +30,7 @@ def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.mark.costly
 def test_versions_come_from_the_indexes_of_the_user_and_are_sorted(index: Path) -> None:
     assert available_versions("toy-engine") == ["1.0", "1.2", "1.10", "2.0"]
     assert versions_between("toy-engine", "1.2", "2.0") == ["1.2", "1.10", "2.0"]
@@ -55,6 +56,7 @@ def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pyt
     assert find_environments() == []
 
 
+@pytest.mark.costly
 def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "REQUIREMENTS", ())
     first = install("toy", "toy-engine", "json", "1.2")

@@ -89,6 +89,7 @@ def with_mpmath(expression: sp.Expr, values: list[float]) -> Fraction:
         return fraction(mpmath.mpf(value))
 
 
+@pytest.mark.costly
 @settings(max_examples=60)
 @given(st.tuples(*[expressions] * 4), st.tuples(*[numbers] * 3).map(list))
 def test_balls_hold_the_value_mpmath_finds(outputs: tuple[sp.Expr, ...], values: list[float]) -> None:
@@ -101,6 +102,7 @@ def test_balls_hold_the_value_mpmath_finds(outputs: tuple[sp.Expr, ...], values:
         assert fraction(ball.rad()) <= (1 + abs(expected)) / 2**20, expression
 
 
+@pytest.mark.costly
 @settings(max_examples=40 if IN_CI else 10)
 @given(st.tuples(*[expressions] * 4), st.lists(st.tuples(*[numbers] * 3).map(list), min_size=1, max_size=5))
 def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...], batch: list[list[float]]) -> None:
@@ -245,6 +247,7 @@ def replaced(data: Any, path: tuple[Any, ...], value: Any) -> Any:
     return changed
 
 
+@pytest.mark.costly
 @given(st.sampled_from(places(VALID)), junk)
 @example(("instructions", 2, 1), "007")
 @example(("instructions", 2, 1), "\u0663")

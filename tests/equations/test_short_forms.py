@@ -44,6 +44,7 @@ def differ(first: sp.Expr, second: sp.Expr) -> bool:
         return not (values[0] - values[1]).contains(0)
 
 
+@pytest.mark.costly
 @settings(max_examples=50 if IN_CI else 12)
 @given(SUMS)
 def test_a_short_form_is_the_same_function(expression: sp.Expr) -> None:

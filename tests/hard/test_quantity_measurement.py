@@ -28,6 +28,7 @@ def row_of(case: str, subject: str, quantity: str, library: Library = BUILT_IN) 
     return replace(measure_quantity(case, chosen, quantity, library, lambda text: None), quantity=quantity)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("case", "subject", "quantity", "verdict"),
     [

@@ -394,6 +394,7 @@ def test_an_answer_that_is_not_finite_is_worst(library: Library, workers: Worker
     assert not path_of(library, "bar_pendulum").exists()
 
 
+@pytest.mark.costly
 def test_a_crash_names_its_state(library: Library, workers: Workers) -> None:
     result = searched(library, workers, "abort/mjcf", budget=12, keep=False)
     assert result.status == 3

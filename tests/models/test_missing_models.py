@@ -164,6 +164,7 @@ def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert Expectations().why_no_model(BUILT_IN, "rolling_disc", Subject("lagrange", "equations")) == ""
 
 
+@pytest.mark.costly
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     excuse(root, entries(*REASONS))
     done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)

@@ -74,6 +74,7 @@ def readings(night: Mapping[str, np.ndarray], factors: Mapping[str, float] | Non
     return readings_of_records(record(system, errors, (factors or {}).get(system, 1.0)) for system, errors in night.items())
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("states", [1500, 5000])
 def test_quiet_nights_of_other_seeds_show_no_change(recorded: list[np.ndarray], states: int) -> None:
     nights = [readings(night) for night in resampled(recorded, states, NIGHTS, CELLS // 3)]
@@ -86,6 +87,7 @@ def test_quiet_nights_of_one_seed_show_no_change(recorded: list[np.ndarray]) -> 
     assert changes([readings(night)] * NIGHTS) == []
 
 
+@pytest.mark.costly
 def test_nights_that_were_really_sampled_show_no_change() -> None:
     names = ("double_pendulum", "collar")
     pairs = [(name, subject) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
@@ -93,6 +95,7 @@ def test_nights_that_were_really_sampled_show_no_change() -> None:
     assert changes(nights) == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("before", [1, 2, 3, 5, 19])
 @pytest.mark.parametrize("factor", [2.0, 2.5, 0.5])
 def test_a_median_that_doubles_is_found_that_night_and_only_that_night(recorded: list[np.ndarray], before: int, factor: float) -> None:
@@ -222,6 +225,7 @@ def test_nights_of_a_run_that_ends_too_soon_are_noise() -> None:
     assert list(Chart(CELLS).changes([cost(value) for value in values])) == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("nights", [9, 15])
 def test_largest_values_give_as_many_false_alarms_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 30_000, 12.0
