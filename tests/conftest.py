@@ -37,8 +37,8 @@ settings.load_profile("ci" if IN_CI else "local")
 # One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
 # of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
 # ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
-AT_THE_DESK_ONE_IN = 6, 4
-IN_CI_ONE_IN = 3, 2
+AT_THE_DESK_ONE_IN = 12, 8
+IN_CI_ONE_IN = 6, 4
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -73,7 +74,7 @@ def test_of_many_parts_a_twentieth_at_most_is_behind_and_as_many_times_their_tex
 ) -> None:
     held = written(tmp_path / "out.json", Counting(2000, 2000), monkeypatch)
     assert held[-1] == 2000
-    assert all(after - before - 1 <= after / 20 for before, after in zip(held, held[1:], strict=False))
+    assert all(after - before - 1 <= after / 20 for before, after in itertools.pairwise(held))
     assert sum(held) <= 22 * 2000
 
 

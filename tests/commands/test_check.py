@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 
 import pytest
-from catalogue import IN_CI
 from support import complaints, engine_source, harness, harness_in_a_process, make_library, records_of
 
 from harness.library import Library

@@ -15,7 +15,7 @@ from harness.commands._scaffold import write_example
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 
-SIZES = (1, 2, 3, 6)
+SIZES = (1, 3)
 
 
 def written(directory: Path, sizes: range | tuple[int, ...]) -> Path:

@@ -21,9 +21,16 @@ OLDEST = sorted(
 )
 # By day a tree of each kind of joint, springs, dampers, a reflected inertia, a loop, a joint that mimics, and a reading that has changed.
 BY_DAY = (
-    "arm_2r*", "bar_pendulum", "cart_double_pendulum", "coupled_oscillators", "four_bar", "free_body", "furuta_pendulum*", "heavy_top",
-    "simple_pendulum*", "spring_pendulum", "atwood", "cycloid_bead",
-)  # fmt: skip
+    "arm_2r*",
+    "atwood",
+    "coupled_oscillators",
+    "cycloid_bead",
+    "four_bar",
+    "free_body",
+    "furuta_pendulum*",
+    "heavy_top",
+    "spring_pendulum",
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
