@@ -36,7 +36,7 @@ settings.load_profile("ci" if IN_CI else "local")
 
 # One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
 # of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
-# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together.
+# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves tests marked ``ci`` to CI.
 AT_THE_DESK_ONE_IN = 12, 8
 IN_CI_ONE_IN = 6, 4
 # Fixtures that run a test over the catalogue.
@@ -175,7 +175,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     at_night = _left_out([item for item in items if _is_marked(item)], *IN_CI_ONE_IN)
     for item in at_night:
         item.add_marker("nightly")
-    left_out = set() if IN_CI else at_the_desk - at_night
+    to_ci = {item for item in items if item.get_closest_marker("ci") and not item.get_closest_marker("nightly")}
+    left_out = set() if IN_CI else (at_the_desk | to_ci) - at_night
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]

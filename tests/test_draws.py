@@ -1,5 +1,5 @@
-"""What the desk leaves to CI, and CI to the night: cases of costly tests, never all of several; and at the desk costly tests without
-cases."""
+"""What the desk leaves to CI, and CI to the night: cases of costly tests, never all of several; at the desk costly tests without
+cases, and those marked ``ci``."""
 
 from __future__ import annotations
 
@@ -110,6 +110,10 @@ def test_by_itself():
 
 def test_cheap():
     pass
+
+@pytest.mark.ci
+def test_whole_command():
+    pass
 """
 
 
@@ -153,9 +157,10 @@ def collected(tmp_path: Path) -> Callable[..., set[str]]:
     return collect
 
 
+@pytest.mark.ci
 def test_ci_and_the_night_are_every_case_together(collected: Callable[..., set[str]]) -> None:
     names = BUILT_IN.system_names()
-    every = {"test_cheap", "test_by_itself", *(f"test_several[{number}]" for number in range(12))}
+    every = {"test_cheap", "test_whole_command", "test_by_itself", *(f"test_several[{number}]" for number in range(12))}
     every |= {f"{test}[{name}]" for name in names for test in ("test_costly", "test_over")}
     by_day, at_night, desk = collected(ci=True), collected("-m", "nightly", ci=True), collected(ci=False)
     assert by_day | at_night == every and by_day & at_night == set()
@@ -166,11 +171,12 @@ def test_ci_and_the_night_are_every_case_together(collected: Callable[..., set[s
         test: len([name for name in desk if name.startswith(test)]) for test in ("test_costly", "test_over", "test_several", "test_cheap")
     }
     assert desk <= by_day and count == {
-        "test_costly": -(-len(names) // 6),
-        "test_over": -(-len(names) // 6),
-        "test_several": 2,
+        "test_costly": -(-len(names) // 12),
+        "test_over": -(-len(names) // 12),
+        "test_several": 1,
         "test_cheap": 1,
     }
+    assert "test_whole_command" in by_day - desk
 
 
 @pytest.mark.parametrize(("keyword", "argument", "named"), [("system7", "tests", True), ("", "tests", False), ("", "a.py::test_it", True)])

@@ -31,6 +31,7 @@ def run_in_a_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd, check=False)
 
 
+@pytest.mark.ci
 def test_any_library_from_an_empty_folder(library: Path) -> None:
     empty = library.parent / "empty"
     empty.mkdir()

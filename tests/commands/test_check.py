@@ -194,6 +194,7 @@ BROKEN_SYSTEMS = {
 }
 
 
+@pytest.mark.ci
 def test_broken_systems_are_exit_status_2_and_cost_nobody_else(library: Path) -> None:
     for name, (source, _, _) in BROKEN_SYSTEMS.items():
         (library / "systems" / f"{name}.py").write_text(source)
@@ -291,6 +292,7 @@ def test_listing_imports_nothing_heavy() -> None:
         assert f"'{heavy}'" not in modules
 
 
+@pytest.mark.ci
 def test_report_writes_everything_and_keeps_history(library: Path) -> None:
     for _ in range(2):
         done = harness("report", "--library", str(library), "--out", "out", cwd=library)

@@ -82,6 +82,7 @@ def test_a_median_that_rises_is_reported_that_night_and_changes_no_verdict(folde
     assert document(folder)["changes"] == []
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_a_night_writes_page_summary_and_junit_and_says_what_is_new(folder: Path) -> None:
     summary = folder / "step.md"

@@ -98,6 +98,7 @@ def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
     assert "stored elsewhere" not in page.text
 
 
+@pytest.mark.ci
 def test_every_record_gives_its_numbers_again(reported: Path) -> None:
     records = records_of(reported / "report.json")
     found = {record["subject"]: record["representative"] for record in records if record["system"] == "bar_pendulum"}

@@ -59,6 +59,7 @@ def small(name: str, model_format: str) -> list[Fault]:
     return campaign(name, model_format, SMALL)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "model_format"),
     [

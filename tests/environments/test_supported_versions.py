@@ -53,6 +53,7 @@ def asked(tmp_path: Path, engine: str, version: str, model_format: str, *names: 
     assert sum(one["verdict"] == "agrees" for one in records) > len(records) / 2
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 @pytest.mark.parametrize(("engine", "version", "model_format"), OLDEST)
 def test_the_oldest_versions_are_right_where_they_are_expected_to_be(tmp_path: Path, engine: str, version: str, model_format: str) -> None:

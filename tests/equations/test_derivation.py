@@ -399,6 +399,7 @@ def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
     assert json.loads(process.stdout) == json.loads(json.dumps(msgspec.to_builtins(here)))
 
 
+@pytest.mark.ci
 def test_listing_derives_nothing(cache: Path, derivations: list[str]) -> None:
     library = Library.built_in()
     listed = {name: degrees_of_freedom(library, name) for name in library.system_names()}

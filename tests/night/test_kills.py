@@ -97,6 +97,7 @@ def keys(found: dict[str, Counter[str]]) -> dict[str, Counter[str]]:
     return {stage: Counter({key(row): count for row, count in every.items()}) for stage, every in found.items()}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("kills", "systems", "arguments"), KILLS)
 def test_a_killed_night_goes_on_and_ends_as_one_that_was_not(kills: int, systems: list[str], arguments: list[str], tmp_path: Path) -> None:
     quiet, killed = folder_with_library(tmp_path / "quiet", systems), folder_with_library(tmp_path / "killed", systems)

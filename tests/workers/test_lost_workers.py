@@ -56,6 +56,7 @@ def start(cluster: Any) -> Iterator[Starter]:
         process.wait()
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 def test_workers_killed_and_joined_lose_nothing(cluster: Any, start: Starter) -> None:
     doomed, _ = start(1), start(2)
