@@ -92,6 +92,9 @@ class MujocoModel(MujocoQuantities):
         """``efc_pos`` of each equality; see ``harness.engines``."""
         import mujoco
 
+        # A diagnosis asks hundreds of models; of those without equalities positions would be computed for nothing.
+        if not self.model.neq:
+            return {}
         data, rows = mujoco.MjData(self.model), list[Array]()
         for position in q:
             data.qpos[self.addresses[0]] = position

@@ -55,7 +55,6 @@ def crashing(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, d
     return check(library, "--time-limit", "4")
 
 
-@pytest.mark.ci
 def test_a_crash_is_exit_status_3(crashing: tuple[int, dict[str, dict[str, object]], str]) -> None:
     status, _, errors = crashing
     assert status == 3
@@ -464,7 +463,6 @@ def test_a_script_without_a_guard_is_not_run_again(harness: Any) -> None:
     assert errors == ""
 
 
-@pytest.mark.ci
 def test_workers_listen_on_no_socket_and_leave_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with Workers(2) as workers:
