@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import functools
 import importlib
 import importlib.util
 from collections.abc import Callable, Mapping, Sequence
@@ -79,6 +80,7 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
     The harness's own are loaded here.
     """
+    _is_importable.cache_clear()
     paths = engine_paths(library)
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
     outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
@@ -153,16 +155,13 @@ def load_engine(library: Library, name: str) -> Engine:
     name, version = split_name(name)
     engine = _load_file(library, name)
     if version or (installed_version(engine) is None and find_environments(name)):
-        path = engine_paths(library)[name]
+        path = _path_of(library, name)
         return EngineElsewhere(engine, path, _module_name(path) if _is_own(path) else "", environment_of(name, version))
     return engine
 
 
 def _load_file(library: Library, name: str) -> Engine:
-    paths = engine_paths(library)
-    if name not in paths:
-        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
-    path = paths[name]
+    path = _path_of(library, name)
     module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
     if problem := _problem_of(engine):
@@ -171,6 +170,22 @@ def _load_file(library: Library, name: str) -> Engine:
         raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
     assert engine is not None
     return engine
+
+
+def _path_of(library: Library, name: str) -> Path:
+    """The file of the engine called ``name``, without a look at the others: each question to an engine comes here.
+
+    Raises:
+        InvalidRequest: there is none.
+    """
+    if name.isidentifier() and not name.startswith("_"):
+        for folder in reversed(library.engine_folders()):
+            if (path := folder / f"{name}.py").is_file():
+                return path
+    paths = engine_paths(library)
+    if name not in paths:
+        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
+    return paths[name]
 
 
 def _problem_of(engine: Any) -> str:
@@ -196,7 +211,13 @@ def installed_version(engine: Engine) -> str | None:
         return engine.environment.version
     module, distribution = engine.requires
     try:
-        # A module within a package is found by importing the package.
-        return version_of(distribution) if importlib.util.find_spec(module) is not None else None
+        return version_of(distribution) if _is_importable(module) else None
     except ModuleNotFoundError:
         return None
+
+
+@functools.cache
+def _is_importable(module: str) -> bool:
+    """Whether the search path holds a module, as when engines were last described; raises ModuleNotFoundError for one in no package."""
+    # A module within a package is found by importing the package.
+    return importlib.util.find_spec(module) is not None
