@@ -36,8 +36,9 @@ settings.load_profile("ci" if IN_CI else "local")
 
 # One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
 # of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
-# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves tests marked ``ci`` to CI.
-AT_THE_DESK_ONE_IN = 12, 8
+# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves costly tests without cases and
+# tests marked ``ci`` to CI.
+AT_THE_DESK_ONE_IN = 12, None
 IN_CI_ONE_IN = 6, 4
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
@@ -193,8 +194,8 @@ def _turn(item: pytest.Item) -> int:
     return 1 if item.path.parent.name in SLOW_ROOMS else 2
 
 
-def _left_out(items: list[pytest.Item], one_case_in: int, one_test_in: int) -> set[pytest.Item]:
-    """Of each test all but one case in so many, and of tests without cases all but one in so many; long ones are left alone."""
+def _left_out(items: list[pytest.Item], one_case_in: int, one_test_in: int | None) -> set[pytest.Item]:
+    """Of each test all but one case in so many, and of tests without cases all but one in so many, or all; long ones are left alone."""
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
         if not item.get_closest_marker("nightly"):
@@ -203,7 +204,7 @@ def _left_out(items: list[pytest.Item], one_case_in: int, one_test_in: int) -> s
     for name, several in cases.items():
         if len(several) > 1:
             left_out.update(sorted(several, key=_lot)[math.ceil(len(several) / one_case_in) :])
-        elif zlib.crc32(name.encode()) % one_test_in:
+        elif one_test_in is None or zlib.crc32(name.encode()) % one_test_in:
             left_out.update(several)
     return left_out
 

@@ -170,6 +170,7 @@ def test_loading_the_plugin_imports_no_engine() -> None:
         assert f"'{heavy}'" not in done.stdout
 
 
+@pytest.mark.ci
 def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
     model = library / "mjcf" / "bar_pendulum.xml"
     model.with_name("bar_pendulum.twin.xml").write_text(model.read_text())

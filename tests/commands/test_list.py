@@ -34,6 +34,7 @@ def test_every_name_of_a_kind_is_listed(kind: str, tmp_path: Path) -> None:
     assert [row[title] for row in json.loads((tmp_path / "out.json").read_text())[kind]] == list(names)
 
 
+@pytest.mark.ci
 def test_the_kinds_are_said_where_somebody_looks_for_them() -> None:
     kinds: Collection[str] = NAMES.keys()
     assert harness("list").stdout.splitlines()[-1] == f"other names: harness list {'|'.join(kinds)}"

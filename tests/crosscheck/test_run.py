@@ -157,6 +157,7 @@ def test_an_engine_that_is_slow_with_changed_files_agrees(tmp_path: Path) -> Non
     assert slow.message.startswith("The search for superfluous parts was not finished: exceeded its time limit of 5 s")
 
 
+@pytest.mark.ci
 def test_a_system_that_hangs_delays_no_other(tmp_path: Path) -> None:
     """Every record of the other system is there before the time limit of the hanging one has passed."""
     planted = library(

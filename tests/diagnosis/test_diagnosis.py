@@ -128,6 +128,7 @@ def test_a_wrong_number_is_named_first_with_the_right_value(
         assert f"line {runner_up['line']}, " in told[0] and f"{runner_up['residual']:.2g}" in told[0]
 
 
+@pytest.mark.ci
 def test_the_first_line_shows_the_attribute_as_it_is_and_as_it_would_be() -> None:
     diagnosis = case("arm_2r", "mjcf").diagnosis(('pos="0.5 0 0"', 'pos="0.5 0 0.001"'))
     assert '<body pos="0.5 0 0.001"> explains it with "0.5 0 0.0" (residual' in diagnosis.first_line

@@ -67,6 +67,7 @@ def test_a_fault_of_an_engine_is_named_with_its_block(
     assert cause.first_line.endswith("no single number explains it")
 
 
+@pytest.mark.ci
 def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
     text = BUILT_IN.model_path("arm_2r", "urdf").read_text()
     old, new = 'mass value="2"', 'mass value="2.0000001"'

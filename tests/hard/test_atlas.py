@@ -234,6 +234,7 @@ def test_why_a_state_is_undecided() -> None:
     assert "singular" in next(why_undecided(reference))
 
 
+@pytest.mark.ci
 def test_a_crash_costs_one_row(planted: Library) -> None:
     subject, sound = Subject("aborting", EQUATIONS), Subject("sound", EQUATIONS)
     with Workers(count=1, time_limit=60) as workers:

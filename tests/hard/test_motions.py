@@ -76,6 +76,7 @@ def test_gentle_motions_never_part(chaos: list[Parting]) -> None:
     assert all(parting.parted is None and parting.largest < 1e-12 and parting.verdict == "agrees" for parting in gentle)
 
 
+@pytest.mark.ci
 def test_chaotic_motions_part_at_the_rate_of_a_nudged_start(chaos: list[Parting]) -> None:
     engines = [parting for parting in chaos if parting.knob == 2.4 and parting.integrator != "equations RK4"]
     assert len(engines) == 2

@@ -180,6 +180,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.ci
 def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> None:
     (library / "engines").mkdir()
     (library / "engines" / "fatal.py").write_text(FATAL_ENGINE.format(module="numpy"))

@@ -97,6 +97,7 @@ def test_a_failing_engine_has_its_state_and_a_replay(crashing: tuple[int, dict[s
         assert state["q"][0] > 2.5
 
 
+@pytest.mark.ci
 def test_an_engine_that_raises_or_answers_nan_is_exit_status_1(tmp_path: Path) -> None:
     library = failing_library(tmp_path / "library", {"silent": "return np.full_like(q, math.nan)", "raising": "raise OSError('x')"})
     status, records, _ = check(library, "--subject", "silent/mjcf", "--subject", "raising/mjcf")
