@@ -39,7 +39,7 @@ settings.load_profile("ci" if IN_CI else "local")
 # ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves costly tests without cases and
 # tests marked ``ci`` to CI.
 AT_THE_DESK_ONE_IN = 12, None
-IN_CI_ONE_IN = 6, 4
+IN_CI_ONE_IN = 6, 6
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
