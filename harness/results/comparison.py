@@ -292,7 +292,7 @@ class Comparison(StudyResult):
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for ``harness.results.records.dumps``."""
+        """Plain data for ``harness.results.plain_json.dumps``."""
         return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs, "equalities": self.equalities}
 
 

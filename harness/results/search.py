@@ -59,7 +59,7 @@ class SearchResult:
         return int(bool(self.failures) or not all(case.as_expected for case in self.cases))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for ``harness.results.records.dumps``."""
+        """Plain data for ``harness.results.plain_json.dumps``."""
         numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "not_stored")}
         return {"found": self.cases, "stored": not self.not_stored} | numbers
 
