@@ -38,8 +38,8 @@ settings.load_profile("ci" if IN_CI else "local")
 # of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
 # ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves costly tests without cases and
 # tests marked ``ci`` to CI.
-AT_THE_DESK_ONE_IN = 16, None
-IN_CI_ONE_IN = 8, 8
+AT_THE_DESK_ONE_IN = 24, None
+IN_CI_ONE_IN = 12, 12
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no

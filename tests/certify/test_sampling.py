@@ -215,7 +215,7 @@ def test_both_ends_of_a_range_are_drawn(cart: Mechanism, end: int) -> None:
     assert find(strategy(cart), lambda s: s.q[0, 0] == bound, settings=SEARCH).q[0, 0] == bound
 
 
-@pytest.mark.ci
+@pytest.mark.costly
 def test_no_huge_value_is_drawn_for_a_bounded_coordinate(cart: Mechanism) -> None:
     def is_huge(state: States) -> bool:
         return bool(abs(state.q[0, 0]) > 0.1 or np.abs(state.v).max() > 10)
@@ -241,6 +241,7 @@ def test_what_does_not_matter_shrinks_away(arm: Mechanism) -> None:
     assert found.v[0, 1] in (3.0, 10.0)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("bounds", [(0.5, 1.5), (-3.0, -2.0), (0.0, 1.0), (-1e-9, 1e-9)])
 def test_ranges_that_hold_no_special_value_waste_no_draws(bounds: tuple[float, float]) -> None:
     """Hypothesis stops a test that discards most draws; many lengths that never come near zero must not bring it there."""

@@ -384,6 +384,7 @@ def test_deriving_anew_gives_what_the_cache_gives() -> None:
         assert essence(derived) == essence(load_mechanism(Library.built_in(), name))
 
 
+@pytest.mark.costly
 def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
     """Hash randomisation must not reach the program, or cached and fresh results would round differently."""
     name = "cylindrical_arm"

@@ -210,6 +210,7 @@ def test_built_in_equations_are_those_of_two_other_ways(built_in_system: System,
     check_equations(built_in_system, built_in_exact)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", UNUSUAL)
 def test_unusual_equations_are_those_of_two_other_ways(name: str, exact_of: Callable[[System], Any]) -> None:
     check_equations(UNUSUAL[name], exact_of(UNUSUAL[name]))

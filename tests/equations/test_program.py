@@ -120,6 +120,7 @@ def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...]
             assert abs(Fraction(found) - with_mpmath(expression, values)) <= 16 * fraction(ball.rad()) + Fraction(2) ** -1000, expression
 
 
+@pytest.mark.costly
 @settings(max_examples=50 if IN_CI else 20)
 @given(st.tuples(*[expressions] * 4))
 def test_json_gives_the_same_program_back(outputs: tuple[sp.Expr, ...]) -> None:
@@ -127,6 +128,7 @@ def test_json_gives_the_same_program_back(outputs: tuple[sp.Expr, ...]) -> None:
     assert program_from(json.loads(json.dumps(msgspec.to_builtins(program)))) == program
 
 
+@pytest.mark.costly
 @settings(max_examples=50 if IN_CI else 20)
 @given(st.tuples(*[expressions] * 4))
 def test_no_instruction_is_computed_twice(outputs: tuple[sp.Expr, ...]) -> None:
@@ -264,6 +266,7 @@ def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: An
         assert len(balls(program, [0.5] * len(program.inputs), 64, parameters=0)) == sum(map(len, program.outputs.values()))
 
 
+@pytest.mark.costly
 @given(st.data())
 @settings(max_examples=150)
 def test_a_damaged_mechanism_is_refused_or_sound(data: st.DataObject) -> None:

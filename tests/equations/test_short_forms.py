@@ -52,7 +52,7 @@ def test_a_short_form_is_the_same_function(expression: sp.Expr) -> None:
     assert not differ(expression, short), (expression, short)
 
 
-@pytest.mark.ci
+@pytest.mark.costly
 @settings(max_examples=20 if IN_CI else 10)
 @given(st.lists(SUMS, min_size=1, max_size=3))
 def test_a_short_form_is_never_longer(expressions: list[sp.Expr]) -> None:

@@ -49,7 +49,7 @@ def test_verdicts_are_as_the_entries_of_the_quantity_say(case: str, subject: str
         assert any("which no entry expects" in problem for problem in judged(row, others).problems)
 
 
-@pytest.mark.ci
+@pytest.mark.costly
 def test_a_fault_is_seen_in_its_quantity_alone_and_has_a_family_of_its_own(tmp_path: Path) -> None:
     library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"heavy": HEAVY_ENGINE}))
     study = AtlasStudy(library, ["stiff_damper"], ["heavy/mjcf"], quantities=["mass_matrix", "gravity", ACCELERATIONS])

@@ -303,6 +303,7 @@ any_cards = st.lists(
 )  # fmt: skip
 
 
+@pytest.mark.costly
 @settings(max_examples=20 if IN_CI else 6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(records=any_records, cards=any_cards, earlier=any_records)
 def test_a_report_of_anything_can_be_built(records: Sequence[Record], cards: Sequence[SystemCard], earlier: Sequence[Record]) -> None:

@@ -128,6 +128,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
     assert 10 < first.place < 25
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("nights", [3, 15, 40])
 def test_false_alarms_are_as_many_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 4000, 40.0

@@ -194,5 +194,6 @@ def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
     assert worst_cases(reversed(records)) == ranking
 
 
+@pytest.mark.costly
 def test_plain_data_is_what_the_file_holds() -> None:
     assert json.loads(as_text([FOUND])) == [asdict(FOUND)]
