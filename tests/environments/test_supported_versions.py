@@ -21,16 +21,6 @@ OLDEST = sorted(
 )
 # By day a tree of each kind of joint, springs, dampers, a reflected inertia, a loop, a joint that mimics, and a reading that has changed.
 BY_DAY = ("arm_2r*", "atwood", "coupled_oscillators", "four_bar", "furuta_pendulum*", "heavy_top", "spring_pendulum")
-    "arm_2r*",
-    "atwood",
-    "coupled_oscillators",
-    "cycloid_bead",
-    "four_bar",
-    "free_body",
-    "furuta_pendulum*",
-    "heavy_top",
-    "spring_pendulum",
-)
 
 
 @pytest.fixture(scope="module", autouse=True)
