@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
 os.environ.setdefault("MUJOCO_GL", "disable")
+# SymPy makes and drops objects by the million; looking for cycles after each 700 of them takes a sixteenth of all processor time.
+gc.set_threshold(100_000, 20, 100)
 # Without bytecode, as in many containers, each process that a test starts compiles the harness anew, for a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
@@ -43,9 +45,12 @@ IN_CI_ONE_IN = 12, 12
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
-# two processes make it at once. Then come rooms whose tests start processes and wait for them, and the files beside the rooms, so
-# that no processor is left with one of their files in the end.
-SLOW_ROOMS = ("workers", "commands", "crosscheck", "diagnosis", "environments", "hostile", "night", "tests", "upgrade")
+# two processes make it at once. Then come rooms whose files take long, most because they start processes and wait for them, and the
+# files beside the rooms, so that no processor is left with one of their files in the end.
+SLOW_ROOMS = (
+    "workers", "commands", "crosscheck", "diagnosis", "environments", "hostile", "night", "tests", "upgrade",
+    "systems", "equations", "motion",
+)  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -75,6 +80,8 @@ def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports whose pages have no charts, which take nearly all of the time: for what else is in them."""
     for module in ("charts", "benchmark_charts", "hard_charts"):
         monkeypatch.setattr(f"harness.report.{module}.plots", lambda summary: {})
+    for module in ("charts", "benchmark_charts"):
+        monkeypatch.setattr(f"harness.report.{module}.plots_of", lambda summary, system: {})
 
 
 @pytest.fixture(scope="session")

@@ -222,6 +222,7 @@ def test_finite_differences_have_a_chart_over_their_steps(files: dict[str, str])
     assert "Derivatives in numbers" not in Page(files["mechanisms/arm_2r.html"]).words
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
     record = Record(
         system="collar", subject="lagrange", states=1, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=0.0,

@@ -255,6 +255,7 @@ def test_a_reason_why_several_pairs_differ_is_given_once() -> None:
     assert [link.text_content() for link in listed.xpath(".//a")] == [f"{name}, lagrange" for name in SYSTEMS]
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_the_trend_of_each_pair_is_shown() -> None:
     history = [(run_on(day), [replace(entry, backward_error=10.0**day) for entry in night(day)]) for day in range(3)]
     page = every_page(test_report.build(run_on(3), CARDS, night(3), history))

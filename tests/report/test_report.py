@@ -144,6 +144,7 @@ def test_errors_far_below_a_rounding_are_counted_and_not_drawn() -> None:
     assert left_out(entry) == "3 states below 1e-08"
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     finding = SuperfluousPart(
         "collar", "mujoco/mjcf", str(Path("somebody", "mjcf", "collar.xml")), 7, "joint", "armature", "0", "is not felt"
@@ -163,6 +164,7 @@ def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_differences_after_loading_are_told_everywhere_and_spoil_the_result() -> None:
     place = f"{Path('somebody', 'mjcf', 'collar.xml')}:7"
     finding = HeldDifference(
@@ -256,6 +258,7 @@ def test_json_holds_everything(files: dict[str, str]) -> None:
     assert len(document["records"]) == 9 and [system["name"] for system in document["systems"]] == sorted(SYSTEMS)
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_an_empty_run_is_no_success() -> None:
     page = site_of(build(run_on(0), [], []))
     assert "Nothing was compared" in page.text
@@ -323,6 +326,7 @@ CAUSE = Cause(
 )  # fmt: skip
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_a_wrong_record_carries_its_diagnosis_without_the_folders_of_this_machine() -> None:
     causes = [CAUSE, replace(CAUSE, subject="pinocchio/mjcf")]
     wrong = [record("collar", cause.subject, verdict="disagrees", backward_error=1e9) for cause in causes]
