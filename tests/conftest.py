@@ -36,12 +36,13 @@ settings.register_profile("ci", derandomize=True, **UNHURRIED)
 settings.register_profile("local", **UNHURRIED)
 settings.load_profile("ci" if IN_CI else "local")
 
-# One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. At the desk
-# of tests marked ``costly`` and of tests over the catalogue; in CI of tests marked ``costly`` alone. What CI leaves out is marked
-# ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case together. The desk leaves costly tests without cases and
-# tests marked ``ci`` to CI.
+# One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. The desk leaves
+# most of the tests marked ``costly`` and of those over the catalogue to CI, and with them costly tests without cases and all that is
+# marked ``ci``. CI leaves to the night what it marks ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case
+# together.
 AT_THE_DESK_ONE_IN = 24, None
 IN_CI_ONE_IN = 12, 12
+IN_CI_OF_THE_CATALOGUE_ONE_IN = 4, 1
 # Fixtures that run a test over the catalogue.
 CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
@@ -179,8 +180,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=_turn)
     if _asked_for_by_name(config):
         return
-    at_the_desk = _left_out([item for item in items if _is_marked(item) or _is_over_the_catalogue(item)], *AT_THE_DESK_ONE_IN)
-    at_night = _left_out([item for item in items if _is_marked(item)], *IN_CI_ONE_IN)
+    marked = [item for item in items if _is_marked(item)]
+    over_the_catalogue = [item for item in items if _is_over_the_catalogue(item) and not _is_marked(item)]
+    at_the_desk = _left_out([*marked, *over_the_catalogue], *AT_THE_DESK_ONE_IN)
+    at_night = _left_out(marked, *IN_CI_ONE_IN) | _left_out(over_the_catalogue, *IN_CI_OF_THE_CATALOGUE_ONE_IN)
     for item in at_night:
         item.add_marker("nightly")
     to_ci = {item for item in items if item.get_closest_marker("ci") and not item.get_closest_marker("nightly")}

@@ -237,6 +237,7 @@ PARTS = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("part", PARTS)
 def test_every_part_of_a_rule_is_felt(part: Part) -> None:
     """A rule without it is another map, of which MuJoCo is far off."""

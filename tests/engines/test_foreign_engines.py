@@ -198,6 +198,7 @@ def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
+@pytest.mark.costly
 def test_the_python_interface_gives_records_and_names_an_invalid_file(small: Path) -> None:
     [record] = check("bar_pendulum", library=small, subjects="vanishes/mjcf", states=20, workers=1)
     assert (record.verdict, record.message) == ("error", "ended its process with status 0")

@@ -49,6 +49,7 @@ def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> No
     assert find_environments() == []
 
 
+@pytest.mark.costly
 def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "REQUIREMENTS", ())
     with pytest.raises(InvalidRequest, match="ModuleNotFoundError: No module named 'numpy'"):

@@ -209,6 +209,7 @@ def test_midpoint_keeps_the_energy_of_an_oscillator_and_returns(scenes: dict[str
     np.testing.assert_allclose(back.q[-1], start.q, atol=1e-13)
 
 
+@pytest.mark.costly
 def test_midpoint_is_the_midpoint_rule_of_hamiltons_equations(scenes: dict[str, Scene]) -> None:
     """One step from the Lagrangian solves q1 - q0 = h v, p1 - p0 = h (dL/dq + Q) at the midpoint, p = M v."""
     scene = scenes["cart_pendulum"]
