@@ -92,6 +92,7 @@ def test_enough_findings_of_current_engines_are_listed() -> None:
     assert len(found) >= 5 and {name.partition(" ")[0] for name in found} == {"mujoco", "pinocchio"}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", sorted(WRONG - {"heyoka float32"}))
 def test_a_finding_is_reproduced_with_the_engine_alone(name: str) -> None:
     finding = all_measured()[1][name]

@@ -155,6 +155,7 @@ EXPLAINED = Benchmark(
 FIGURE = Figure(system="cart_pendulum", what="x", unit="cm", printed=0.01, computed=0.0048, truth=0.0048, reproduced=False)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("parts", "options", "status", "words"),
     [

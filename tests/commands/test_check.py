@@ -251,6 +251,7 @@ def test_a_broken_model_is_exit_status_2_and_costs_its_subject_only(library: Pat
     assert {record["verdict"] for record in records.values()} == {"agrees"}
 
 
+@pytest.mark.ci
 def test_only_the_subject_that_is_wrong_is_not_asked_for_further_quantities(tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["bar_pendulum"], {"wrong": engine_source("return 2.0 * tau")})
     subjects = ("--subject", "mujoco/mjcf", "--subject", "wrong/mjcf")

@@ -96,6 +96,7 @@ def test_usage_stays_2_and_help_0() -> None:
     assert harness("--help").returncode == harness("check", "--help").returncode == 0
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("case", RECURSIONS)
 def test_a_system_file_that_recurses_without_end_is_2(library: Path, case: str) -> None:
     path = library / "systems" / f"{case}.py"

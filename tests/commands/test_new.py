@@ -39,6 +39,7 @@ def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, si
         assert "EDIT:" in path.read_text()
 
 
+@pytest.mark.ci
 def test_a_new_engine_agrees_on_a_new_mechanism(tmp_path: Path) -> None:
     # Of a name of those above, so that it is not derived again.
     done = harness("new", "mechanism_of_3", "--dof", "3", "--engine", "solver", "--library", "mine", cwd=tmp_path)

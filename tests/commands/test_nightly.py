@@ -136,12 +136,14 @@ def test_what_a_night_is_refused(folder: Path) -> None:
     assert not (folder / "out" / "history.sqlite").exists()
 
 
+@pytest.mark.ci
 def test_a_summary_that_cannot_be_written_is_named(folder: Path) -> None:
     done = night(folder, "bar_pendulum", states=20, GITHUB_STEP_SUMMARY=str(folder / "gone" / "step.md"))
     assert done.returncode == 2
     assert "GITHUB_STEP_SUMMARY" in done.stderr
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_a_file_that_has_to_be_mended_is_named_and_the_rest_goes_on(folder: Path) -> None:
     (folder / "library" / "mjcf" / "spring_damper.xml").write_text("<mujoco>")

@@ -33,6 +33,7 @@ def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tu
     return records, list(find_causes(settings, records, InThisProcess()))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("model_format", "found", "planted"),
     [

@@ -47,6 +47,7 @@ def test_blocks_are_told_by_the_state_that_shows_them_first() -> None:
     ]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("method", "arguments", "change", "quantity", "said"),
     [

@@ -78,6 +78,7 @@ def test_what_engine_files_do_at_import_costs_their_own_records(checked: tuple[i
         assert (records[subject]["verdict"], records[subject]["states"]) == ("agrees", 40)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", INVALID)
 def test_an_engine_file_that_is_invalid_is_named(checked: tuple[int, dict[str, Any], str], library: Path, name: str) -> None:
     _, records, errors = checked
@@ -175,6 +176,7 @@ def test_a_report_is_written_whatever_engines_answer(nonsense: Path, reported: D
     assert (nonsense / "out" / "index.html").is_file()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ANSWERS)
 def test_an_answer_that_is_no_array_of_accelerations_costs_its_own_record(nonsense: Path, reported: Done, name: str) -> None:
     records = {record["subject"]: record for record in records_of(nonsense / "out.json")}

@@ -81,6 +81,7 @@ def test_the_second_load_hits_the_cache(cache: Path, derivations: list[str]) -> 
     assert derivations == [NAME]
 
 
+@pytest.mark.ci
 def test_a_warm_load_imports_no_heavy_library(cache: Path) -> None:
     program = (
         "import sys; from harness.equations.derivation import load_mechanism; from harness.library import Library;"

@@ -48,6 +48,7 @@ def of_run(folder: Path) -> list[int]:
     return found
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("seed", KILLS)
 def test_a_kill_leaves_the_records_and_nothing_else(seed: int, tmp_path: Path) -> None:
     moment, number = random.Random(seed).uniform(0.0, 4.0), list(SIGNALS)[seed % 3]
@@ -88,6 +89,7 @@ def read_and_die(note: object) -> None:
     load_engine(library, "pinocchio").load(read_model(library.model_path("bar_pendulum", "mjcf"), "mjcf"), ["pin"], 9.81)
 
 
+@pytest.mark.ci
 def test_a_death_inside_of_a_reader_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with Workers(1) as workers:

@@ -135,6 +135,7 @@ def test_every_kind_of_frame(tmp_path: Path) -> None:
     assert_enclose_each_other(tree, joints, states)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "planar", "floating"])
 @pytest.mark.parametrize("in_body", [False, True])
 def test_every_kind_of_joint_in_the_middle_of_a_robot(tmp_path: Path, kind: str, in_body: bool) -> None:
