@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -301,9 +300,9 @@ def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.Monk
     surplus, _ = planted("cart_pendulum", MUJOCO, ' contact="disable"', "")
     entries = sorted((cache_directory() / "superfluous").iterdir())
     assert len(entries) == 2
-    started = time.perf_counter()
-    assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
-    assert time.perf_counter() - started < 0.1
+    with monkeypatch.context() as patch:
+        patch.setattr("harness.crosscheck.superfluous._Examination", lambda *given: pytest.fail("examined again"))
+        assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
     for damage in (b"", b"[[1]]", b"{}", b"\xff"):
         for entry in entries:
             entry.write_bytes(damage)
