@@ -93,7 +93,8 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
 ])  # fmt: skip
 def test_float32_is_judged_in_its_own_roundoffs(gravity: str, declaration: str, verdict: str, tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["simple_pendulum"], {"single": FLOAT32.format(gravity=gravity, declaration=declaration)})
-    options = ("--library", str(library), "--subject", "single/urdf", "--states", "100", "--workers", "1", "--json", "out.json")
+    asked = "--subject", "single/urdf", "--quantity", "accelerations"
+    options = ("--library", str(library), *asked, "--states", "100", "--workers", "1", "--json", "out.json")
     harness_in_a_process("check", "simple_pendulum", *options, cwd=tmp_path)
     [record] = json.loads((tmp_path / "out.json").read_text())["records"]
     assert record["verdict"] == verdict, record["message"]

@@ -70,7 +70,8 @@ def test_a_kill_leaves_the_records_and_nothing_else(seed: int, tmp_path: Path) -
     assert len(errors.splitlines()) <= 3, errors
     assert written(tmp_path / "out" / "history.sqlite") >= before
     if (tmp_path / "out.json").is_file():
-        assert len(json.loads((tmp_path / "out.json").read_text())["records"]) >= before - 1
+        # It is written when a twentieth of the records is new.
+        assert len(json.loads((tmp_path / "out.json").read_text())["records"]) >= before - 1 - before // 20
     deadline = time.monotonic() + 10
     while of_run(folder) and time.monotonic() < deadline:
         time.sleep(0.05)
