@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from harness.library import Library
     from harness.report import Survey
     from harness.results.history import History
-    from harness.results.records import JsonDocument, Record, Run
+    from harness.results.json_document import JsonDocument
+    from harness.results.records import Record, Run
     from harness.results.study_result import StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
@@ -174,7 +175,7 @@ class Bracket:
 
     @cached_property
     def _json(self) -> JsonDocument:
-        from harness.results.records import JsonDocument
+        from harness.results.json_document import JsonDocument
 
         return JsonDocument(self.run)
 

@@ -28,8 +28,9 @@ from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult
+from harness.results.json_document import to_json
 from harness.results.plain_json import dumps
-from harness.results.records import Run, to_json
+from harness.results.records import Run
 from harness.results.site import schema
 from harness.storage import write_atomically
 

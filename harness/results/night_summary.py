@@ -70,7 +70,7 @@ class NightSummary:
         return counts(self.cases)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for ``harness.results.records.to_json``."""
+        """Plain data for ``harness.results.json_document.to_json``."""
         return {
             "night": {
                 "settings": self.settings,

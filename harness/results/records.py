@@ -1,8 +1,6 @@
-"""Records of what was compared: plain data, and JSON.
+"""Records of what was compared, as plain data.
 
-One ``Record`` is one (system, subject) pair of one ``Run``; a ``SystemCard`` is what a report says about
-a system. JSON has no infinities: wherever a number is not finite, the JSON holds the string "inf",
-"-inf" or "nan" instead.
+One ``Record`` is one (system, subject) pair of one ``Run``; a ``SystemCard`` is what a report says about a system.
 """
 
 from __future__ import annotations
@@ -10,11 +8,10 @@ from __future__ import annotations
 import math
 from collections import UserList
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from harness.results.plain_json import GrowingJson
 from harness.results.table import Cell, Column, Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
@@ -331,29 +328,3 @@ def half_decade(backward_error: float) -> str:
     if not math.isfinite(backward_error):
         return "inf"
     return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))
-
-
-class JsonDocument:
-    """The JSON of a run that is written while it goes on: what stayed as it was is not made text again."""
-
-    def __init__(self, run: Run) -> None:
-        about = asdict(run)
-        self._head = {"harness": about.pop("versions"), "run": about}
-        self._text = GrowingJson(_with_outcome)
-
-    def text(self, records: Sequence[Record] = (), cards: Sequence[SystemCard] = (), **parts: Any) -> str:
-        """As ``to_json``; no element of a list may change between two calls."""
-        return self._text.dumps(self._head | {"records": records, "systems": cards} | parts) + "\n"
-
-
-def to_json(run: Run, records: Sequence[Record], cards: Sequence[SystemCard] = (), **parts: Any) -> str:
-    """{"harness": versions, "run", "records", "systems"} and ``parts``, which are plain data, as strictly valid JSON, ASCII only.
-
-    Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the strings "inf", "-inf" and
-    "nan".
-    """
-    return JsonDocument(run).text(records, cards, **parts)
-
-
-def _with_outcome(item: Any) -> Any:
-    return asdict(item) | {"as_expected": item.as_expected} if isinstance(item, Record) else item

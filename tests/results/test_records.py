@@ -12,7 +12,8 @@ import pytest
 from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
-from harness.results.records import Records, half_decade, to_json
+from harness.results.json_document import to_json
+from harness.results.records import Records, half_decade
 from harness.storage import write_atomically
 
 AGREEING = replace(RECORD, subject="lagrange", verdict="agrees", backward_error=1.5, verdict_counts={"agrees": 1000})
