@@ -15,7 +15,9 @@ from support import Done, engine_source, harness, harness_in_a_process, make_lib
 
 from harness import check
 from harness.commands._options import STATES_OF_PROFILE
+from harness.engines import engine_paths, load_engine
 from harness.errors import InvalidInput
+from harness.library import Library
 
 # A server that leaves its parent's group and takes nothing of its environment along.
 SERVER = "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)'], env={}, start_new_session=True)"
@@ -253,3 +255,10 @@ def test_every_command_survives_engine_files_and_names_them(small: Path, tmp_pat
     assert done.returncode == 2
     assert f"{small / 'engines' / 'exits.py'}" in done.stderr
     assert "ended its process with status 0" in done.stdout or command[0] == "faults"
+
+
+def test_an_engine_of_a_library_wins_over_that_of_the_harness(tmp_path: Path) -> None:
+    library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"mujoco": engine_source()}))
+    assert load_engine(library, "mujoco").requires == ("numpy", "numpy")
+    assert load_engine(Library.built_in(), "mujoco").requires[0] == "mujoco"
+    assert engine_paths(library)["mujoco"].is_relative_to(tmp_path)
