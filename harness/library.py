@@ -304,6 +304,9 @@ def run_file(path: Path, name: str) -> ModuleType:
         # A helper's syntax error lies in the helper; one in a string the file parses lies in neither.
         if isinstance(error, SyntaxError) and (error.filename is None or Path(error.filename).parent == path.parent):
             raise CannotRun(Path(error.filename or path), error.lineno or None, f"is not Python: {error.msg}") from error
+        # Python before 3.11.4 has no SyntaxError for a null byte.
+        if isinstance(error, ValueError) and not _lines_run(path, error):
+            raise CannotRun(path, None, f"is not Python: {error}") from error
         raise raised_in(path, error) from error
     finally:
         sys.path.remove(str(path.parent))
@@ -317,5 +320,10 @@ def run_file(path: Path, name: str) -> ModuleType:
 
 def raised_in(path: Path, error: BaseException) -> CannotRun:
     """``error`` with the line of ``path`` it came through."""
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    return CannotRun(path, frames[-1].lineno if frames else None, f"raises {type(error).__name__}: {str(error) or 'no message'}")
+    line = next(reversed(_lines_run(path, error)), None)
+    return CannotRun(path, line, f"raises {type(error).__name__}: {str(error) or 'no message'}")
+
+
+def _lines_run(path: Path, error: BaseException) -> list[int | None]:
+    """The lines of ``path`` that ``error`` came through, the innermost last."""
+    return [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -90,9 +91,11 @@ def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
 
 
 def run(name: str, folder: Path, **variables: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
-    """A step with stand-ins for ``gh`` and ``harness``, and what it called."""
+    """A step with stand-ins for ``gh`` and ``harness`` and this Python as ``python``, and what it called."""
     programs = folder / "programs"
     programs.mkdir(exist_ok=True)
+    (programs / "python").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} "$@"\n')
+    (programs / "python").chmod(0o755)
     for program in ("gh", "harness"):
         (programs / program).write_text(STAND_IN)
         (programs / program).chmod(0o755)

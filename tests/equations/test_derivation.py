@@ -313,7 +313,7 @@ BROKEN: dict[str, tuple[str | bytes, int | None, str]] = {
     "syntax": (SOURCE.replace("x = dynamic", "x = = dynamic"), line_of(SOURCE, "x = dynamic"), "is not Python"),
     "unclosed bracket": (SOURCE.rstrip().removesuffix(")"), DECLARED, "is not Python.*never closed"),
     "no text": (b"\xff\xfe\x00", None, "is not Python"),
-    "null byte": ('"""Source: x"""\0', None, "is not Python|null byte"),
+    "null byte": ('"""Source: x"""\0', None, "is not Python.*null byte"),
     "unknown encoding": ("# coding: nonsense\n", None, "is not Python"),
     "raises": (SOURCE.replace("SYSTEM =", "1 / 0\nSYSTEM ="), DECLARED, "raises ZeroDivisionError: division by zero"),
     "raises without a word": (SOURCE.replace("SYSTEM =", "assert False\nSYSTEM ="), DECLARED, "raises AssertionError: no message"),
