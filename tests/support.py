@@ -135,7 +135,7 @@ def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, 
 
 def complaints(done: Done) -> list[str]:
     """What a command wrote to standard error beside a line of progress every ten seconds, which a loaded machine brings."""
-    progress = re.compile(r"harness: [a-z ]+: \d+ of \d+ after \d+ s")
+    progress = re.compile(r"harness: [^:]+: \d+ of \d+ after \d+ s")
     return [line for line in done.stderr.splitlines() if not progress.match(line)]
 
 

@@ -68,15 +68,16 @@ def _centres(one: HeldBody, other: HeldBody, length: float) -> float:
 
 
 def _inertias(one: HeldBody, other: HeldBody, length: float) -> float:
-    apart = np.abs(one.inertia - other.inertia)
-    if not np.isfinite(apart).all():
+    difference = one.inertia - other.inertia
+    if not np.isfinite(difference).all():
         return math.inf
-    principal = [np.linalg.eigvalsh(body.inertia) for body in (one, other)]
-    largest = float(max(np.abs(moments).max() for moments in principal))
-    # A moment of zero comes out as a rounding of the largest.
-    if min(float(moments[0]) for moments in principal) < LEAST + 8 * np.spacing(largest):
-        apart = np.maximum(apart - LEAST, 0.0)
-    return _ulps(float(apart.max()), largest)
+    moments, axes = np.linalg.eigh((one.inertia + other.inertia) / 2)
+    largest = max(float(np.abs(np.linalg.eigvalsh(body.inertia)).max()) for body in (one, other))
+    # A moment of zero comes out as a rounding of the largest. It excuses nothing about the other axes.
+    without = axes[:, moments < LEAST + 8 * np.spacing(largest)]
+    about_these = without @ (without.T @ difference @ without) @ without.T
+    excused = about_these * min(1.0, LEAST / max(float(np.abs(np.linalg.eigvalsh(about_these)).max()), LEAST))
+    return _ulps(float(np.abs(difference - excused).max()), largest)
 
 
 def _ends(one: HeldSpring, other: HeldSpring, length: float) -> float:

@@ -5,22 +5,26 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, MODELS
 
+from harness.arrays import Array
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.held import SOUND, Difference, differences
+from harness.crosscheck.held_quantities import OF_BODIES
 from harness.diagnosis.hypotheses import find_hypotheses
-from harness.engines import EQUATIONS, HeldModel, Unsupported, is_native, load_engine, subjects
+from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
 from harness.engines._audit import audit
 from harness.engines._mujoco_held import fused
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
+from harness.models import lines as quantities
+from harness.models.constraints import ModelConstraint
 from harness.models.model_file import ModelFile, parse_model, read_model
 
 READERS = [subject for subject in subjects(BUILT_IN) if subject.format != EQUATIONS]
@@ -364,10 +368,14 @@ def test_the_odd_one_out_stands_last() -> None:
         assert (row.quantity, row.joint, row.subjects[1:], row.values) == ("damping", "yaw", ((odd,),), (0.3, 0.4))
 
 
+def without_lines(constraints: Sequence[ModelConstraint]) -> list[ModelConstraint]:
+    return [replace(one, line=0) for one in constraints]
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in BUILT_IN.system_names() if BUILT_IN.has_model(name, "urdf") and name not in LONG])
 def test_a_mistake_that_the_audit_does_not_see_moves_nothing(name: str) -> None:
-    """Every mistake that a hypothesis can plant is in what engines hold, or no acceleration feels it."""
+    """Every mistake that a hypothesis can plant is in what engines hold, or is one of a constraint, or no acceleration feels it."""
     mechanism = load_mechanism(BUILT_IN, name)
     states = generic_sample(mechanism, 8, 1)
     models = {model_format: read_model(BUILT_IN.model_path(name, model_format), model_format) for model_format in TEXTS}
@@ -382,6 +390,8 @@ def test_a_mistake_that_the_audit_does_not_see_moves_nothing(name: str) -> None:
                 continue
             if differences(name, changed, {**models, model.format: wrong}):
                 seen += 1
+                continue
+            if without_lines(wrong.constraints) != without_lines(model.constraints):
                 continue
             answers = [
                 engine.load(file, mechanism.joints, mechanism.gravity).forward_dynamics(states.q, states.v, states.tau)
@@ -554,3 +564,17 @@ def test_welded_parts_are_summed_without_loss() -> None:
     assert whole.mass == 1.0
     np.testing.assert_array_equal(whole.centre, [1e3 + 0.25, 2e3, 3e3])
     np.testing.assert_allclose(whole.inertia, np.diag([0.0, 1 / 12, 1 / 12]), rtol=2**-52, atol=0)
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]], ids=["principal", "turned"])
+def test_a_moment_that_stands_for_zero_hides_no_change_of_the_others(turn: Array) -> None:
+    """A thin rod of a few grams, as the links of a mechanism of centimetres are."""
+    inertia = OF_BODIES[quantities.INERTIA]
+
+    def ulps(*moments: float) -> float:
+        one, other = (HeldBody(0.04, np.zeros(3), turn @ np.diag(each) @ turn.T) for each in (moments, (0.0, 2.194e-6, 2.194e-6)))
+        return inertia.ulps(one, other, 0.1)
+
+    assert ulps(1e-15, 2.194e-6, 2.194e-6) < 8
+    assert ulps(1e-15, 2.194e-6 - 2.5e-16, 2.194e-6 - 2.5e-16) > SOUND
+    assert ulps(2e-15, 2.194e-6, 2.194e-6) > SOUND
