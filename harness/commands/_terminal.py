@@ -85,12 +85,15 @@ def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterat
                     say(f"harness: {what}: {done} of {total} after {now - started:.0f} s{last and '; last '}{last[:60]}", err=True)
 
     teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
+    # Where a limit leaves no room for a thread, the work goes on without its lines.
+    with contextlib.suppress(RuntimeError):
+        teller.start()
     try:
         yield advance
     finally:
         ended.set()
-        teller.join()
+        if teller.is_alive():
+            teller.join()
 
 
 def console(stderr: bool = False) -> Console:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lxml import etree
-
 from harness.models.model_file import JointDamper, JointSpring, ModelFile, PointSpring
+from harness.models.xml import parse_any
 
 _CONSTRAINTS = {"point": "loops", "frame": "loops", "joint": "coupled joints", "tendon": "coupled tendons"}
 _JOINTS = {"ball": "ball joints", "free": "free joints", "floating": "free joints"}
@@ -34,7 +33,7 @@ def _features(model: ModelFile) -> Iterator[str]:
         yield "armature"
     if model.ball_joint:
         yield "ball joints"
-    for joint in etree.fromstring(model.text.encode()).iter("joint", "freejoint"):
+    for joint in parse_any(model.path, model.text, "a model").root.iter("joint", "freejoint"):
         kind = "free" if joint.tag == "freejoint" else joint.get("type", "")
         if kind in _JOINTS:
             yield _JOINTS[kind]

@@ -259,6 +259,18 @@ def test_short_work_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch
     assert pipe.getvalue() == ""
 
 
+def test_work_goes_on_without_lines_where_no_thread_can_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(self: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    pipe, clock = piped(monkeypatch), Clock()
+    monkeypatch.setattr("threading.Thread.start", start)
+    with _terminal.progress(2, "cross-check", clock) as advance:
+        clock.now = 30.0
+        advance("a")
+    assert pipe.getvalue() == ""
+
+
 def test_progress_ends_with_what_it_is_about_and_outlives_a_closed_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe, clock, before = piped(monkeypatch), Clock(), threading.active_count()
     with pytest.raises(KeyboardInterrupt), _terminal.progress(2, "cross-check", clock):

@@ -31,6 +31,13 @@ def test_features_of_the_catalogue(name: str, model_format: str, expected: list[
     assert features_of(read_model(BUILT_IN.model_path(name, model_format), model_format)) == expected
 
 
+def test_an_encoding_that_a_model_names_is_not_asked_for() -> None:
+    """The text was decoded when it was read."""
+    path = BUILT_IN.model_path("heavy_top", "mjcf")
+    text = '<?xml version="1.0" encoding="latin-1"?>\n' + path.read_text()
+    assert features_of(parse_model(path, text, "mjcf")) == ["ball joints"]
+
+
 def test_an_element_that_does_nothing_is_no_feature() -> None:
     path = BUILT_IN.model_path("four_bar", "mjcf")
     text = path.read_text()
