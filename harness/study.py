@@ -103,8 +103,10 @@ class Rounds:
 
 def is_out_of_memory(exception: BaseException | None) -> bool:
     """True where there is no memory left, be it for a library that is imported late."""
-    if isinstance(exception, ImportError):
-        return any(words in str(exception) for words in ("failed to map segment", "bad_alloc"))
+    # Of a library that Python imports it is an ImportError, of one that ctypes loads an OSError without a number, of which llvmlite
+    # makes another that does not say why.
+    if isinstance(exception, ImportError | OSError):
+        return any(words in str(exception) for words in ("failed to map segment", "bad_alloc", "Could not find/load shared object file"))
     return isinstance(exception, MemoryError)
 
 

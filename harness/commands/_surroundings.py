@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 from harness.commands._options import INVALID
+from harness.study import is_out_of_memory
 
 # What the system may refuse any command, and the way out.
 _REMEDIES = {
@@ -95,10 +96,9 @@ def _remedy(error: Exception) -> str | None:
         return "the working folder has been removed; change to one that exists"
     if "No usable temporary directory" in str(error):
         return _REMEDIES[errno.ENOSPC]
-    if isinstance(error, OSError):
-        return _REMEDIES.get(error.errno or 0)
-    is_memory = isinstance(error, MemoryError) or "failed to map segment" in str(error)
-    return _REMEDIES[errno.ENOMEM] if is_memory else None
+    if is_out_of_memory(error):
+        return _REMEDIES[errno.ENOMEM]
+    return _REMEDIES.get(error.errno or 0) if isinstance(error, OSError) else None
 
 
 def _end(problem: str) -> None:

@@ -9,6 +9,7 @@ import importlib
 import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -218,6 +219,11 @@ def installed_version(engine: Engine) -> str | None:
 
 @functools.cache
 def _is_importable(module: str) -> bool:
-    """Whether the search path holds a module, as when engines were last described; raises ModuleNotFoundError for one in no package."""
-    # A module within a package is found by importing the package.
-    return importlib.util.find_spec(module) is not None
+    """Whether the search path holds a module, as when engines were last described; no package is imported for what is in it."""
+    package, *parts = module.split(".")
+    found = importlib.util.find_spec(package)
+    for part in parts:
+        places = found and found.submodule_search_locations
+        found = PathFinder.find_spec(f"{package}.{part}", places) if places else None
+        package = f"{package}.{part}"
+    return found is not None

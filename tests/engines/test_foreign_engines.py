@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import psutil
@@ -15,7 +16,7 @@ from support import Done, engine_source, harness, harness_in_a_process, make_lib
 
 from harness import check
 from harness.commands._options import STATES_OF_PROFILE
-from harness.engines import engine_paths, load_engine
+from harness.engines import engine_paths, installed_version, load_engine
 from harness.errors import InvalidInput
 from harness.library import Library
 
@@ -99,6 +100,21 @@ def test_an_engine_file_that_ends_its_process_says_so(checked: tuple[int, dict[s
 def test_an_engine_that_is_not_installed_is_unsupported(checked: tuple[int, dict[str, Any], str]) -> None:
     record = checked[1]["absent/mjcf"]
     assert (record["verdict"], record["message"]) == ("unsupported", "drake is not installed")
+
+
+@pytest.mark.parametrize(
+    ("module", "is_there"), [("broken", True), ("broken.part", True), ("broken.none", False), ("broken.part.none", False)]
+)
+def test_an_engine_that_cannot_be_imported_is_looked_for_all_the_same(
+    module: str, is_there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "__init__.py").write_text("raise ImportError('libGL.so.1: cannot open shared object file')")
+    (tmp_path / "broken" / "part.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    engine: Any = SimpleNamespace(requires=(module, "numpy"))
+    assert (installed_version(engine) is not None) == is_there
+    assert "broken" not in sys.modules
 
 
 @pytest.mark.nightly

@@ -12,6 +12,7 @@ import pytest
 import worker_tasks as work
 from support import make_library, without_progress
 
+from harness.commands._surroundings import surroundings
 from harness.workers import Task, Workers, local
 
 LIST = "list --library library"
@@ -93,8 +94,9 @@ def test_few_open_files_are_enough(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+# With much less memory than the least of these, CPython has no room to handle its own MemoryError, and ends as it happens to.
 @pytest.mark.nightly
-@pytest.mark.parametrize("limit", ["-n 10", "-n 14", "-n 16", "-n 20", "-v 2000000", "-v 700000", "-v 400000", "-v 200000", "-u 0", "-f 0"])
+@pytest.mark.parametrize("limit", ["-n 10", "-n 14", "-n 16", "-n 20", "-v 2000000", "-v 700000", "-v 400000", "-v 250000", "-u 0", "-f 0"])
 def test_no_limit_gives_a_traceback(limit: str, tmp_path: Path) -> None:
     done = shell(f"ulimit {limit}; harness {CHECK} --time-limit 20", tmp_path)
     assert done.returncode in (0, 1, 2, 3)
@@ -107,3 +109,17 @@ def test_no_limit_gives_a_traceback(limit: str, tmp_path: Path) -> None:
 def test_two_gigabytes_of_memory_are_enough_for_every_engine(tmp_path: Path) -> None:
     done = shell("ulimit -v 2000000; harness check --library library --states 4", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+UNMAPPED = "libsdf_plugin.so: failed to map segment from shared object"
+
+
+@pytest.mark.parametrize(
+    "error", [ImportError(UNMAPPED), OSError(UNMAPPED), OSError("Could not find/load shared object file 'libllvmlite.so'"), MemoryError()]
+)
+def test_a_library_that_does_not_fit_into_memory_ends_with_a_remedy(error: Exception, capsys: pytest.CaptureFixture[str]) -> None:
+    """As Python, ctypes and llvmlite say it."""
+    with pytest.raises(SystemExit) as ended, surroundings():
+        raise error
+    assert ended.value.code == 2
+    assert "ulimit -v" in capsys.readouterr().err
