@@ -81,6 +81,7 @@ def test_the_equations_repeat_the_program_of_the_text() -> None:
         assert figure.printed == float(printed.figure)
 
 
+@pytest.mark.ci
 @WAYS
 def test_every_way_agrees_on_what_the_print_says(ways: tuple[str, ...]) -> None:
     found = {figure.what.split(", ")[-1] for figure in computed_figures(ways)}

@@ -108,6 +108,7 @@ def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
     assert "mimic.urdf: no longer there" in told
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_an_engine_that_dies_costs_its_own_record(engine: str, tmp_path: Path) -> None:

@@ -82,6 +82,7 @@ def test_every_fault_is_caught_and_nearly_every_one_named(name: str, model_forma
     assert all(fault.named for fault in live if fault.kind == "friction")
 
 
+@pytest.mark.ci
 def test_what_moves_no_acceleration_is_no_fault() -> None:
     faults = small("bar_pendulum", "mjcf")
     text = read_model(BUILT_IN.model_path("bar_pendulum", "mjcf"), "mjcf").text
@@ -353,6 +354,7 @@ BY_DAY = [
 TIED = [(name, model_format) for name, model_format in select_models(BUILT_IN, ())[0] if is_tied(name)]
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "model_format", "element"),

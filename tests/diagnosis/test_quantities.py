@@ -86,6 +86,7 @@ def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
     assert harness.diagnose("arm_2r", quantity="gravity", subjects=subjects[:2], states=20) == []
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "old", "new", "joint"),

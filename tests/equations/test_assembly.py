@@ -59,6 +59,7 @@ def programs_by_either_way(name: str) -> list[tuple[StraightLineProgram, Straigh
     return programs
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 def test_programs_by_either_way_certify_the_same_terms(built_in_name: str) -> None:
     mechanism = load_mechanism(LIBRARY, built_in_name)

@@ -47,6 +47,7 @@ def judged_row(case_name: str, subject: str, truths: list[TruePoint], answered: 
     return judged(row_of(case, subject_named(subject), explained(truths, answered, False)), EXPECTED)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("case_name", "subject"), MARKED)
 def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digit(case_name: str, subject: str) -> None:
     truths, answered = measured(case_name, subject)

@@ -180,6 +180,7 @@ def test_a_motion_that_breaks_down_ends_in_no_numbers(scenes: dict[str, Scene]) 
         assert not (np.isfinite(path.q[-1]).all() and np.abs(path.q[-1]).max() < 1e12)
 
 
+@pytest.mark.ci
 @pytest.mark.costly
 @pytest.mark.parametrize("integrator", [equations.DORMAND_PRINCE, equations.TAYLOR], ids=lambda integrator: integrator.name)
 def test_adaptive_integrators_keep_their_tolerance(scenes: dict[str, Scene], integrator: Integrator) -> None:

@@ -71,6 +71,7 @@ def test_a_refusal_is_a_change(library: Path) -> None:
     assert [one["now"] for one in changes if one["what"] == "verdict"] == ["unsupported"]
 
 
+@pytest.mark.ci
 def test_a_cost_is_told_and_counts_against_nobody(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.4")
     assert done.returncode == 0
