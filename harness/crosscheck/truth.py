@@ -65,9 +65,13 @@ def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], mod
     """The law of each row of a mechanism's constraints near which it stays, by the laws that an engine declares of a model file.
 
     Raises:
-        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many.
+        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many; or they have no weight.
     """
-    weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
+    try:
+        weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
+    except ValueError as error:
+        problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
+        raise InvalidModel(model.path, model.root_line, problem) from error
     rows = []
     for name in constraints.names:
         law, count = laws[name], constraints.rows.count(name)

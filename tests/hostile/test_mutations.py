@@ -149,7 +149,7 @@ class Judge:
         for one in self.of:
             assignment = Assignment(one.library, one.subject, one.mechanism, model)
             # A file says how soft its constraints are, and so what is true of it; one that is refused for that, ``ask`` refuses again.
-            with contextlib.suppress(InvalidModel, ValueError):
+            with contextlib.suppress(InvalidModel):
                 truths = {tasks.rigid_truth_of(assignment), tasks.truth_of(assignment)}
                 self.references |= stages.prepare(truths - set(self.references), self.states)[0]
             answers = stages.ask(assignment, self.states, self.references)
