@@ -321,10 +321,3 @@ class Run:
     def load(self) -> str:
         """What shared the machine with whatever was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
         return ", ".join(f"{name} {self.machine[name]}" for name in ("worker processes", "cpus", "load") if name in self.machine)
-
-
-def half_decade(backward_error: float) -> str:
-    """Key of ``Record.distribution``: floor(2 log10(error)), "exact" for 0, "inf" for no finite number."""
-    if not math.isfinite(backward_error):
-        return "inf"
-    return "exact" if backward_error == 0 else str(math.floor(2 * math.log10(backward_error)))

@@ -13,7 +13,7 @@ from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
 from harness.results.json_document import to_json
-from harness.results.records import Records, half_decade
+from harness.results.records import Records
 from harness.storage import write_atomically
 
 AGREEING = replace(RECORD, subject="lagrange", verdict="agrees", backward_error=1.5, verdict_counts={"agrees": 1000})
@@ -84,13 +84,6 @@ def test_writing_follows_links_and_spares_devices(tmp_path: Path) -> None:
     assert not Path("/dev/null").is_file()
     with pytest.raises(InvalidInput, match="folder that exists"):
         write_atomically(tmp_path / "absent" / "file", "text")
-
-
-@pytest.mark.parametrize(
-    ("value", "key"), [(0.0, "exact"), (1.0, "0"), (3.2, "1"), (0.9, "-1"), (64.0, "3"), (math.inf, "inf"), (5e-324, "-647")]
-)
-def test_half_decades(value: float, key: str) -> None:
-    assert half_decade(value) == key
 
 
 def test_records_and_runs_reject_what_a_report_could_not_show() -> None:
