@@ -2,7 +2,7 @@
 
 A number is (high, low, bound): high + low is what was computed, high its rounding to float64, and what it stands for lies within
 ``bound`` of it. Bounds are absolute. They are computed in float64 and rounded upwards by ``_UPWARDS``, which is more than the
-roundings of any one bound add up to. ``_UNDERFLOW`` stands for what products and quotients lose below the smallest numbers. What
+roundings of any one bound add up to. ``UNDERFLOW`` stands for what products and quotients lose below the smallest numbers. What
 may overflow, and what is out of the range that a proof asks for, has the bound infinity or NaN: no comparison accepts it.
 
 The exact zero, (0, 0, 0), stays exact, so that a state at rest has accelerations that are zero and not nearly so.
@@ -33,7 +33,7 @@ _U2 = 2.0**-106
 _ADD, _MULTIPLY, _DIVIDE, _ROOT = 4 * _U2, 6 * _U2, 17 * _U2, 4 * _U2
 # Of no bound are more than a dozen roundings taken.
 _UPWARDS = 1 + 2.0**-48
-_UNDERFLOW = 2.0**-1040
+UNDERFLOW = 2.0**-1040
 # Within it no intermediate result of a quotient or a root falls below the smallest normal number or overflows.
 _SMALLEST, _LARGEST = 2.0**-400, 2.0**400
 
@@ -106,7 +106,7 @@ def add(a: Known, b: Number) -> Known:
     total = middle + rest
     # Without roundings where one of them is the exact zero: the other one is what all the steps give.
     is_exact = _is_zero(a) | _is_zero(b)
-    bound = (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + select(total.equals(0.0), 0.0, _UNDERFLOW)
+    bound = (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + select(total.equals(0.0), 0.0, UNDERFLOW)
     return total, rest - (total - middle), select(is_exact, a[2] + b[2], bound)
 
 
@@ -116,7 +116,7 @@ def multiply(a: Known, b: Number) -> Known:
     high = a[0] * b[0]
     rest = fma(a[0], b[0], -high) + fma(a[1], b[0], fma(a[0], b[1], a[1] * b[1]))
     product = high + rest
-    bound = (abs(a[0]) * b[2] + abs(b[0]) * a[2] + a[2] * b[2] + _MULTIPLY * abs(product)) * _UPWARDS + _UNDERFLOW
+    bound = (abs(a[0]) * b[2] + abs(b[0]) * a[2] + a[2] * b[2] + _MULTIPLY * abs(product)) * _UPWARDS + UNDERFLOW
     return product, rest - (product - high), select(_is_zero(a) | _is_zero(b), abs(product), bound)
 
 
@@ -137,7 +137,7 @@ def divide(a: Known, b: Known) -> Known:
     # What cancels in exact arithmetic is a zero with a bound: its quotient is another.
     is_small = divides & (of_dividend < _SMALLEST)
     of_small = (2 * of_dividend + a[2]) / (size - b[2]) * (1 + 2.0**-40)
-    bound = select(is_small, of_small, bound) * _UPWARDS + _UNDERFLOW
+    bound = select(is_small, of_small, bound) * _UPWARDS + UNDERFLOW
     bound = select(is_zero, 0.0, select(is_proven | is_small, bound, math.inf))
     return select(is_small, 0.0, quotient), select(is_proven, second - (quotient - first), 0.0), bound
 
@@ -148,7 +148,7 @@ def root(a: Known) -> Known:
     second = (a[1] + fma(-first, first, a[0])) / (2 * first)
     total = first + second
     # |sqrt a - sqrt b| = |a - b| / (sqrt a + sqrt b).
-    bound = (a[2] / first * (1 + 2.0**-40) + _ROOT * total) * _UPWARDS + _UNDERFLOW
+    bound = (a[2] / first * (1 + 2.0**-40) + _ROOT * total) * _UPWARDS + UNDERFLOW
     is_proven = (a[0] > _SMALLEST) & (a[0] < _LARGEST) & (a[2] < a[0] / 2)
     high, low = select(is_proven, total, first), select(is_proven, second - (total - first), 0.0)
     return high, low, select(_is_zero(a), 0.0, select(is_proven, bound, math.inf))

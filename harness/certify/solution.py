@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from harness.certify.double_double import add, multiply, negative, number_at, store
+from harness.certify.double_double import UNDERFLOW, add, multiply, negative, number_at, store
 from harness.certify.language import Writer
 from harness.certify.numbers import LANES, UNIT_ROUNDOFF
 from harness.certify.values import Array, Value, larger, root_of, select, smaller
@@ -67,14 +67,18 @@ def _bounds(
     zero = code.lanes(0.0)
     # The last roundings are those of M's scaled entries.
     gamma = (nv + 12).number() * (UNIT_ROUNDOFF * 1.001)
+    rest = code.variable(zero)
     for i in code.range(nv):
+        rest.value += abs(residual[i, 0]) + abs(residual[i, 1]) + residual[i, 2]
         for j in code.range(nv):
             high, _, bound = number_at(values, places[i, j])
             entries[i, j] = high / scale[i] / scale[j]
             # So much that the entry's own bound is within gamma times it.
             sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
+    # What quotients and products of a small residual lose below the smallest numbers; a residual that is zero loses nothing.
+    lost = select(rest.value > 0.0, UNDERFLOW, 0.0)
     for i in code.range(nv):
-        row, error = code.variable(zero), code.variable(zero)
+        row, error = code.variable(zero), code.variable(lost)
         for j in code.range(nv):
             diagonal = code.lanes(select(i.equals(j), 1.0, 0.0))
             total, most = code.variable(diagonal), code.variable(diagonal)
@@ -83,7 +87,8 @@ def _bounds(
                 most.value += abs(approximate[i, k]) * sizes[k, j]
             row.value += abs(total.value) + gamma * most.value
         for k in code.range(nv):
-            error.value += abs(approximate[i, k]) * ((abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k])
+            size = (abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k]
+            error.value += abs(approximate[i, k]) * (size + lost) + lost
         rows[i], errors[i] = row.value, error.value
     alpha, most = code.variable(zero), code.variable(zero)
     for i in code.range(nv):
@@ -91,7 +96,7 @@ def _bounds(
     is_inverse = (alpha.value < 0.5) & (most.value < math.inf)
     for i in code.range(nv):
         found = select(is_inverse, errors[i] + rows[i] * most.value / (1.0 - alpha.value), math.inf)
-        radius[i] = found * (1 + 1e-10) / scale[i] + select(most.value > 0.0, 2.0**-1000, 0.0)
+        radius[i] = found * (1 + 1e-10) / scale[i] + lost
 
 
 def solve(

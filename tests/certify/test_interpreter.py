@@ -115,6 +115,14 @@ def test_every_hard_point_is_within_its_bounds(name: str) -> None:
             assert all(enclosed(program, inputs, evaluate(encoded(program), inputs, scales_of(inputs))))
 
 
+@pytest.mark.parametrize("force", [5e-324, -5e-324, 1.5e-323, 1e-310])
+def test_what_sinks_below_the_smallest_numbers_is_within_its_bound(force: float) -> None:
+    mechanism = load_mechanism(BUILT_IN, "double_pendulum")
+    states = States.at([[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2, [[force, 0.0], [0.0, force]])
+    for program, inputs in by_chart(mechanism, states):
+        assert all(enclosed(program, inputs, evaluate(encoded(program), inputs, scales_of(inputs))))
+
+
 def test_a_number_that_is_wrong_by_twice_its_bound_is_seen() -> None:
     """As wrong as a constant of the program may be, and a bound that does not say so."""
     mechanism = load_mechanism(BUILT_IN, "arm_3r")
