@@ -11,7 +11,9 @@ derivative shows, because algebra has cancelled it and engines, which work in Ca
   with twice the kinetic energy itself, MuJoCo is off by 230 data roundoffs where a Puma moves its last wrist alone;
 - for gravity, half an ulp of the weight on each coordinate, at most g sqrt(m) |J_i| for the whole mass m by Cauchy and
   Schwarz. Inverse dynamics turn the weight into each body's frame and back: where the exact torque on a wheel at a hanging
-  pendulum is 0, Pinocchio finds 1e-17 N m.
+  pendulum is 0, Pinocchio finds 1e-17 N m;
+- for the forces of constraints, what half an ulp of |J_i| |J_j| in each entry of M does to M qdd, which they take part in balancing:
+  where Andrews' mechanism is light and fast, MuJoCo's M is as sound as that, and its forces are off by 79 data roundoffs without.
 
 J_i is the Jacobian's column in the metric of the masses: M_ij = <J_i, J_j>. |J_i| = sqrt(M_ii) for a slide. For rotating
 coordinates it is that of the largest moment of inertia of the mechanism, or of the one which the slides' positions give it
@@ -104,6 +106,12 @@ def _dual_norms(norm_factor: Array, columns: Array) -> Array:
     return norm_over_first_axis(forward_substitute(norm_factor.transpose(2, 1, 0), columns))
 
 
+def _inverses(norm_factor: Array) -> Array:
+    """(nv, nv, n) inverses of the transposed factors, so that M^-1 is the product of their transposes and them."""
+    n, nv = norm_factor.shape[:2]
+    return forward_substitute(norm_factor.transpose(2, 1, 0), np.broadcast_to(np.eye(nv)[:, :, None], (nv, nv, n)))
+
+
 def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermReference:
     import flint
 
@@ -153,7 +161,8 @@ def _as_terms(flat: Array, nv: int, applied: Array | float) -> Terms:
 def _sensitivities(mechanism: Mechanism, states: States, high: Terms, moved: Mapping[str, Array], norm_factor: Array) -> dict[str, Array]:
     """``TermReference.sensitivity``; ``moved`` holds d(output)/dz z, (outputs of that name, number of inputs, n)."""
     n, nv = states.v.shape
-    reach = _dual_norms(norm_factor, np.broadcast_to(np.eye(nv)[:, :, None], (nv, nv, n)))
+    inverse = _inverses(norm_factor)
+    reach = norm_over_first_axis(inverse)
     rotating = np.array(mechanism.rotating, dtype=np.float64)
     lengths = _lengths(mechanism, states, high.mass)
     of_lengths = (lengths.T * reach).sum(axis=0)
@@ -164,6 +173,10 @@ def _sensitivities(mechanism: Mechanism, states: States, high: Terms, moved: Map
     twice_kinetic = ((lengths * states.v) ** 2).sum(axis=1)
     # Products of small velocities underflow.
     found[VELOCITY] += twice_kinetic * (rotating @ reach) + SMALLEST_SCALE * lengths.sum(axis=1) * of_lengths
+    if mechanism.constraints is not None:
+        forces = states.tau + high.passive - high.velocity - high.gravity
+        accelerations = np.einsum("kin,kjn,nj->ni", inverse, inverse, forces)
+        found[PASSIVE] += of_lengths * (lengths * np.abs(accelerations)).sum(axis=1)
     found[GRAVITY] += mechanism.gravity * np.sqrt(mechanism.total_mass) * of_lengths
     found[APPLIED] = (np.maximum(np.abs(states.tau), SMALLEST_SCALE).T * reach).sum(axis=0)
     of_data = _as_terms(np.vstack([np.abs(moved[MASS]).sum(axis=1), np.zeros((3 * nv, n))]), nv, 0.0).mass
@@ -184,8 +197,7 @@ def _lengths(mechanism: Mechanism, states: States, mass: Array) -> Array:
 
 def _excess(radius: Terms, norm_factor: Array, sensitivity: Mapping[str, Array]) -> dict[str, Array]:
     """(n,) per term, the radius over the sensitivity; 0 where there is no radius at all."""
-    n, nv = radius.velocity.shape
-    inverse = np.abs(forward_substitute(norm_factor.transpose(2, 1, 0), np.broadcast_to(np.eye(nv)[:, :, None], (nv, nv, n))))
+    inverse = np.abs(_inverses(norm_factor))
     found = {MASS: quotient(radius.mass, sensitivity[MASS]).max(axis=(1, 2))}
     for name in TERMS[1:]:
         reached = norm_over_first_axis(np.einsum("ijn,nj->in", inverse, getattr(radius, name)))

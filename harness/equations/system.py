@@ -44,6 +44,7 @@ class System:
             where the mechanism feels none.
         ranges: coordinate, or its ``diff(t)``, to (lowest, highest) value of sampled states. A
             coordinate without one is an angle and takes every value; rates default to +-10 per second.
+        angles: coordinates that are angles although they have a range and stand in no sine or cosine, as a wheel's on its axle.
         start: coordinate, or its ``diff(t)``, to its value where computed motions start; what it leaves out is
             0. Without one they start at a place of the harness's choice.
         constraints: name, under which both models hold it, to what ties the joints. The coordinates, and the joints of both models,
@@ -69,6 +70,7 @@ class System:
     gravity: sp.Symbol | None = None
     generalised_forces: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
     ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
+    angles: tuple[sp.Expr, ...] = ()
     start: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
     attitudes: tuple[Attitude, ...] = ()
     measured_from: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
@@ -93,9 +95,11 @@ class System:
 
     @property
     def rotating(self) -> tuple[bool, ...]:
-        """For each coordinate, whether it is an angle: it has no range, or stands in a sine or cosine."""
-        turned = sp.Tuple(self.kinetic, self.potential, *self.generalised_forces.values()).atoms(sp.sin, sp.cos, sp.tan)
-        return tuple(q not in self.ranges or any(function.has(q) for function in turned) for q in self.coordinates)
+        """For each coordinate, whether it is an angle: it has no range, or stands in a sine or cosine, or is among ``angles``."""
+        rows = [row for constraint in self.constraints.values() for row in constraint.rows]
+        turned = sp.Tuple(self.kinetic, self.potential, *self.generalised_forces.values(), *rows).atoms(sp.sin, sp.cos, sp.tan)
+        known = [q for q in self.coordinates if q not in self.ranges] + list(self.angles)
+        return tuple(q in known or any(function.has(q) for function in turned) for q in self.coordinates)
 
     @property
     def parents(self) -> tuple[int | None, ...]:
@@ -208,6 +212,9 @@ class System:
                 raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
             if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
                 raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")
+        for q in self.angles:
+            if q not in self.coordinates or q not in self.ranges:
+                raise ValueError(f"angles has {q}; expected coordinates that have a range, as those without are angles")
         for q in self.coordinates:
             # Those without a range take every value.
             lowest, highest = map(sp.Rational, self.ranges.get(q, (-1.0, 1.0)))

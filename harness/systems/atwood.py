@@ -22,6 +22,7 @@ SYSTEM = System(
     total_mass=m_left + m_right,
     gravity=g,
     ranges={turn: (-5.0, 5.0), left: (-1.0, 1.0), right: (-1.0, 1.0)},
+    angles=(turn,),
     constraints={
         "rope_left": Constraint(rows=[left - R * turn], determines=[left]),
         "rope_right": Constraint(rows=[right + R * turn], determines=[right]),

@@ -31,5 +31,6 @@ SYSTEM = System(
     total_mass=m,
     gravity=g,
     ranges={s: (-2.0, 2.0), s.diff(TIME): (-5.0, 5.0), phi: (-8.0, 8.0)},
+    angles=(phi,),
     constraints={"roll": Constraint(rows=[phi - s / R], determines=[phi])},
 )

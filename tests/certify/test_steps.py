@@ -18,6 +18,7 @@ from harness.certify.quantities._step_mistakes import _product, describe
 from harness.certify.quantities.steps import StepTruth
 from harness.certify.quantity import farthest_block, judge_answers
 from harness.certify.sampling import generic_sample, sample
+from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine, step_rules
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -96,7 +97,9 @@ def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> Non
     truth = StepTruth(Question(mechanism, file, file, False, step_rules=step_rules(MUJOCO, file)))
     model, states = MUJOCO.load(file, mechanism.joints, mechanism.gravity), sample(mechanism, STATES, SEED)
     found = judge_answers(truth.evaluate(states), truth.answers(model, states))
-    assert set(found.verdicts.tolist()) == {"agrees"}, found.backward_error.max()
+    known = load_expectations(BUILT_IN, "steps").entries.get((modelled_name, "mujoco/mjcf"))
+    assert set(found.verdicts.tolist()) <= {"agrees"} | ({known.verdict} if known else set()), found.backward_error.max()
+    assert found.backward_error.max() <= (known.backward_error if known else AGREEMENT)
 
 
 # Where springs and dampers outweigh M, where lengths bear most of them, and where a body turns by a radian.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import BUILT_IN, MODELS, TREES
+from catalogue import BUILT_IN, MODELLED, MODELS, TREES
 
 from harness.arrays import Array
 from harness.certify.sampling import generic_sample
@@ -182,6 +182,17 @@ def test_the_readers_of_the_catalogue_hold_the_same(modelled_name: str) -> None:
     rounded = differences(modelled_name, held, models, above=4.0)
     assert {row.quantity for row in rounded} <= {"inertia"}
     assert all(set(held[subject].joints) == set(models["mjcf"].joint_lines) for subject in held)
+
+
+@pytest.mark.parametrize("name", [name for name in MODELLED if name not in LONG])
+def test_coordinates_are_angles_where_the_models_turn(name: str) -> None:
+    """What a system does not say of an angle, its range would let pass for a length, whose velocity terms round otherwise."""
+    mechanism, model = load_mechanism(BUILT_IN, name), read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
+    held = load_engine(BUILT_IN, "mujoco").load(model, mechanism.joints, mechanism.gravity).held()  # type: ignore[attr-defined]
+    kinds = {joint: one.kind for joint, one in held.joints.items()}
+    for place, (joint, rotates) in enumerate(zip(mechanism.joints, mechanism.rotating, strict=True)):
+        turns = kinds[joint] in ("hinge", "ball") or (kinds[joint] == "free" and place - mechanism.joints.index(joint) > 2)
+        assert rotates == turns, joint
 
 
 SAME_BUT_FOR_WORDS = [(name, form) for name, form in MODELS if BUILT_IN.is_variant(name) and not name.endswith(".mimic")]

@@ -300,6 +300,8 @@ BAD_DECLARATIONS: dict[str, tuple[dict[str, Any], str]] = {
     "range of no extent": ({"ranges": {x: (1.0, 1.0)}}, r"range of x\(t\) is"),
     "range without end": ({"ranges": {x: (0.0, float("inf"))}}, "both finite"),
     "range of three": ({"ranges": {x.diff(t): (0.0, 1.0, 2.0)}}, "expected"),
+    "angle that is no coordinate": ({"angles": (y,)}, r"angles has y\(t\); expected coordinates that have a range"),
+    "angle without a range": ({"ranges": {}, "angles": (x,)}, r"angles has x\(t\); expected coordinates that have a range"),
 }
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import PLAIN
+from catalogue import PLAIN, TREES
 from support import completed
 
 from harness.certify.compare import Comparison, compare
@@ -191,9 +191,9 @@ def test_the_easy_systems_have_all_kinds(planted: Library) -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", [name for name in PLAIN if not name.startswith("chain")])
+@pytest.mark.parametrize("name", [name for name in PLAIN if name in TREES and not name.startswith("chain")])
 def test_planted_engines_over_the_catalogue(planted: Library, name: str) -> None:
-    """The planted engines know one chart, so systems that need several are none of theirs."""
+    """The planted engines know one chart, so systems that need several are none of theirs; a constraint may hide what is planted."""
     system = _sampled(name)
     _judge_flipped(planted, system)
     verdicts = system.judge(planted, "single").verdicts
@@ -351,7 +351,7 @@ def test_a_family_is_as_expected(case: str, subject: Subject) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("case", hard_cases())
 def test_every_family_is_as_expected(case: str) -> None:
-    for subject in select_subjects(Library.built_in(), (), native_only=True):
+    for subject in select_subjects(Library.built_in(), hard_cases()[case].subjects, native_only=True):
         _check_family(case, subject)
 
 
