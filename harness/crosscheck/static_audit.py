@@ -22,8 +22,10 @@ from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.held_quantities import OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS
 from harness.crosscheck.tasks import Assignment, Note, load_audited
 from harness.engines import HeldModel
+from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.library import Library, nearest
+from harness.models.lines import JOINT
 from harness.results.cross_check import HeldDifference
 from harness.study import sentence
 
@@ -61,8 +63,21 @@ def find_differences(assignments: Sequence[Assignment], note: Note) -> list[Held
         if holding is not None:
             held[subject] = holding
     note("")
+    mechanism = assignments[0].mechanism
     models = {assignment.model.format: assignment.model for assignment in assignments if assignment.model is not None}
-    return [*silent, *differences(assignments[0].mechanism.name, held, models)]
+    return [*silent, *_taken_for_lengths(mechanism, held), *differences(mechanism.name, held, models)]
+
+
+def _taken_for_lengths(mechanism: Mechanism, held: Mapping[str, HeldModel]) -> Iterator[HeldDifference]:
+    """Hinges whose coordinates have a range, and nothing in the system's file that tells them from lengths.
+
+    What a velocity term of an angle rounds would condemn a sound engine.
+    """
+    for joint, coordinate, rotates in zip(mechanism.joints, mechanism.coordinates, mechanism.rotating, strict=True):
+        turning = [subject for subject, model in held.items() if joint in model.joints and model.joints[joint].kind == "hinge"]
+        if turning and not rotates:
+            statement = f"joint {joint} is a hinge, and the system's file has {coordinate} for a length: name it in angles=({coordinate},)"
+            yield _finding(mechanism.name, JOINT, joint, turning, statement)
 
 
 def judge_differences(

@@ -88,6 +88,16 @@ def test_a_gravity_that_tilts_out_of_the_plane_is_named(library: Path) -> None:
     assert "gravity is 0 1e-09 -9.81 (mujoco/mjcf, pinocchio/mjcf), but 0 0 -9.81 (mujoco/urdf, pinocchio/urdf)" in str(finding)
 
 
+def test_a_hinge_whose_coordinate_passes_for_a_length_is_named(tmp_path: Path) -> None:
+    library = make_library(tmp_path / "library", ["atwood"])
+    path = library / "systems" / "atwood.py"
+    assert cross_checked(Settings(library=Library.at(library), states=10, examples=None))[1].result().differs == []
+    path.write_text(path.read_text().replace("    angles=(turn,),\n", ""))
+    [finding] = cross_checked(Settings(library=Library.at(library), states=10, examples=None))[1].result().differs
+    assert finding.fails and finding.joint == "pulley"
+    assert str(finding) == "atwood: joint pulley is a hinge, and the system's file has turn for a length: name it in angles=(turn,)"
+
+
 def test_a_difference_is_excused_up_to_its_size_and_no_longer_than_it_is_there(library: Path) -> None:
     expected, entry = library / "expected_verdicts.toml", ENTRY.format(joint="shoulder", ulps=1e15)
     change(library, THICK)
