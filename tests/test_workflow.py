@@ -87,7 +87,7 @@ def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
     assert command[:5] == ["python", "-m", "pytest", "-m", "nightly"]
     # What is drawn for CI depends on CI, and both take as many states.
     assert tests["env"] == {"CI": "true"} and command[5:-2] == re.findall(r"--harness-states=\d+", settings)
-    # One file of the night's takes longer than a job may.
+    # File by file, one of them would keep a processor busy for hours after the others are done.
     assert command[-2:] == ["--dist", "worksteal"]
     assert tests["if"] == "${{ !inputs.resume }}"
 
