@@ -218,10 +218,10 @@ def harness(*arguments: str, cwd: Path | None = None, isolated: bool = False) ->
     return Done(result.exit_code, result.stdout, result.stderr)
 
 
-def harness_in_a_process(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """A ``harness`` command as users run it."""
+def harness_in_a_process(*arguments: str, cwd: Path | None = None, timeout: float = 600) -> subprocess.CompletedProcess[str]:
+    """A ``harness`` command as users run it; one that hangs ends after ``timeout`` [s]."""
     command = [sys.executable, "-m", "harness", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=cwd, check=False)
 
 
 def heed_interrupts() -> None:

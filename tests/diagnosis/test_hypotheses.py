@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN, IN_CI, is_tied
 
+from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.perturbation import DIFFERENCE, Whitening, derivative, watch
+from harness.diagnosis.fit import fit
 from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted, find_hypotheses
 from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
@@ -125,18 +127,21 @@ def mended(hypothesis: Hypothesis, watched: Watch, reference: Reference, planted
 
 
 def _fitted(watched: Watch, reference: Reference, candidate: Candidate) -> Iterator[float]:
-    """The value that fits best, for shares and angles that stand in no file: by Gauss and Newton, from no change."""
-    whitening, value = Whitening(reference), candidate.start or 0.0
-    for _ in range(12):
+    """The value that a diagnosis fits, for shares and angles that stand in no file, from no change."""
+    whitening = Whitening(reference)
+
+    def residual(value: float) -> Array | None:
         answers = watched.accelerations(candidate.text(value))
-        slope = derivative(watched.accelerations, candidate.text, value, DIFFERENCE * candidate.scale)
-        if answers is None or slope is None:
-            return
-        column, residual = whitening.change(slope), whitening.residual(answers)
-        if not (np.isfinite(column).all() and np.isfinite(residual).all() and column.any()):
-            return
-        value -= float((column * residual).sum() / (column * column).sum())
-    yield value
+        return None if answers is None else whitening.residual(answers)
+
+    def slope(value: float) -> Array | None:
+        found = derivative(watched.accelerations, candidate.text, value, DIFFERENCE * candidate.scale)
+        return None if found is None else whitening.change(found)
+
+    assert candidate.start is not None
+    value = fit(residual, slope, candidate.start, None, candidate.scale)
+    if value is not None:
+        yield value
 
 
 def agrees(watched: Watch, reference: Reference, text: str) -> bool:
