@@ -79,7 +79,7 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, nam
 
 @pytest.mark.nightly
 def test_a_hundred_thousand_states_agree_everywhere(tmp_path: Path) -> None:
-    # A quarter of an hour by itself, and other tests run beside it.
+    # Eight minutes of two processors by themselves; other tests run beside it.
     done = harness_in_a_process("check", "--states", "100000", "--json", "out.json", cwd=tmp_path, timeout=7200)
     assert done.returncode == 0, done.stdout + done.stderr
     for record in records_of(tmp_path / "out.json"):
