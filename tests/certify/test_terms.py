@@ -69,8 +69,10 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
     return engine.load(parse_model(file.path, change(file.text), subject.format), mechanism.joints, mechanism.gravity)
 
 
-def judged(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text, seed: int = 0) -> TermComparison:
-    states = generic_sample(mechanism, POSITIONS, seed)
+def judged(
+    subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text, seed: int = 0, count: int = POSITIONS
+) -> TermComparison:
+    states = generic_sample(mechanism, count, seed)
     return compare_terms(TermTruth(kernel_of(mechanism, subject), states), load(subject, mechanism, change), str(subject))
 
 
@@ -272,6 +274,13 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
         for seed in range(10):
             found = compare_terms(TermTruth(kernel, generic_sample(mechanism, 64, seed)), model, str(subject))
             assert not found.wrong, (seed, found.sentences)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("andrews_squeezer", 7), ("rolling_disc_on_incline", 0)])
+def test_no_term_of_a_sound_loop_is_called_wrong(name: str, seed: int) -> None:
+    """Forces that balance an M of rounded entries, and a disc whose roll has a range and stands in no sine."""
+    mechanism = load_mechanism(BUILT_IN, name)
+    assert not judged(Subject("mujoco", "mjcf"), mechanism, seed=seed, count=64).wrong
 
 
 @pytest.mark.parametrize(
