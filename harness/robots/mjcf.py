@@ -13,6 +13,7 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.joint_kinds import JointKind
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import GRAVITY, is_on
 from harness.models.values import not_negative, not_zero
@@ -27,7 +28,7 @@ from harness.robots.mjcf_tendons import read_tendons
 from harness.robots.source import Source
 from harness.robots.tree import ORIGIN, WORLD, Body, Given, Joint, Tree, Vector, vector
 
-KINDS = ("hinge", "slide", "ball", "free")
+KINDS = {kind.value: kind for kind in JointKind if kind is not JointKind.PLANAR}
 
 
 def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...]]:
@@ -86,10 +87,10 @@ class _Reader:
     def body(self, element: etree._Element) -> Body:
         parent = next(element.iterancestors("body", "worldbody"))
         joints = tuple(map(self._joint, inside(element, *JOINTS)))
-        if any(joint.kind == "free" for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
+        if any(joint.kind is JointKind.FREE for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
             self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
         # A free joint's position is that of the body in the world.
-        pose = () if joints and joints[0].kind == "free" else self.attributes.pose(element)
+        pose = () if joints and joints[0].kind is JointKind.FREE else self.attributes.pose(element)
         body = Body(self.name(element), self.name(parent), pose, joints, None, self._source.place(element))
         return self.inertias.of_body(element, body)
 
@@ -120,9 +121,10 @@ class _Reader:
 
     def _joint(self, element: etree._Element) -> Joint:
         name, place, attributes = self.name(element), self._source.place(element), self.attributes
-        kind = "free" if element.tag == "freejoint" else resolved_text(element, "type", "hinge")
-        if kind not in KINDS:
-            self._source.refuse(element, f"{describe(element)} is of type {kind!r}; expected one of {', '.join(KINDS)}")
+        written = JointKind.FREE if element.tag == "freejoint" else resolved_text(element, "type", JointKind.HINGE)
+        if written not in KINDS:
+            self._source.refuse(element, f"{describe(element)} is of type {written!r}; expected one of {', '.join(KINDS)}")
+        kind = KINDS[written]
         joint = Joint(
             name,
             kind,
@@ -133,7 +135,7 @@ class _Reader:
             friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
             place=place,
         )
-        if joint.stiffness and kind in ("ball", "free"):
+        if joint.stiffness and not kind.has_axis:
             self._source.refuse(element, f"{describe(element)} is a {kind} joint with stiffness, which is not read; remove it")
         time, ratio = attributes.numbers(element, "springdamper", (0, 0))
         if time or ratio:
@@ -141,25 +143,25 @@ class _Reader:
                 self._source.refuse(
                     element, f"{describe(element)} has springdamper {float(time):g} {float(ratio):g}; expected two positive numbers"
                 )
-            if kind in ("ball", "free"):
+            if not kind.has_axis:
                 self._source.refuse(element, f"{describe(element)} is a {kind} joint with springdamper, which is not read; remove it")
             self.spring_dampers[name] = time, ratio
-        if kind == "free":
+        if kind is JointKind.FREE:
             return joint
         turned = replace(
             joint,
-            axis=ORIGIN if kind == "ball" else vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)),
+            axis=vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)) if kind.has_axis else ORIGIN,
             anchor=vector(attributes.numbers(element, "pos", (0, 0, 0))),
             # A joint has no placement of its own.
             pose=attributes.pose(element)[:-1],
         )
-        if kind == "ball":
+        if not kind.has_axis:
             return turned
         return replace(
             turned,
             reference=attributes.number(element, "ref", 0.0),
             spring_reference=attributes.number(element, "springref", 0.0),
-            in_degrees=kind == "hinge" and attributes.in_degrees,
+            in_degrees=kind is JointKind.HINGE and attributes.in_degrees,
             limits=self._limits(element),
         )
 

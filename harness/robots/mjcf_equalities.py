@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from lxml import etree
 
+from harness.files.joint_kinds import JointKind
 from harness.models.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
 from harness.models.mjcf_defaults import resolved_text
 from harness.models.mjcf_forces import is_on
@@ -19,7 +20,6 @@ from harness.robots.mjcf_tendons import tendons
 from harness.robots.source import Source
 from harness.robots.tree import WORLD, Body, Placement, Pose, Quaternion, vector
 
-_SINGLE_AXIS = ("hinge", "slide")
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _UNWRITTEN = "is of a kind whose rows the harness does not write"
@@ -46,9 +46,9 @@ class _Reader:
         self._sites = _named(site for world in worlds for site in world.iter("site"))
         self._tendons = _named(tendons(root))
         self._bodies = {WORLD: WORLD} | {key: name(body) for key, body in _named(b for world in worlds for b in world.iter("body")).items()}
-        self._kinds = {joint.name: joint.kind for body in bodies for joint in body.joints}
+        self._single = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
         self._is_on = all(is_on(root, stage) for stage in ("constraint", "equality"))
-        floating = {body.name for body in bodies if any(joint.kind == "free" for joint in body.joints)}
+        floating = {body.name for body in bodies if any(joint.kind is JointKind.FREE for joint in body.joints)}
         elements = {name(body): body for world in worlds for body in world.iter("body")}
         self._floating = tuple((key, attributes.pose(elements[key])) for key in elements if key in floating)
 
@@ -110,7 +110,7 @@ class _Reader:
 
     def _joint(self, element: etree._Element) -> Linkage:
         names = [str(element.get(attribute)) for attribute in ("joint1", "joint2") if attribute in element.attrib]
-        if not names or any(self._kinds.get(name) not in _SINGLE_AXIS for name in names):
+        if not names or not self._single.issuperset(names):
             raise _NotRead("names no hinge or slide of this file")
         coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
         return Linkage(names[0], names[1] if len(names) > 1 else None, coefficients)
@@ -128,7 +128,7 @@ class _Reader:
             raise _NotRead("is about a tendon that runs along a path, or about none of this file")
         parts = [*tendon.iterchildren("joint")]
         names = [str(part.get("joint")) for part in parts]
-        if any(self._kinds.get(joint) not in _SINGLE_AXIS for joint in names):
+        if not self._single.issuperset(names):
             raise _NotRead("is about a tendon of what is no hinge or slide of this file")
         return Sum(name, tuple((joint, self._source.number(part, "coef", None)) for joint, part in zip(names, parts, strict=True)))
 

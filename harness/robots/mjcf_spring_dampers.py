@@ -76,7 +76,7 @@ def _reference(joint: Joint) -> list[Any]:
     """The position of a joint at which its body stands where the file says; that of a free joint in the world is felt by no inertia."""
     import flint
 
-    if joint.kind in ("hinge", "slide"):
+    if joint.kind.is_single:
         written = flint.arb(float(joint.reference))
         return [written * flint.arb.pi() / 180 if joint.in_degrees else written]
     return [*[0.0] * (SIZES[joint.kind][0] - 4), 1.0, 0.0, 0.0, 0.0]

@@ -16,8 +16,6 @@ from harness.robots.mjcf_numbers import Attributes
 from harness.robots.source import Source
 from harness.robots.tree import Coupling, Given, Joint, Pose, Spring
 
-_SINGLE_AXIS = ("hinge", "slide")
-
 
 def read_tendons(
     source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], joints: Mapping[str, Joint]
@@ -68,7 +66,7 @@ def _rest(source: Source, attributes: Attributes, tendon: etree._Element) -> Fra
 def _terms(source: Source, tendon: etree._Element, joints: Mapping[str, Joint]) -> Iterator[tuple[str, Given]]:
     for part in tendon.iterchildren("joint"):
         name = str(part.get("joint"))
-        if name not in joints or joints[name].kind not in _SINGLE_AXIS:
+        if name not in joints or not joints[name].kind.is_single:
             source.refuse(part, f'<joint joint="{name}"> names no hinge or slide of this file; correct the name')
         yield name, source.number(part, "coef", None)
 

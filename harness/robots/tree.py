@@ -12,6 +12,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
 
+from harness.files.joint_kinds import JointKind
+
 Vector = tuple[Fraction, Fraction, Fraction]
 ORIGIN: Vector = (Fraction(0), Fraction(0), Fraction(0))
 WORLD = "world"
@@ -144,7 +146,6 @@ class Joint(_Placed):
     """One joint of a body.
 
     Attributes:
-        kind: "hinge", "slide", "ball", "free", or "planar".
         axis, anchor: in the frame ``pose`` of the body; the axis has any length but 0. A free joint has neither, a ball joint no axis.
             That of a planar joint is square to its plane.
         reference: position [m, rad, or degrees] at which the body stands where its pose says.
@@ -159,7 +160,7 @@ class Joint(_Placed):
     """
 
     name: str
-    kind: str
+    kind: JointKind
     axis: Vector = ORIGIN
     anchor: Vector = ORIGIN
     pose: Pose = ()

@@ -15,6 +15,7 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.joint_kinds import JointKind
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.robots.source import Source
@@ -23,8 +24,14 @@ from harness.robots.urdf_forces import Beside, read_beside
 from harness.robots.urdf_mimics import follow
 
 FLOATING_BASE = "floating_base"
-KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "ball": "ball", "planar": "planar"}
-SINGLE_AXIS = ("hinge", "slide")
+KINDS = {
+    "revolute": JointKind.HINGE,
+    "continuous": JointKind.HINGE,
+    "prismatic": JointKind.SLIDE,
+    "floating": JointKind.FREE,
+    "ball": JointKind.BALL,
+    "planar": JointKind.PLANAR,
+}
 _FIXED = "fixed"
 _UNITS = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -132,7 +139,7 @@ class _Reader:
     def _body(self, name: str, beside: Beside, floats: bool) -> Body:
         link, above = self._links[name], self._above.get(name)
         place, inertia = self._source.place(link), self._inertia(link)
-        base = (Joint(self._free_name(), "free", place=place),) if floats else ()
+        base = (Joint(self._free_name(), JointKind.FREE, place=place),) if floats else ()
         if above is None:
             # The root link is fixed; one called world is the world itself.
             return Body(name, WORLD, (), base, inertia, place)
@@ -162,10 +169,11 @@ class _Reader:
             return ()
         if kind not in KINDS or (kind == _DRAKE_KIND) != (literal_tag(element) == _DRAKE_JOINT):
             self._source.refuse(
-                element, f"{describe(element)} is of type {kind!r}; expected one of {', '.join((_FIXED, *list(KINDS)[:4], 'planar'))}"
+                element,
+                f"{describe(element)} is of type {kind!r}; expected one of {', '.join((_FIXED, *list(KINDS)[:4], *list(KINDS)[5:]))}",
             )
         place = self._source.place(element)
-        if KINDS[kind] in ("ball", "free"):
+        if not KINDS[kind].has_axis:
             return (Joint(name, KINDS[kind], place=place),)
         parts = {tag: self._one(element, tag) for tag in ("axis", "dynamics", "limit")}
         axis = ORIGIN[:0] if parts["axis"] is None else self._source.numbers(parts["axis"], "xyz", (1, 0, 0), not_zero)
@@ -174,7 +182,7 @@ class _Reader:
             Fraction(0) if dynamics is None else self._source.number(dynamics, attribute, 0.0, not_negative)
             for attribute in ("damping", "friction")
         )
-        single = KINDS[kind] in SINGLE_AXIS
+        single = KINDS[kind].is_single
         joint = Joint(
             name=name,
             kind=KINDS[kind],

@@ -11,13 +11,13 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.joint_kinds import JointKind
 from harness.models.xml import describe, literal_tag
 from harness.robots.equalities import Equality, Linkage
 from harness.robots.source import Source
 from harness.robots.tree import Body, Joint, Tree
 
 JOINT_TAGS = ("joint", "drake:joint")
-_SINGLE_AXIS = ("hinge", "slide")
 
 
 def follow(source: Source, elements: Mapping[str, etree._Element], bodies: Iterable[Body]) -> tuple[Body, ...]:
@@ -54,7 +54,7 @@ def _mimic(elements: Mapping[str, etree._Element], name: str) -> etree._Element 
     return None if element is None else element.find("mimic")
 
 
-def _following(source: Source, elements: Mapping[str, etree._Element], kinds: Mapping[str, str], joint: Joint) -> Joint:
+def _following(source: Source, elements: Mapping[str, etree._Element], kinds: Mapping[str, JointKind], joint: Joint) -> Joint:
     name, multiplier, offset = joint.name, Fraction(1), Fraction(0)
     passed = [name]
     while (mimic := _mimic(elements, name)) is not None:
@@ -62,7 +62,7 @@ def _following(source: Source, elements: Mapping[str, etree._Element], kinds: Ma
         if leader not in elements:
             source.refuse(mimic, f"{describe(elements[name])} mimics {leader!r}, which is no joint of this file; correct the name")
         for one in (name, leader):
-            if kinds.get(one) not in _SINGLE_AXIS:
+            if one not in kinds or not kinds[one].is_single:
                 kind = elements[one].get("type")
                 source.refuse(
                     mimic, f"{describe(elements[one])} is {kind}; both joints of a mimic must be revolute, continuous or prismatic"
