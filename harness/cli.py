@@ -7,7 +7,6 @@ an interrupt.
 
 from __future__ import annotations
 
-import pkgutil
 import sys
 import traceback
 from importlib import import_module
@@ -18,6 +17,7 @@ import click
 from harness import commands
 from harness.commands._options import INTERRUPTED, report_own_fault
 from harness.commands._surroundings import surroundings
+from harness.registry import module_names
 from harness.version import __version__
 
 
@@ -25,8 +25,7 @@ class Commands(click.Group):
     """Commands found by the name of their file; what one raises ends with a status of its own."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        modules = (module.name for module in pkgutil.iter_modules(commands.__path__))
-        return sorted(name.replace("_", "-") for name in modules if not name.startswith("_"))
+        return [name.replace("_", "-") for name in module_names(commands.__name__)]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.list_commands(ctx):

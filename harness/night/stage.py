@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from harness.errors import InvalidRequest
-from harness.library import Library, nearest
+from harness.library import Library
+from harness.registry import Registry
 from harness.results.change_points import Reading
 from harness.results.night import Case, NightSettings
 from harness.results.study_result import StudyResult
@@ -94,12 +92,12 @@ class Stage:
     numbers: Numbers | None = None
 
 
+STAGES = Registry(f"{__name__.rpartition('.')[0]}.stages", Stage, "stage of a night")
+
+
 def find_stages() -> dict[str, Stage]:
     """Every stage that a module of ``harness.night.stages`` declares, by name, in the order of a night."""
-    package = importlib.import_module(f"{__name__.rpartition('.')[0]}.stages")
-    modules = [importlib.import_module(f"{package.__name__}.{module.name}") for module in pkgutil.iter_modules(package.__path__)]
-    found = [value for module in modules for value in vars(module).values() if isinstance(value, Stage)]
-    return {stage.name: stage for stage in sorted(found, key=lambda stage: stage.place)}
+    return dict(sorted(STAGES.all().items(), key=lambda named: named[1].place))
 
 
 def select_stages(names: Sequence[str]) -> list[Stage]:
@@ -108,8 +106,4 @@ def select_stages(names: Sequence[str]) -> list[Stage]:
     Raises:
         InvalidRequest: there is no such stage.
     """
-    known = find_stages()
-    for name in names:
-        if name not in known:
-            raise InvalidRequest(f"no stage of a night is called {name!r}; {nearest(name, known)}")
-    return [stage for name, stage in known.items() if name in names or not names]
+    return sorted(STAGES.select(names), key=lambda stage: stage.place)

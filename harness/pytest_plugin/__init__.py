@@ -2,6 +2,8 @@
 
 ``pytest --harness-library DIR`` collects ``DIR/systems/*.py``; the ini option ``harness_library`` does
 the same for a project's own runs. ``--harness-robots FOLDER`` collects robots' files.
+
+May use ``commands`` and what is below it. Start with ``regression``, a library's mechanisms as tests; ``robots`` has those of robots.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import argparse
 import pytest
 
 from harness.library import BUILT_IN_NAME
-from harness.pytest_regression import TLS_FILES, register
+from harness.pytest_plugin.regression import TLS_FILES, register
 
 _DEFAULT_STATES = 1000
 
@@ -90,9 +92,9 @@ def _states_of_settings(config: pytest.Config) -> int:
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--harness-robots"):
-        from harness import pytest_robots
+        from harness.pytest_plugin import robots
 
-        pytest_robots.register(config)
+        robots.register(config)
     chosen = config.getoption("--harness-library") or config.getini("harness_library")
     if chosen:
         register(config, chosen, config.getoption("--harness-states") or _states_of_settings(config))

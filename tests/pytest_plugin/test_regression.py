@@ -183,7 +183,7 @@ def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
 
 
 def test_each_robot_and_engine_is_a_test(tmp_path: Path) -> None:
-    files = Path(__file__).parent / "comparison" / "files"
+    files = Path(__file__).parents[1] / "comparison" / "files"
     robots = tmp_path / "robots"
     robots.mkdir()
     for name in ("arm.urdf", "impossible.urdf"):
