@@ -19,6 +19,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.constraints import ModelConstraint
+from harness.models.urdf_forces import PointSpring
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Aid:
     """What a file holds that engines may leave out; a caller takes what its engine does.
 
     Attributes:
-        gravity: (3,) [m/s^2]. forces: of the joints' dampers and springs.
+        gravity: (3,) [m/s^2]. forces: of the joints' dampers and springs. springs: between points of bodies.
         armature: (nv,) inertia that rotors add. inertias: by body.
         couplings: (nv, velocities of the joints that move by themselves) matrix by which these give all velocities; None where no
             joint mimics another. leaders: the joints that move by themselves, in the order of its columns.
@@ -93,6 +94,7 @@ class Aid:
     inertias: Mapping[str, BodyInertia]
     couplings: Array | None
     leaders: tuple[Asked, ...]
+    springs: tuple[PointSpring, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,12 @@ class Request:
     floating_base: str = ""
     aid: Aid | None = None
     held: Held | None = None
+
+    @property
+    def supplied_ball_joint(self) -> str:
+        """Name of the ball joint that hangs a URDF's root link on the world, to be supplied; "" without one, and for a plain engine."""
+        balls = (joint.name for joint in self.joints if joint.kind == "ball")
+        return next(balls, "") if self.aid is not None and self.format == "urdf" else ""
 
     @property
     def couplings(self) -> Array | None:

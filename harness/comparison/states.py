@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from harness.arrays import Array
 from harness.comparison.coordinates import multiplied, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
+from harness.models.urdf_forces import PointSpring
 from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
-from harness.robots.tree import WORLD, Body, Pose, Tree, Turn
+from harness.robots.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
 Frame = tuple[tuple[float, ...], tuple[float, ...]]
@@ -111,7 +113,15 @@ def aid(robot: Robot, joints: Sequence[Asked]) -> Aid:
         {body.name: inertia for body in robot.tree.bodies if (inertia := _inertia(body)) is not None} if robot.format == "urdf" else {}
     )
     leaders = asked_joints(robot.tree, robot.joints)
-    return Aid(gravity, JointForces(damping, tuple(springs)), armature, inertias, _couplings(robot, joints), leaders)
+    forces, between_points = JointForces(damping, tuple(springs)), tuple(map(_point_spring, robot.tree.springs))
+    return Aid(gravity, forces, armature, inertias, _couplings(robot, joints), leaders, between_points)
+
+
+def _point_spring(spring: Spring) -> PointSpring:
+    """A spring with its ends as points of their bodies."""
+    (body_a, point_a), (body_b, point_b) = ((body, tuple(_frame(pose)[1].tolist())) for body, pose in spring.ends)
+    numbers = map(float, (spring.free_length, spring.stiffness, spring.damping))
+    return PointSpring(body_a, point_a, body_b, point_b, *numbers, line=spring.place.line if spring.place else 0)
 
 
 def _couplings(robot: Robot, joints: Sequence[Asked]) -> Array | None:
@@ -137,13 +147,42 @@ def _inertia(body: Body) -> BodyInertia | None:
 
 
 def _frame(pose: Pose) -> tuple[Array, Array]:
-    """Orientation (3, 3) and origin (3,) of a pose of a URDF, whose rotations are turns about unit axes."""
+    """Orientation (3, 3) and origin (3,) of a pose, in float64."""
     turn, origin = np.eye(3), np.zeros(3)
     for placement in pose:
-        origin = origin + turn @ np.array([float(value) for value in placement.position])
+        origin = origin + turn @ _position(placement)
         for part in placement.rotation:
-            assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
-            x, y, z = (float(value) for value in part.axis)
-            skew, angle = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), float(part.angle)
-            turn = turn @ (np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew))
+            turn = turn @ _rotation(part)
     return turn, origin
+
+
+def _position(placement: Placement) -> Array:
+    position = _floats(placement.position)
+    return position if placement.other_end is None else (position + _floats(placement.other_end)) / 2
+
+
+def _rotation(part: Turn | Quaternion | Axes | Direction) -> Array:
+    """The matrix (3, 3) of one rotation, as ``harness.robots.tree`` defines it."""
+    if isinstance(part, Turn):
+        x, y, z = _unit(_floats(part.axis))
+        angle = math.radians(part.angle) if part.in_degrees else float(part.angle)
+        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.asarray(np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew))
+    if isinstance(part, Axes):
+        first, second = _unit(_floats(part.x)), _unit(_floats(part.y))
+        second = _unit(second - (second @ first) * first)
+        return np.column_stack([first, second, np.cross(first, second)])
+    if isinstance(part, Quaternion):
+        return np.asarray(rotations(_unit(_floats(part.components))[None])[0])
+    x, y, z = _unit(_floats(part.end) - _floats(part.start))
+    # Half a turn about x for the direction opposite to z, which alone leaves no quaternion.
+    quaternion = np.array([1.0 + z, -y, x, 0.0]) if 1.0 + z or x or y else np.array([0.0, 1.0, 0.0, 0.0])
+    return np.asarray(rotations(_unit(quaternion)[None])[0])
+
+
+def _floats(numbers: Sequence[Fraction]) -> Array:
+    return np.array([float(number) for number in numbers])
+
+
+def _unit(direction: Array) -> Array:
+    return np.asarray(direction / np.linalg.norm(direction))

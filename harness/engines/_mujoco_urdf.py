@@ -132,7 +132,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             spring = {"stiffness": coefficients(element.stiffness), "springref": element.reference}
             edits.append(_set(f"s.joint({element.joint!r})", spring))
         elif isinstance(element, PointSpring):
-            edits += _tendon(element, f"spring {number}")
+            edits += tendon_of(element, f"spring {number}")
     if len(spec.equalities) < len(file.mimics):
         named = ", ".join(f"line {one.line}: joint {one.joint!r}" for one in file.mimics)
         raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} passes over <mimic>: {named}")
@@ -144,7 +144,8 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     return edits, [statement for statements in written_back.values() for statement in statements]
 
 
-def _tendon(spring: PointSpring, name: str) -> Iterator[str]:
+def tendon_of(spring: PointSpring, name: str) -> Iterator[str]:
+    """Statements that make a spring between points a tendon of the spec ``s``."""
     sites = (f"{name} A", f"{name} B")
     for site, (body, point) in zip(sites, spring.ends, strict=True):
         yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point)})

@@ -57,6 +57,13 @@ def _joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[s
     return places
 
 
+def has_body(model: Any, body: str) -> bool:
+    """True for a body of the model, and for the world."""
+    import pinocchio
+
+    return body == WORLD or bool(model.existFrame(body, pinocchio.FrameType.BODY))
+
+
 class ForceElements:
     """Force elements of one ``pinocchio.Model``; ``composites`` names the parts of its composite joints in their order.
 

@@ -78,14 +78,18 @@ def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
     assert all(cost.energy_error is None for cost in costs)
 
 
+def test_springs_that_the_reader_passes_over_are_part_of_the_engine_s_motion(tmp_path: Path) -> None:
+    spring = '<gazebo reference="hip"><springStiffness>2</springStiffness><springReference>0</springReference></gazebo></robot>'
+    (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
+    _, costs, orders = motion_costs(scene(tmp_path / "sprung.urdf"), ["mujoco RK4"], (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
+    assert [order.verdict for order in orders] == ["as expected"]
+    assert all((cost.state_error or 0.0) < 1e-10 for cost in costs)
+
+
 def test_what_an_engine_s_own_steps_do_not_feel_is_not_integrated(tmp_path: Path) -> None:
     [own] = select_integrators(["mujoco RK4"], ROBOTS)
     with pytest.raises(Unsupported, match="mimic"):
         own.prepare(scene(MIMIC))
-    spring = '<gazebo reference="hip"><springStiffness>2</springStiffness><springReference>0</springReference></gazebo></robot>'
-    (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
-    with pytest.raises(Unsupported, match="springs or dampers"):
-        own.prepare(scene(tmp_path / "sprung.urdf"))
     inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
     joint = '<joint name="free" type="floating"><parent link="ground"/><child link="body"/><origin xyz="1 0 0"/></joint>'
     away = f'<robot name="away"><link name="ground"/><link name="body">{inertial}</link>{joint}</robot>'

@@ -8,12 +8,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from lxml import etree
 
 from harness.comparison.questions import Aid, Asked, BodyInertia, Request
+from harness.engines._mujoco_urdf import tendon_of
+from harness.engines._mujoco_versions import coefficients
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
@@ -115,6 +118,7 @@ def aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
         # Any inertia that the compiler accepts; those of the file are written into the compiled model, where nothing is refused.
         body.explicitinertial, body.mass, body.ipos, body.iquat = True, 1.0, centre, axes
         body.fullinertia, body.inertia = [math.nan, *[0.0] * 5], [1.0, 1.0, 1.0]
+    _supply_springs(spec, request, aid)
     model = spec.compile()
     for name, (mass, _, moments, _) in principal.items():
         body = model.body(name)
@@ -124,6 +128,22 @@ def aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
         model.dof_armature[joint.dofadr[0]] += aid.armature[next(one.velocities[0] for one in request.joints if one.name == asked)]
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model, []
+
+
+def _supply_springs(spec: Any, request: Request, aid: Aid) -> None:
+    """The springs of joints and between points, and a ball joint at the root; the reader passes over all of them."""
+    import mujoco
+
+    if request.supplied_ball_joint:
+        spec.body(_roots(_elements(request))[0]).add_joint(name=request.supplied_ball_joint, type=mujoco.mjtJoint.mjJNT_BALL)
+    joints = {joint.velocities[0]: spec.joint(joint.name) for joint in request.joints if len(joint.velocities) == 1}
+    for _, velocity, stiffness, relaxed in aid.forces.springs:
+        joints[velocity].stiffness, joints[velocity].springref = coefficients(stiffness), relaxed
+    bodies = {body.name for body in spec.bodies}
+    for number, spring in enumerate(aid.springs):
+        # The root link is the world where links float from it.
+        body_a, body_b = (body if body in bodies else "world" for body, _ in spring.ends)
+        exec("\n".join(tendon_of(replace(spring, body_a=body_a, body_b=body_b), f"spring {number}")), {"mujoco": mujoco, "s": spec})
 
 
 def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Sequence[float], Sequence[float]]:

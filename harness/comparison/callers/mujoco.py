@@ -20,7 +20,6 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._mujoco_models import PARTS, aided, places_of, plain
 from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Asked, Caller, Refused, Request, by_joint, projected
-from harness.engines import NotOffered
 from harness.engines._mujoco_equalities import fuses, settings, switch_on
 from harness.engines._mujoco_law import laws_in
 from harness.engines._mujoco_quantities import MujocoQuantities
@@ -39,7 +38,10 @@ class MujocoCaller(Caller):
     requires = ("mujoco", "mujoco")
     factorises_mass_matrix = True
     supplied: Mapping[str, str] = {
-        "urdf": "gravity, springs and rotor inertias of joints are supplied from the file, and each link keeps its own inertia",
+        "urdf": (
+            "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
+            "and each link keeps its own inertia"
+        ),
         "mjcf": "its reader takes what the file holds; nothing is supplied",
     }
     takes_inertias_about_tree = True
@@ -100,8 +102,7 @@ class LoadedRobot:
 
     @property
     def is_supplied_with_forces(self) -> bool:
-        aid = self._request.aid
-        return aid is not None and self._request.format == "urdf" and bool(aid.forces.springs)
+        return False
 
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
         after = step(
@@ -124,14 +125,9 @@ class LoadedRobot:
         return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
 
     def quantities(self, names: Sequence[str]) -> _Quantities:
-        if self.is_supplied_with_forces:
-            raise NotOffered("springs of a URDF are supplied to accelerations alone")
         return _Quantities(self, names)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
-        aid = self._request.aid
-        if aid is not None and self.is_supplied_with_forces:
-            tau = tau + aid.forces.of_springs(q)
         q, v, tau = _in_the_world(self._request.joints, q, v, tau)
         return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 

@@ -18,7 +18,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Caller, Refused, Request, projected
 from harness.engines import NotOffered
-from harness.engines._pinocchio_forces import JointPlace, Pull
+from harness.engines._pinocchio_forces import ForceElements, JointPlace, Pull, has_body
 from harness.engines._pinocchio_quantities import PinocchioQuantities, Supplied
 from harness.engines._pinocchio_versions import set_armature
 from harness.engines._standard_error import captured_standard_error
@@ -33,7 +33,8 @@ class PinocchioCaller(Caller):
     requires = ("pinocchio", "pin")
     factorises_mass_matrix = False
     supplied: Mapping[str, str] = dict.fromkeys(
-        formats, "gravity, and dampers, springs and rotor inertias of joints, are supplied from the file"
+        formats,
+        "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
     )
     why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
     call: Mapping[str, str] = {
@@ -59,6 +60,8 @@ def _read(request: Request) -> Any:
         return pinocchio.buildModelFromMJCF(path)
     if request.floating_base:
         return pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer(), request.floating_base)
+    if request.supplied_ball_joint:
+        return pinocchio.buildModelFromUrdf(path, pinocchio.JointModelSpherical(), request.supplied_ball_joint)
     return pinocchio.buildModelFromUrdf(path)
 
 
@@ -79,11 +82,14 @@ class LoadedRobot:
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
             set_armature(model, self.own, request.aid.armature[self.known])
+        springs = () if request.aid is None else request.aid.springs
+        # A reader that leaves bodies out leaves nothing for springs to pull at.
+        self.point_springs = ForceElements(model, [one for one in springs if all(has_body(model, body) for body, _ in one.ends)])
 
     @property
     def is_supplied_with_forces(self) -> bool:
         aid = self.request.aid
-        return aid is not None and (bool(aid.forces.springs) or bool(aid.forces.damping.any()))
+        return aid is not None and (bool(aid.forces.springs) or bool(aid.springs) or bool(aid.forces.damping.any()))
 
     def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
         positions: list[int] = []
@@ -128,6 +134,13 @@ class LoadedRobot:
             configuration[:, positions], velocity[:, velocities], force[:, velocities] = own_q, own_v, own_tau
         return configuration, velocity, force
 
+    def pulled(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """``columns`` with the forces of all that is supplied."""
+        configuration, velocity, force = self.columns(q, v, tau + self.supplied(q, v))
+        if not self.point_springs.empty:
+            force += self.point_springs.generalised_forces(configuration.T, velocity.T).T
+        return configuration, velocity, force
+
     def to_frame_of_parent(self, accelerations: Array, q: Array, v: Array) -> None:
         """Accelerations of free and planar joints, given as rates of components in the body's frame, in that of the parent instead."""
         start, own = 0, {joint.name: joint for joint in self.found}
@@ -168,13 +181,14 @@ class _Quantities(PinocchioQuantities):
 
 
 class _Supplied:
-    """Springs and dampers of joints, which Pinocchio's readers leave out, in the model's own order."""
+    """Springs and dampers, which Pinocchio's readers leave out, in the model's own order."""
 
     def __init__(self, loaded: LoadedRobot) -> None:
+        self._between_points = loaded.point_springs
         aid = loaded.request.aid
         self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.known]
         self._nv = loaded.model.nv
-        self.places: Mapping[str, JointPlace] = {}
+        self.places: Mapping[str, JointPlace] = loaded.point_springs.places
         # Place in q and in v, stiffness, and position at rest.
         self._springs: list[tuple[int, int, float, float]] = []
         for _, column, stiffness, rest in () if aid is None else aid.forces.springs:
@@ -190,11 +204,12 @@ class _Supplied:
         found[self._own] = -self._damping[:, None] * velocity[self._own]
         for position, column, stiffness, rest in self._springs:
             found[column] -= stiffness * (configuration[position] - rest)
-        return found
+        return found if self._between_points.empty else found + self._between_points.generalised_forces(configuration, velocity)
 
     def potential_energy(self, configuration: Array) -> float:
         """Of the springs [J] at one configuration (nq,)."""
-        return float(sum(stiffness * (configuration[position] - rest) ** 2 / 2 for position, _, stiffness, rest in self._springs))
+        in_joints = sum(stiffness * (configuration[position] - rest) ** 2 / 2 for position, _, stiffness, rest in self._springs)
+        return float(in_joints) + self._between_points.potential_energy(configuration)
 
     def stiffness_and_damping(self) -> tuple[Array, Array]:
         """See ``Supplied``."""
@@ -205,8 +220,8 @@ class _Supplied:
         return stiffness, damping
 
     def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
-        """None: a robot's file has springs in joints alone."""
-        return ()
+        """See ``Supplied``."""
+        return self._between_points.pulls(configuration, velocity)
 
 
 class _Run:
@@ -216,7 +231,7 @@ class _Run:
         self._loaded, self._q, self._v = loaded, q, v
         self._data = loaded.model.createData()
         # Rows cost half of what columns cost.
-        self._rows = list(zip(*loaded.columns(q, v, tau + loaded.supplied(q, v)), strict=True))
+        self._rows = list(zip(*loaded.pulled(q, v, tau), strict=True))
         couplings = loaded.couplings
         self._found = np.full((len(q), loaded.model.nv if couplings is None else couplings.shape[1]), np.nan)
 

@@ -37,6 +37,19 @@ def _without_tendons(robot: Robot) -> Tree:
     return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
 
 
+def _without_point_springs(robot: Robot) -> Tree:
+    return replace(robot.tree, springs=()) if robot.tree.springs else robot.tree
+
+
+def _without_linear_tendons(robot: Robot) -> Tree:
+    return replace(robot.tree, couplings=()) if robot.tree.couplings else robot.tree
+
+
+def _without_ball_joints(robot: Robot) -> Tree:
+    bodies = tuple(replace(body, joints=tuple(joint for joint in body.joints if joint.kind != "ball")) for body in robot.tree.bodies)
+    return replace(robot.tree, bodies=bodies) if bodies != robot.tree.bodies else robot.tree
+
+
 def _is_framed(part: Body | Solid) -> bool:
     """An element's own placement stands behind those of the frames around it."""
     return len(part.pose) > 1
@@ -75,4 +88,7 @@ springs = _declaring("springs", "joints", _without("stiffness"))
 rotors = _declaring("rotor inertias", "joints", _without("armature"))
 mimics = _declaring("mimic joints", "joints", _without_mimics)
 tendons = _declaring("tendons", "tendons", _without_tendons, is_supplied=False)
+point_springs = _declaring("tendons", "tendons", _without_point_springs)
+linear_tendons = _declaring("tendons on joints", "tendons", _without_linear_tendons, is_supplied=False)
+ball_joints = _declaring("ball joint", "joints", _without_ball_joints)
 frames = _declaring("frames", "elements", _without_frames, is_supplied=False)
