@@ -120,8 +120,9 @@ def aid(robot: Robot, joints: Sequence[Asked]) -> Aid:
 def _point_spring(spring: Spring) -> PointSpring:
     """A spring with its ends as points of their bodies."""
     (body_a, point_a), (body_b, point_b) = ((body, tuple(_frame(pose)[1].tolist())) for body, pose in spring.ends)
-    numbers = map(float, (spring.free_length, spring.stiffness, spring.damping))
-    return PointSpring(body_a, point_a, body_b, point_b, *numbers, line=spring.place.line if spring.place else 0)
+    free_length, stiffness, damping = map(float, (spring.free_length, spring.stiffness, spring.damping))
+    line = spring.place.line if spring.place else 0
+    return PointSpring(body_a, point_a, body_b, point_b, free_length, stiffness, damping, line)
 
 
 def _couplings(robot: Robot, joints: Sequence[Asked]) -> Array | None:
