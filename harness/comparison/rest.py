@@ -23,6 +23,8 @@ from harness.verdict import AGREEMENT
 
 # Numbers that are named, and the share of the error that the best may leave to be worth naming.
 MOST_NAMED, WORTH_NAMING = 3, 0.1
+# Share of its largest entry by which M varies where it is the same but for rounding.
+SAME_MATRIX = 1e-12
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,13 @@ def single_numbers(meant: Meant, accelerations: Array) -> Iterator[Candidate]:
             left = float(np.linalg.norm(error - by * column)) / size
             candidates.append(Candidate(number, by, left))
     yield from (one for one in sorted(candidates, key=lambda one: one.left) if one.left < WORTH_NAMING)
+
+
+def are_of_several_mass_matrices(meant: Meant) -> bool:
+    """False where M is the same at all states, whose rounding then moves every answer as a wrong number of the file would."""
+    factors = meant.truth.norm_factor[meant.truth.certified]
+    matrices = factors.transpose(0, 2, 1) @ factors
+    return bool(np.ptp(matrices, axis=0).max(initial=0.0) > SAME_MATRIX * np.abs(matrices).max(initial=0.0))
 
 
 def _whitened(meant: Meant, accelerations: Array) -> tuple[list[Array], Array]:

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by, record_of
+from support import BUILT_IN
 
 from harness.comparison import judgement
 from harness.comparison.callers import find_callers
 from harness.comparison.far_links import is_explained_by_distance
+from harness.comparison.judgement import ILL_CONDITIONED
 from harness.comparison.readings import find_readings
 from harness.verdict import AGREEMENT, Verdict
 
@@ -142,6 +144,41 @@ def test_a_position_of_a_default_class_is_a_reading_of_pinocchio(tmp_path: Path)
     record = record_of(path, "pinocchio")
     assert record.explained and record.verdict == Verdict.DISAGREES
     assert [(reading.name, reading.lines) for reading in record.readings] == [("position of a default class", (2,))]
+
+
+@pytest.mark.parametrize("sequence", ["XYZ", "xYz", "zYX"])
+def test_euler_angles_about_fixed_axes_are_a_reading_of_pinocchio(sequence: str, tmp_path: Path) -> None:
+    path = tmp_path / "euler.xml"
+    path.write_text(f"""<mujoco><compiler angle="degree" eulerseq="{sequence}"/><worldbody>
+    <body name="one" euler="30 40 50"><joint name="near" axis="0 1 0"/>
+      <inertial pos="0.5 0 0.25" euler="20 10 70" mass="1" diaginertia="0.5 0.75 1"/>
+      <body name="two" pos="0 0 1"><joint name="far" axis="1 1 0"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["Euler angles about fixed axes"]
+    assert record.readings[0].lines == (2, 3)
+
+
+def test_a_class_beside_a_childclass_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "class.xml"
+    path.write_text("""<mujoco><compiler angle="radian"/>
+    <default><default class="own"><joint damping="0.5"/></default>
+    <default class="around"><joint axis="1 0 1" ref="0.25" armature="0.125"/></default></default>
+    <worldbody><body name="one" childclass="around"><joint name="near" class="own"/><geom size="0.125" pos="0.5 0.25 0"/>
+      <body name="two" pos="0 0 1"><joint name="far"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    own = ["class beside a childclass", "joint damping", "rotor inertia beside a childclass"]
+    for aided, names in ((False, own), (True, own[:1])):
+        record = record_of(path, "pinocchio", aided)
+        assert record.outcome == "explained" and sorted(reading.name for reading in record.readings) == names
+        assert record.readings[0].lines == (4,)
+
+
+def test_digits_lost_where_m_is_constant_are_told_from_a_wrong_number() -> None:
+    """As Pinocchio reads this file both axes are parallel, and the first link alone has 1e-15 kg m^2 about its own."""
+    path = BUILT_IN.model_path("furuta_pendulum.class_in_childclass", "mjcf")
+    record = record_of(path, "pinocchio")
+    assert record.explained and ILL_CONDITIONED in record.lost_digits
 
 
 def test_the_gravity_that_pinocchio_takes_is_rounded_like_that_of_a_file(tmp_path: Path) -> None:

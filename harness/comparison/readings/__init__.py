@@ -2,8 +2,8 @@
 
 A reading gives the tree that the engine computes with, as its documentation or source says. What it concerns follows from what
 changes. The truth of the tree that all readings give is what a plain engine has to answer; that of one alone is its effect.
-No list is kept: every ``READING`` of a module here is found, and all of its ``READINGS`` where it declares several that are alike;
-modules whose names begin with an underscore hold what several share. Nothing an engine answers enters a tree.
+No list is kept: the ``READINGS`` of every module here are found; modules whose names begin with an underscore hold what several
+share. Nothing an engine answers enters a tree.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from lxml import etree
@@ -26,7 +25,7 @@ from harness.environments.folders import split_name
 from harness.models.xml import read_any
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Given, Inertia, Joint, Place, Tree
+from harness.robots.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
@@ -72,16 +71,10 @@ def find_readings(engine: str, model_format: str, reader: str = "") -> list[Read
     """
     names = [module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_")]
     modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
-    found: Iterable[Reading] = (one for module in modules for one in _declared_in(module))
+    found: Iterable[Reading] = (one for module in modules for one in module.READINGS)
     named = {one.name: one for one in found if one.engine in (split_name(engine)[0], reader) and model_format in one.formats}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return [named[name] for name in order.static_order() if name in named]
-
-
-def _declared_in(module: ModuleType) -> Iterable[Reading]:
-    """Its ``READING``, or those of its ``READINGS``."""
-    several: Iterable[Reading] = getattr(module, "READINGS", ())
-    return several or (module.READING,)
 
 
 def with_tree(robot: Robot, tree: Tree) -> Robot:
@@ -89,9 +82,30 @@ def with_tree(robot: Robot, tree: Tree) -> Robot:
     return replace(robot, tree=tree, joints=tuple(joint.name for joint in tree.joints if not joint.follows))
 
 
+def with_bodies(tree: Tree, change: Callable[[Body], Body]) -> Tree:
+    """The tree with each body as ``change`` gives it."""
+    return replace(tree, bodies=tuple(map(change, tree.bodies)))
+
+
 def with_joints(tree: Tree, change: Callable[[Joint], Joint]) -> Tree:
     """The tree with each joint as ``change`` gives it."""
-    return replace(tree, bodies=tuple(replace(body, joints=tuple(map(change, body.joints))) for body in tree.bodies))
+    return with_bodies(tree, lambda body: replace(body, joints=tuple(map(change, body.joints))))
+
+
+def with_solids(tree: Tree, change: Callable[[tuple[Solid, ...]], tuple[Solid, ...]]) -> Tree:
+    """The tree with the solids of each body as ``change`` gives them."""
+    return with_bodies(tree, lambda body: replace(body, solids=change(body.solids)) if body.solids else body)
+
+
+def with_poses(tree: Tree, change: Callable[[Pose], Pose]) -> Tree:
+    """The tree with the poses of bodies, inertias and solids as ``change`` gives them."""
+
+    def read(body: Body) -> Body:
+        inertia = body.inertia and replace(body.inertia, pose=change(body.inertia.pose))
+        solids = tuple(replace(solid, pose=change(solid.pose)) for solid in body.solids)
+        return replace(body, pose=change(body.pose), inertia=inertia, solids=solids)
+
+    return with_bodies(tree, read)
 
 
 def freed(joint: Joint) -> Joint:
@@ -101,7 +115,7 @@ def freed(joint: Joint) -> Joint:
 
 def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
     """The tree with the inertia of each body as ``change`` gives it."""
-    return replace(tree, bodies=tuple(replace(body, inertia=change(body)) for body in tree.bodies))
+    return with_bodies(tree, lambda body: replace(body, inertia=change(body)))
 
 
 def without_bodies(tree: Tree, names: Iterable[str]) -> Tree:

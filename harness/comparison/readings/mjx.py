@@ -17,13 +17,15 @@ def _tree(robot: Robot) -> Tree:
     return replace(tree, springs=(), couplings=())
 
 
-READING = Reading(
-    name="flags of springs and dampers",
-    engine="mjx",
-    formats=("mjcf",),
-    sentence="MJX leaves out springs and dampers alike where the file switches off the one or the other",
-    concerns="elements",
-    source="mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
-    tree=_tree,
-    supplied=True,
+READINGS = (
+    Reading(
+        name="flags of springs and dampers",
+        engine="mjx",
+        formats=("mjcf",),
+        sentence="MJX leaves out springs and dampers alike where the file switches off the one or the other",
+        concerns="elements",
+        source="mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
+        tree=_tree,
+        supplied=True,
+    ),
 )
