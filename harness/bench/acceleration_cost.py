@@ -19,8 +19,9 @@ import numpy as np
 
 from harness.bench.findings import Judged, findings
 from harness.bench.methods import Method
+from harness.certify.certified import Flags
 from harness.certify.compare import Comparison, compare
-from harness.certify.reference import Flags, Reference
+from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note

@@ -16,8 +16,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.acceleration_cost import measure
 from harness.bench.methods import DerivativeMethod
+from harness.certify.certified import Certified
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
-from harness.certify.quantity import Certified
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note

@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP
-from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note

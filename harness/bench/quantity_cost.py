@@ -13,8 +13,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.acceleration_cost import MINIMUM_COUNT, measure, shared_fields
+from harness.certify.certified import Certified
+from harness.certify.compare import compare
 from harness.certify.quantities import Quantity, Truth
-from harness.certify.quantity import Certified, judge_answers
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.scene import Scene
@@ -116,7 +117,7 @@ def _measured(
     calls = EngineCalls(model, batch.q)
     first = truth.answers(calls, batch)
     rest = [truth.answers(model, states[start : min(start + count, judged)]) for start in range(count, judged, count)]
-    comparison = judge_answers(certified, np.concatenate([first, *rest])[:judged])
+    comparison = compare(certified, np.concatenate([first, *rest])[:judged])
     return shared_fields(comparison, certified.certified, measure(calls.again, MINIMUM_COUNT, minimum_seconds), count, remark)
 
 

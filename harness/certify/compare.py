@@ -1,4 +1,4 @@
-"""Backward error and verdict of an engine's accelerations against the reference.
+"""Backward error and verdict of an engine's answers against certified values.
 
 Source: Oettli, Prager, Compatibility of approximate solution of linear equations
 with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, chapter 7.
@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, energy_norm
+from harness.certify.certified import Certified, Flags
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
 # Largest relative error of an answer that lost digits; one that is further off has too few left to be excused.
@@ -24,10 +25,10 @@ class Comparison(Rows):
     """Judgement of n answers.
 
     Attributes:
-        backward_error: (n,) error in units of data roundoff; NaN where the answer is not finite or the
-            reference is not certified.
-        granted: (n,) bool; whether the answer passes only with the share of the motion, with which its backward error is taken.
-        relative_error: (n,) |a - a*|_M / |a*|_M, for the reader; decides nothing. NaN beside a zero or
+        backward_error: (n,) error of the worst block in units of data roundoff; NaN where the answer is not finite or the truth is
+            not certified.
+        granted: (n,) bool; whether the answer passes only with the share of the truth, with which its backward error is taken.
+        relative_error: (n,) |a - a*| / |a*| of that block, for the reader; decides nothing. NaN beside a zero or
             subnormal answer too.
         verdicts: (n,) ``Verdict`` values as strings.
         in_balls: (n,) bool; whether the truth took ball arithmetic, which costs a hundred times as much.
@@ -71,29 +72,55 @@ class Comparison(Rows):
         return np.nan_to_num(self.backward_error, nan=-1.0, posinf=np.inf), severity
 
 
-def compare(reference: Reference, accelerations: np.ndarray[Any, np.dtype[np.floating[Any]]], factorises: bool = False) -> Comparison:
-    """Judge ``accelerations``, (n, nv) of any precision [SI per s^2], against the reference of the same states.
+def compare(certified: Certified, answers: np.ndarray[Any, np.dtype[np.floating[Any]]], factorises: bool = False) -> Comparison:
+    """Judge ``answers``, shaped as the values and of any precision, by the certified values of the same states.
 
-    ``factorises`` says that they come from a factorisation of M, in which digits are lost where M is ill-conditioned. Without
-    it no answer is ``unstable``; with it, none whose relative error is above ``LEAST_DIGITS``.
+    ``factorises`` says that they are accelerations from a factorisation of M, in which digits are lost where M is ill-conditioned.
+    Without it no answer is ``unstable``; with it, none whose relative error is above ``LEAST_DIGITS``.
     """
-    if accelerations.shape != reference.high.shape:
-        raise ValueError(f"accelerations have shape {accelerations.shape}; the reference has {reference.high.shape}")
+    if answers.shape != certified.high.shape:
+        raise ValueError(f"answers have shape {answers.shape}; the certified values have {certified.high.shape}")
     with np.errstate(all="ignore"):
-        difference = (accelerations - reference.high) - reference.low
-        error = energy_norm(reference.norm_factor, difference)
-        backward, in_motion = error / reference.data_roundoff, error / reference.roundoff_in_motion
-        granted = ~(backward <= AGREEMENT) & (in_motion <= AGREEMENT) & reference.certified
-        backward = np.where(granted, in_motion, backward)
+        lengths = _by_block(certified.lengths(certified.errors(answers)))
+        errors, granted = _in_roundoffs(certified, lengths)
+        worst = np.arange(len(errors)), errors.argmax(axis=1)
+        backward, error, size = errors[worst], lengths[worst], _by_block(certified.size)[worst]
         # Beside a subnormal answer a relative error says nothing.
-        relative = np.where(reference.size >= np.finfo(np.float64).tiny, error / reference.size, np.nan)
-        lost_digits = factorises & (error <= np.minimum(UNIT_ROUNDOFF * reference.instability, LEAST_DIGITS * reference.size))
-    finite = np.isfinite(np.ascontiguousarray(accelerations.T)).all(axis=0)
+        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
+        lost_digits = factorises & (error <= np.minimum(UNIT_ROUNDOFF * certified.instability, LEAST_DIGITS * size))
+    finite = np.isfinite(answers.T).all(axis=tuple(range(answers.ndim - 1)))
     verdicts = np.select(
-        [~finite, ~reference.certified, backward <= AGREEMENT, lost_digits],
+        [~finite, ~certified.certified, backward <= AGREEMENT, lost_digits],
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value, Verdict.UNSTABLE.value],
         Verdict.DISAGREES.value,
     )
-    judged = finite & reference.certified
+    judged = finite & certified.certified
     backward, relative = (np.where(judged, error, np.nan) for error in (backward, relative))
-    return Comparison(backward, relative, granted & finite, verdicts, reference.in_balls)
+    return Comparison(backward, relative, granted & finite, verdicts, certified.in_balls)
+
+
+def errors_in_roundoffs(certified: Certified, answers: Array) -> Array:
+    """Errors of each block, (n, blocks) [data roundoffs], of which ``compare`` takes the largest."""
+    with np.errstate(all="ignore"):
+        return _in_roundoffs(certified, _by_block(certified.lengths(certified.errors(answers))))[0]
+
+
+def farthest_block(certified: Certified, answers: Array) -> int:
+    """The block that is farthest off, over all certified states."""
+    errors = errors_in_roundoffs(certified, answers)
+    return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
+
+
+def _in_roundoffs(certified: Certified, lengths: Array) -> tuple[Array, Flags]:
+    """(n, blocks) errors in data roundoffs, with the share in the blocks that fail without; the states (n,) that agree only so."""
+    plain, shared = (
+        np.where(lengths == 0, 0.0, lengths / _by_block(roundoff)) for roundoff in (certified.data_roundoff, certified.roundoff_with_share)
+    )
+    needing = ~(plain <= AGREEMENT) & (shared <= AGREEMENT)
+    errors = np.where(needing, shared, plain)
+    return errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
+
+
+def _by_block(values: Array) -> Array:
+    """(n, blocks), of values with or without an axis of blocks."""
+    return values if values.ndim > 1 else values[:, None]

@@ -21,7 +21,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import forward_substitute
-from harness.certify.reference import PRECISIONS, SMALLEST_SCALE, Reference, ReferenceKernel
+from harness.certify.numbers import SMALLEST_SCALE
+from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.states import States
 

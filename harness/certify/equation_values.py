@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from harness.certify.quantity import Between, Certified, QuantityKernel
+from harness.certify.certified import Certified
+from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.equations.calculus import ProgramWriter
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused

@@ -18,6 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.branch import Branch
+from harness.certify.certified import Flags
 from harness.certify.configurations import Configurations
 from harness.certify.enclosure import Encloser, Enclosure, nearest_float64
 from harness.certify.forward_mode import values_and_spread
@@ -32,7 +33,6 @@ from harness.storage import Kept
 # Of data roundoffs of a row: evaluating it in float64 rounds about as often as its inputs are rounded.
 _ROUNDINGS = 16
 _BITS = 192
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 def closed(mechanism: Mechanism, states: States) -> States:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Flags
 from harness.certify.forward_mode import jacobians
 from harness.certify.quantity import QuantityKernel
-from harness.certify.reference import Flags
 from harness.equations.constraint_forces import MULTIPLIERS
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import ROUNDINGS, UNIT_ROUNDOFF, Reference
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import ROUNDINGS, Reference
 from harness.verdict import AGREEMENT
 
 # Least multiple of its standard error that a change has if it is no chance. Rounding errors reach 4 over a few hundred numbers.
@@ -64,7 +65,7 @@ class Projection:
     def of(cls, reference: Reference, residual: Array, columns: Sequence[Array]) -> Projection:
         """Of errors (n, nv), whitened so that the norm of a row is the backward error there, and their derivatives by k numbers."""
         with np.errstate(all="ignore"):
-            noise = 1 + UNIT_ROUNDOFF * reference.instability / reference.roundoff_in_motion
+            noise = 1 + UNIT_ROUNDOFF * reference.instability / reference.roundoff_with_share
             usable = reference.certified & np.isfinite(residual).all(axis=1) & np.isfinite(noise)
             # What the rounding of M alone may do to an answer that is solved with it [data roundoffs].
             shared = ROUNDINGS * reference.high.shape[1] * reference.condition * reference.size / reference.sensitivity

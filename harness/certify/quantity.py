@@ -1,6 +1,5 @@
-"""Certified values of any program's outputs, their data roundoff, and the judgement of an engine's answers by them.
+"""Certified values of any program's outputs in blocks, and their data roundoff.
 
-The outputs come in blocks, vectors whose length says how large an error is; each block is judged by itself, and the worst counts.
 What a program takes from a computation before it, as the accelerations that solve the equations of motion, is a ``Between``: certified
 values with their derivatives by the inputs. The data roundoff of a block is what half an ulp in every input does to it through both
 steps, and what the data roundoff and the rounding of the values between do to it through the second one alone: an engine that takes
@@ -8,8 +7,8 @@ both steps does not make the same errors in both, so that they need not cancel.
 
 Beside it stands the share of the parts: half an ulp of each vector that an algorithm may form of a block and cancel, where a quantity
 says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
-moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``judge_answers`` grants it only to a
-block that would fail without it.
+moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``harness.certify.compare`` grants it only
+to a block that would fail without it.
 
 Sources: those of ``harness.certify.reference``.
 """
@@ -23,15 +22,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.compare import Comparison
+from harness.certify.certified import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 from harness.certify.forward_mode import jacobians, most_at_once, values
 from harness.certify.in_balls import parts_of
-from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.reference import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SMALLEST_SCALE, SOUGHT_RADIUS, Flags
+from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.kernels import BallKernel
-from harness.equations.mechanism_kernel import Indices
 from harness.equations.program import StraightLineProgram
-from harness.verdict import AGREEMENT, Verdict
 
 _PRECISIONS = (128, 256, 512)
 # Numbers of the derivatives that are held at once.
@@ -68,34 +64,6 @@ class Between(Rows):
         """No values at n states, for a program of so many inputs."""
         empty = np.zeros((n, 0))
         return cls(empty, empty, empty, empty, np.zeros((n, 0, inputs)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
-
-
-@dataclass(frozen=True)
-class Certified(Rows):
-    """Certified values of n states in blocks of one size.
-
-    Attributes:
-        high, low: (n, blocks, size); the certified midpoint is high + low.
-        radius: (n, blocks) length of the radius.
-        sensitivity: (n, blocks) how far a block moves when each input, and each value between, moves by the whole of itself; the data
-            roundoff is UNIT_ROUNDOFF times it.
-        sizes: (n, blocks) how large the parts are that an algorithm may form and cancel; 0 where the quantity names none.
-        norm_factor: (n, size, size) R, where the length of a block x is |R x|.
-        certified: (n,) whether every radius is below ``CERTIFIED_RADIUS`` of sensitivity and size, and their sum is known.
-        bits: (n,) precision that was needed.
-    """
-
-    high: Array
-    low: Array
-    radius: Array
-    sensitivity: Array
-    sizes: Array
-    norm_factor: Array
-    certified: Flags
-    bits: Indices
-
-    def __len__(self) -> int:
-        return len(self.high)
 
 
 class QuantityKernel:
@@ -146,13 +114,13 @@ class QuantityKernel:
             for index in pending.tolist():
                 high[index], low[index], radii[index] = self._in_balls(inputs[index], between[[index]], precision)
             bits[pending] = precision
-            radius[pending] = _lengths(np.abs(norm_factor[pending]), radii[pending])
+            radius[pending] = np.linalg.norm(radii[pending] @ np.abs(norm_factor[pending]).transpose(0, 2, 1), axis=2)
             pending = pending[~(radius[pending] <= SOUGHT_RADIUS * largest[pending]).all(axis=1)]
             # More bits do not shrink the balls of the values between.
             if not len(pending) or not (between.radius[pending] == 0).all():
                 break
         certified = (known & (radius <= CERTIFIED_RADIUS * largest)).all(axis=1) & between.certified
-        return Certified(high, low, radius, sensitivity, sizes, norm_factor, certified, bits)
+        return Certified(high, low, radius, norm_factor, sensitivity, sizes, np.zeros(len(inputs)), certified, bits)
 
     def _in_balls(self, inputs: Array, between: Between, precision: int) -> tuple[Array, Array, Array]:
         """High, low and radius, (blocks, size) each, at one state."""
@@ -194,76 +162,3 @@ class QuantityKernel:
             return shared
         sizes: Array = np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
         return shared + sizes
-
-
-def judge_answers(certified: Certified, answers: Array) -> Comparison:
-    """Judge ``answers``, (n, blocks, size), against the certified values of the same states."""
-    if answers.shape != certified.high.shape:
-        raise ValueError(f"answers have shape {answers.shape}; the certified values have {certified.high.shape}")
-    with np.errstate(all="ignore"):
-        errors, granted = _in_roundoffs(certified, answers)
-        worst = errors.argmax(axis=1)[:, None]
-        size, error = (
-            np.take_along_axis(_lengths(certified.norm_factor, values), worst, axis=1)[:, 0]
-            for values in (certified.high, errors_of(certified, answers))
-        )
-        relative = np.where(size >= np.finfo(np.float64).tiny, error / size, np.nan)
-    backward = errors.max(axis=1)
-    finite = np.isfinite(answers).all(axis=(1, 2))
-    verdicts = np.select(
-        [~finite, ~certified.certified, backward <= AGREEMENT],
-        [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
-        Verdict.DISAGREES.value,
-    )
-    judged = finite & certified.certified
-    backward, relative = (np.where(judged, one, np.nan) for one in (backward, relative))
-    return Comparison(backward, relative, granted & finite, verdicts, np.asarray(certified.bits > DOUBLE_DOUBLE))
-
-
-def farthest_block(certified: Certified, answers: Array) -> int:
-    """The block that is farthest off, over all certified states."""
-    errors, _ = _in_roundoffs(certified, answers)
-    return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
-
-
-def errors_in_roundoffs(certified: Certified, answers: Array) -> Array:
-    """Errors of each block, (n, blocks) [data roundoffs], as ``judge_answers`` takes the largest of."""
-    return _in_roundoffs(certified, answers)[0]
-
-
-def errors_of(certified: Certified, answers: Array) -> Array:
-    """Errors of answers, (n, blocks, size)."""
-    return np.asarray((answers - certified.high) - certified.low)
-
-
-def whitened(certified: Certified, differences: Array) -> Array:
-    """Differences of answers, (n, blocks, size), in multiples of the most that a block is held against; 0 where nothing is certified."""
-    with np.errstate(all="ignore"):
-        found = _in_metric(certified.norm_factor, differences) / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, :, None])
-    return np.where(certified.certified[:, None, None] & np.isfinite(found), found, 0.0)
-
-
-def _in_roundoffs(certified: Certified, answers: Array) -> tuple[Array, Flags]:
-    """(n, blocks) errors in data roundoffs, with the share of the parts in the blocks that fail without; the states (n,) that agree so."""
-    with np.errstate(all="ignore"):
-        error = _lengths(certified.norm_factor, errors_of(certified, answers))
-        plain = _ratio(error, UNIT_ROUNDOFF * certified.sensitivity)
-        shared = _ratio(error, UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes))
-    needing = ~(plain <= AGREEMENT) & (shared <= AGREEMENT)
-    errors = np.where(needing, shared, plain)
-    return errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
-
-
-def _in_metric(norm_factor: Array, values: Array) -> Array:
-    """R x for blocks x, (n, blocks, size), and R, (n, size, size)."""
-    return np.asarray(values @ norm_factor.transpose(0, 2, 1))
-
-
-def _lengths(norm_factor: Array, values: Array) -> Array:
-    """(n, blocks) lengths of blocks."""
-    return np.asarray(np.linalg.norm(_in_metric(norm_factor, values), axis=2))
-
-
-def _ratio(error: Array, roundoff: Array) -> Array:
-    """Error in data roundoffs; 0 for no error, where there is no roundoff either."""
-    return np.where(error == 0, 0.0, error / roundoff)

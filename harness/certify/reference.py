@@ -22,11 +22,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
+from harness.arrays import Array
+from harness.certify.certified import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 from harness.certify.encoding import Encoded, encode
 from harness.certify.factorisation import (
     condition_number,
@@ -37,8 +37,7 @@ from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
 from harness.certify.manifold import closes
-from harness.certify.numbers import SMALLEST_SCALE as SMALLEST_SCALE
-from harness.certify.numbers import UNIT_ROUNDOFF as UNIT_ROUNDOFF
+from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reverse_mode import columns_in_balls
 from harness.equations.mechanism import Mechanism
@@ -46,78 +45,37 @@ from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 
-# Bits of the numbers of ``harness.certify.interpreter``, and those that are tried one after the other beyond it.
-DOUBLE_DOUBLE = 106
-PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
-# Of a sensitivity: a backward error is read to three digits.
-MOST_DOUBT = 2.0**-10
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
-# Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
-SOUGHT_RADIUS = 2.0**-80
+PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
 # Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
 _ENOUGH = 2.0**-68
-CERTIFIED_RADIUS = 2.0**-60
 _STATES_AT_ONCE = 2048
 # Of every entry of M that an unstable factorisation may lose.
 ROUNDINGS = 16
 
 
 @dataclass(frozen=True)
-class Reference(Rows):
-    """Certified accelerations of n states, as arrays whose first axis is the state.
+class Reference(Certified):
+    """Certified accelerations, one block whose arrays have no axis of blocks: high and low (n, nv), the other lengths (n,) [sqrt(J)/s].
 
     Attributes:
-        high, low: (n, nv); the certified midpoint is high + low.
-        radius: (n,) energy norm of the radius [sqrt(J)/s].
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
-        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M; the data roundoff is UNIT_ROUNDOFF times it.
-        motion: (n,) sum over rotating coordinates i of 2 T |M^-1 e_i|_M; the share of the motion is UNIT_ROUNDOFF times it.
-        instability: (n,) 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
+        sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating coordinates i of 2 T |M^-1 e_i|_M.
+        instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
         condition: (n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor.
-        certified: (n,) whether radius <= CERTIFIED_RADIUS * sensitivity.
-        bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
 
-    high: Array
-    low: Array
-    radius: Array
-    norm_factor: Array
-    sensitivity: Array
-    motion: Array
-    instability: Array
     condition: Array
-    certified: Flags
-    bits: Indices
 
-    def __len__(self) -> int:
-        return len(self.high)
-
-    @property
-    def in_balls(self) -> Flags:
-        """(n,) whether the state took ball arithmetic."""
-        return np.asarray(self.bits > DOUBLE_DOUBLE)
-
-    @functools.cached_property
-    def size(self) -> Array:
-        """(n,) energy norm of the accelerations [sqrt(J)/s]."""
-        return energy_norm(self.norm_factor, self.high)
-
-    @property
-    def data_roundoff(self) -> Array:
-        """(n,) energy norm [sqrt(J)/s] of what half an ulp in every input does to qdd."""
-        return UNIT_ROUNDOFF * self.sensitivity
+    def lengths(self, vectors: Array) -> Array:
+        """(n,) energy norms of vectors (n, nv)."""
+        return energy_norm(self.norm_factor, vectors)
 
     def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
         """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
         more = unit_roundoff / UNIT_ROUNDOFF
-        return replace(self, sensitivity=more * self.sensitivity, motion=more * self.motion, instability=more * self.instability)
-
-    @property
-    def roundoff_in_motion(self) -> Array:
-        """(n,) data roundoff with the share of the motion [sqrt(J)/s]."""
-        return UNIT_ROUNDOFF * (self.sensitivity + self.motion)
+        return replace(self, sensitivity=more * self.sensitivity, share=more * self.share, instability=more * self.instability)
 
 
 class ReferenceKernel:
@@ -238,7 +196,7 @@ class ChartKernel:
             radius=norms.radius,
             norm_factor=norms.norm_factor,
             sensitivity=found.sensitivity,
-            motion=norms.motion,
+            share=norms.motion,
             instability=norms.instability,
             condition=norms.condition,
             certified=bits > 0,
@@ -270,7 +228,7 @@ class ChartKernel:
             if not len(pending):
                 break
         certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, condition, certified, bits)
+        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, certified, bits, condition)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
         """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""

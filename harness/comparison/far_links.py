@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import ROUNDINGS, UNIT_ROUNDOFF, energy_norm
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import ROUNDINGS, energy_norm
 from harness.comparison.canonical import Node, canonical
 from harness.comparison.truth import Meant
 

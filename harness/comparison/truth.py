@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import Flags, Reference, energy_norm
+from harness.certify.certified import Flags
+from harness.certify.reference import Reference, energy_norm
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
 from harness.comparison.questions import Asked

@@ -93,7 +93,7 @@ class Whitening:
     @cached_property
     def _factor(self) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.reference.norm_factor / self.reference.roundoff_in_motion[:, None, None])
+            return np.asarray(self.reference.norm_factor / self.reference.roundoff_with_share[:, None, None])
 
     def residual(self, accelerations: Array) -> Array:
         """Errors, (n, nv), whose norm in each row is the backward error of that state."""

@@ -11,8 +11,9 @@ import time
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import replace
 
+from harness.certify.certified import Certified
+from harness.certify.compare import compare, farthest_block
 from harness.certify.quantities import Quantity, find_quantities
-from harness.certify.quantity import Certified, farthest_block, judge_answers
 from harness.crosscheck.expected import Expectations, load_expectations
 from harness.crosscheck.progress import Pair, Pairs, System, answering
 from harness.crosscheck.quantity_explanation import explain_difference
@@ -133,7 +134,7 @@ def _ask(quantity: Quantity, system: str, assignment: Assignment, states: States
     started = time.perf_counter()
     found = truth.answers(model, states)
     spent = (time.perf_counter() - started) / len(states)
-    comparison = judge_answers(certified, found)
+    comparison = compare(certified, found)
     if not (comparison.verdicts == Verdict.DISAGREES.value).any():
         remark = ""
     elif quantity.describe is None:

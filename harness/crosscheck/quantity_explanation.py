@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import compare
 from harness.certify.quantities import Truth, find_quantities
-from harness.certify.quantity import Certified, errors_of, judge_answers, whitened
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, numeric_candidates
 from harness.crosscheck.quantity_truth import declared_model, truth_of
 from harness.crosscheck.tasks import Assignment, Note
@@ -109,7 +110,7 @@ class _Search:
             slope = derivative(self._answers, candidate.text, candidate.start, DIFFERENCE * candidate.scale)
             if slope is None:
                 continue
-            column = whitened(self._certified, slope)
+            column = self._certified.whitened(slope)
             if np.linalg.norm(column) > 0:
                 yield _Fit(candidate, column)
 
@@ -133,8 +134,8 @@ class _Search:
 
     def _agrees(self, text: str) -> bool:
         answers = self._answers(text)
-        return answers is not None and Verdict.DISAGREES.value not in judge_answers(self._certified, answers).verdicts
+        return answers is not None and Verdict.DISAGREES.value not in compare(self._certified, answers).verdicts
 
     def _residual(self, text: str) -> Array | None:
         answers = self._answers(text)
-        return None if answers is None else whitened(self._certified, errors_of(self._certified, answers))
+        return None if answers is None else self._certified.whitened(self._certified.errors(answers))

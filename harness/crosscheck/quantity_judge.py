@@ -6,8 +6,8 @@ import json
 from dataclasses import dataclass
 
 from harness.arrays import Array
+from harness.certify.compare import compare
 from harness.certify.quantities import Truth, find_quantities
-from harness.certify.quantity import judge_answers
 from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.tasks import Assignment, Judge, Note, load_audited, unloaded_judge_of
@@ -59,7 +59,7 @@ def refuse_robots(library: Library, quantities: str) -> None:
 @unloaded_judge_of.register
 def _judge(assignment: QuantityAssignment) -> Judge:
     truth = assignment.truth
-    return Judge(truth.key, truth.evaluate, lambda certified, states: judge_answers(certified, assignment.answers(states)))
+    return Judge(truth.key, truth.evaluate, lambda certified, states: compare(certified, assignment.answers(states)))
 
 
 @ask_one_by_one.register

@@ -19,7 +19,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
-from harness.certify.reference import UNIT_ROUNDOFF, Reference
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference
 from harness.crosscheck.gaps import compare_with_gaps, gaps_of, remark_on
 from harness.crosscheck.repeatability import precision_of, require_repeatable
 from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import ReferenceKernel
 from harness.engines import ConstraintLaw
 from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import Constraints

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantity import errors_in_roundoffs
-from harness.certify.reference import Flags
+from harness.certify.certified import Flags
+from harness.certify.compare import errors_in_roundoffs
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.quantity_explanation import explain_difference
 from harness.crosscheck.quantity_judge import QuantityAssignment

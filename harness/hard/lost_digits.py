@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantity import farthest_block, judge_answers
+from harness.certify.compare import compare, farthest_block
 from harness.certify.reference import Reference
 from harness.crosscheck import tasks
 from harness.crosscheck.quantity_judge import QuantityAssignment
@@ -113,7 +113,7 @@ def _farthest(assignment: QuantityAssignment, state: States) -> Loss:
     """Of another quantity: the block that is farthest off."""
     truth = assignment.truth
     certified, answers = truth.evaluate(state), assignment.answers(state)
-    error = float(judge_answers(certified, answers).backward_error[0])
+    error = float(compare(certified, answers).backward_error[0])
     if not math.isfinite(error):
         return Loss(NONE, "the answer is not finite" if certified.certified.all() else "the truth is not certified")
     block = truth.blocks[farthest_block(certified, answers)]

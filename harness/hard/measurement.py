@@ -19,10 +19,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import CERTIFIED_RADIUS
 from harness.certify.compare import Comparison, compare
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
-from harness.certify.reference import CERTIFIED_RADIUS, PRECISIONS, UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
 from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.truth import reference_kernel

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.equations.mechanism import Mechanism

@@ -10,8 +10,8 @@ import json
 import time
 from dataclasses import replace
 
+from harness.certify.compare import compare, farthest_block
 from harness.certify.quantities import find_quantities
-from harness.certify.quantity import farthest_block, judge_answers
 from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.tasks import Assignment, Note
 from harness.engines import NotOffered, Subject, Unsupported, load_engine
@@ -76,7 +76,7 @@ def _point_of(case: HardCase, value: float, place: int, subject: Subject, quanti
         raise
     except Exception as error:
         return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}")
-    found = judged_point(about, states, judge_answers(certified, answers))
+    found = judged_point(about, states, compare(certified, answers))
     if found.verdict != Verdict.DISAGREES:
         return found
     remark = f"farthest off is the {truth.blocks[farthest_block(certified, answers)]}"

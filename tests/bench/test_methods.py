@@ -18,7 +18,8 @@ from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.robot_growth import robot_growth
 from harness.certify.compare import compare
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported

@@ -13,7 +13,8 @@ from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.compare import LEAST_DIGITS, Comparison, compare
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel, energy_norm
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import generic_sample
 from harness.engines import linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
@@ -36,7 +37,7 @@ def made_up(high: Any, sensitivity: float = 1.0, instability: float = 1e6, certi
         radius=np.zeros(n),
         norm_factor=np.broadcast_to(np.eye(nv), (n, nv, nv)).copy(),
         sensitivity=np.full(n, sensitivity),
-        motion=np.zeros(n),
+        share=np.zeros(n),
         instability=np.full(n, instability),
         condition=np.ones(n),
         certified=np.full(n, certified),
@@ -231,14 +232,14 @@ def test_the_share_of_the_motion_is_granted_to_what_fails_without_it_alone() -> 
     states = generic_sample(mechanism, 64, 3)
     reference = ReferenceKernel(mechanism).evaluate(states)
     direction = np.ones_like(reference.high) / energy_norm(reference.norm_factor, np.ones_like(reference.high))[:, None]
-    for size, granted in ((0.9 * AGREEMENT * reference.data_roundoff, False), (0.9 * AGREEMENT * reference.roundoff_in_motion, True)):
+    for size, granted in ((0.9 * AGREEMENT * reference.data_roundoff, False), (0.9 * AGREEMENT * reference.roundoff_with_share, True)):
         comparison = compare(reference, reference.high + (direction * size[:, None] + reference.low))
         assert set(comparison.verdicts.tolist()) == {"agrees"}
-        needed = granted & (0.8 * reference.motion > 0.2 * reference.sensitivity)
+        needed = granted & (0.8 * reference.share > 0.2 * reference.sensitivity)
         assert comparison.granted[needed].all() and not (comparison.granted.any() and not granted)
-    beyond = compare(reference, reference.high + direction * (1.2 * AGREEMENT * reference.roundoff_in_motion)[:, None])
+    beyond = compare(reference, reference.high + direction * (1.2 * AGREEMENT * reference.roundoff_with_share)[:, None])
     assert not beyond.granted.any()
-    assert beyond.backward_error == pytest.approx(1.2 * AGREEMENT * reference.roundoff_in_motion / reference.data_roundoff, rel=0.05)
+    assert beyond.backward_error == pytest.approx(1.2 * AGREEMENT * reference.roundoff_with_share / reference.data_roundoff, rel=0.05)
 
 
 def straight_pendulum() -> System:

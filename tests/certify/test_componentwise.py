@@ -12,7 +12,8 @@ from catalogue import BUILT_IN
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.componentwise import componentwise_error, least_squares_bound, smallest_bound
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.engines import accelerations, load_engine
 from harness.equations.derivation import load_mechanism

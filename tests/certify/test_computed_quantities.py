@@ -9,10 +9,12 @@ import pytest
 from catalogue import BUILT_IN, MODELLED, PLAIN, TREES
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import compare, farthest_block
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Quantity, Question, find_quantities, generalised_forces, motion
 from harness.certify.quantities._file_truth import FileTruth
-from harness.certify.quantity import Certified, errors_of, farthest_block, judge_answers
-from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.tasks import Assignment, load_audited
@@ -39,9 +41,9 @@ def truth(name: str, quantity: str) -> FileTruth:
 
 def in_roundoffs(certified: Certified, answers: Array) -> Array:
     """Errors of each block, (n, blocks), with the share of its parts; 0 for none."""
-    errors = np.linalg.norm(errors_of(certified, answers), axis=2)
+    errors = np.linalg.norm(certified.errors(answers), axis=2)
     with np.errstate(all="ignore"):
-        return np.where(errors == 0, 0.0, errors / (UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)))
+        return np.where(errors == 0, 0.0, errors / (UNIT_ROUNDOFF * (certified.sensitivity + certified.share)))
 
 
 @pytest.mark.costly
@@ -60,7 +62,7 @@ def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None
             except NotOffered:
                 assert quantity in ("inverse_dynamics", "power") and modelled_name not in TREES
                 continue
-            comparison = judge_answers(own.evaluate(states), own.answers(model, states))
+            comparison = compare(own.evaluate(states), own.answers(model, states))
             assert set(comparison.verdicts.tolist()) == {"agrees"}, (quantity, engine, comparison.backward_error.max())
 
 
@@ -189,9 +191,9 @@ def test_a_mistake_of_an_engine_is_seen_and_its_block_named(quantity: str, metho
     assignment = Assignment.of(BUILT_IN, "arm_2r", Subject("pinocchio", "urdf"))
     states, model, own = generic_sample(assignment.mechanism, STATES, SEED), load_audited(assignment), truth("arm_2r", quantity)
     certified, answers = own.evaluate(states), own.answers(model, states)
-    assert set(judge_answers(certified, answers).verdicts.tolist()) == {"agrees"}
+    assert set(compare(certified, answers).verdicts.tolist()) == {"agrees"}
     wrong = own.answers(Spoiled(model, method, spoil), states)  # type: ignore[arg-type]
-    assert (judge_answers(certified, wrong).verdicts == "disagrees").mean() >= 0.75
+    assert (compare(certified, wrong).verdicts == "disagrees").mean() >= 0.75
     assert own.blocks[farthest_block(certified, wrong)] == block
 
 

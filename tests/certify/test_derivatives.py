@@ -11,10 +11,11 @@ import pytest
 from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import compare
 from harness.certify.quantities import find_quantities
 from harness.certify.quantities._derivative_mistakes import rotations
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics
-from harness.certify.quantity import Certified, judge_answers
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import EQUATIONS, InvalidAnswer, Model, NotOffered, Subject, Unsupported, load_model
@@ -119,7 +120,7 @@ def test_derivatives_are_the_limit_of_differences(name: str, in_body: bool, dyna
             slopes = [(more - less) / (2 * flint.arb(STEP)) for more, less in zip(*sides, strict=True)]
             highs, lows = certified.high[0, block].tolist(), certified.low[0, block].tolist()
             errors = [float(abs(slope - high - low)) for slope, high, low in zip(slopes, highs, lows, strict=True)]
-            assert max(errors) <= 2.0**-90 * (certified.sensitivity + certified.sizes)[0, block], truth.blocks[block]
+            assert max(errors) <= 2.0**-90 * (certified.sensitivity + certified.share)[0, block], truth.blocks[block]
 
 
 def test_data_roundoff_is_that_of_the_second_derivatives() -> None:
@@ -166,7 +167,7 @@ def test_engines_agree_or_are_expected_not_to(modelled_name: str, dynamics: Dyna
             truths[in_body] = truth, truth.evaluate(states)
         truth, certified = truths[in_body]
         try:
-            found = judge_answers(certified, truth.answers(loaded(modelled_name, subject), states))
+            found = compare(certified, truth.answers(loaded(modelled_name, subject), states))
         except Unsupported:
             assert subject.format == "mjcf"
             continue
@@ -260,9 +261,9 @@ def test_a_mistake_is_seen_and_named(name: str, mistake: str, said: str, dynamic
     truth, mechanism = truth_of(name, dynamics), load_mechanism(BUILT_IN, name)
     states, nv = generic_sample(mechanism, 6, SEED), mechanism.nv
     certified, answers = truth.evaluate(states), truth.answers(loaded(name, Subject("lagrange", EQUATIONS)), states)
-    assert set(judge_answers(certified, answers).verdicts.tolist()) == {"agrees"}
+    assert set(compare(certified, answers).verdicts.tolist()) == {"agrees"}
     wrong = planted(mistake, truth, states, answers.reshape(-1, 3, nv, nv)).reshape(answers.shape)
-    assert set(judge_answers(certified, wrong).verdicts.tolist()) == {"disagrees"}
+    assert set(compare(certified, wrong).verdicts.tolist()) == {"disagrees"}
     describe = find_quantities()[dynamics.method].describe
     assert describe is not None
     assert said.format(dynamics.result) in describe(truth, states, certified, wrong)

@@ -9,9 +9,10 @@ import pytest
 from catalogue import BUILT_IN, STATES
 
 from harness.arrays import Array
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.one_number import Direction, Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.perturbation import Whitening
 from harness.equations.derivation import load_mechanism
@@ -28,7 +29,7 @@ def reference_with(instability: Array) -> Reference:
         radius=np.zeros(N),
         norm_factor=np.eye(NV) * (1 + 1e-9 * np.arange(N)[:, None, None]),
         sensitivity=np.full(N, 1 / UNIT_ROUNDOFF),
-        motion=np.zeros(N),
+        share=np.zeros(N),
         instability=instability / UNIT_ROUNDOFF,
         condition=np.ones(N),
         certified=np.ones(N, dtype=bool),

@@ -10,10 +10,12 @@ import pytest
 from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import compare
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Question, find_quantities
 from harness.certify.quantities.reactions import ReactionTruth
-from harness.certify.quantity import Between, Certified, QuantityKernel, judge_answers
-from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.sampling import generic_sample, sample
 from harness.engines import InvalidAnswer, Model, NotOffered, answer_of, load_engine
 from harness.equations.derivation import load_mechanism
@@ -73,25 +75,25 @@ def test_data_roundoff_goes_through_the_values_between() -> None:
 def test_what_is_not_certified_before_is_not_certified_after() -> None:
     coarse, fine = (product(2.0, 5.0, radius=radius, sizes=SIZES) for radius in (1e-10, 1e-25))
     assert (coarse.certified.all(), fine.certified.all()) == (False, True)
-    assert judge_answers(coarse, coarse.high).verdicts.tolist() == ["undecided"]
+    assert compare(coarse, coarse.high).verdicts.tolist() == ["undecided"]
 
 
 def test_an_error_is_counted_in_data_roundoffs_of_the_worst_block() -> None:
     found = product(2.0, 5.0, slope=0.25)
     answers = found.high.copy()
     answers[0, 0, 0] += 40 * UNIT_ROUNDOFF * found.sensitivity[0, 0]
-    assert judge_answers(found, answers).backward_error[0] == pytest.approx(40, rel=0.2)
+    assert compare(found, answers).backward_error[0] == pytest.approx(40, rel=0.2)
     answers[0, 0, 0] += 40 * UNIT_ROUNDOFF * found.sensitivity[0, 0]
-    assert judge_answers(found, answers).verdicts.tolist() == ["disagrees"]
-    assert judge_answers(found, np.full_like(answers, np.nan)).verdicts.tolist() == ["error"]
+    assert compare(found, answers).verdicts.tolist() == ["disagrees"]
+    assert compare(found, np.full_like(answers, np.nan)).verdicts.tolist() == ["error"]
 
 
 def test_what_cancels_is_granted_where_its_size_is_known_and_never_without() -> None:
     answers = np.array([[[10.0], [1e-15]]])
-    assert judge_answers(product(2.0, 5.0), answers).verdicts.tolist() == ["disagrees"]
-    comparison = judge_answers(product(2.0, 5.0, sizes=SIZES), answers)
+    assert compare(product(2.0, 5.0), answers).verdicts.tolist() == ["disagrees"]
+    comparison = compare(product(2.0, 5.0, sizes=SIZES), answers)
     assert comparison.verdicts.tolist() == ["agrees"] and comparison.granted.all()
-    assert judge_answers(product(2.0, 5.0, sizes=SIZES), answers * 1.0001).verdicts.tolist() == ["disagrees"]
+    assert compare(product(2.0, 5.0, sizes=SIZES), answers * 1.0001).verdicts.tolist() == ["disagrees"]
 
 
 class Differences:
@@ -165,7 +167,7 @@ def test_engines_and_formats_agree_on_what_joints_transmit(modelled_name: str) -
             except Exception as error:
                 assert type(error).__name__ == "Unsupported", error
                 continue
-            comparison = judge_answers(truth.evaluate(states), truth.answers(model, states))
+            comparison = compare(truth.evaluate(states), truth.answers(model, states))
             assert set(comparison.verdicts.tolist()) == {"agrees"}, (engine, model_format, comparison.backward_error.max())
 
 
@@ -199,8 +201,8 @@ def test_a_wrong_convention_disagrees(name: str, mistake: str) -> None:
     certified = truth.evaluate(states)
     for engine in ("mujoco", "pinocchio"):
         model = loaded(name, engine, model_of(name, "mjcf"))
-        assert set(judge_answers(certified, truth.answers(model, states)).verdicts.tolist()) == {"agrees"}
-        spoiled = judge_answers(certified, truth.answers(Spoiled(model, mistake), states))  # type: ignore[arg-type]
+        assert set(compare(certified, truth.answers(model, states)).verdicts.tolist()) == {"agrees"}
+        spoiled = compare(certified, truth.answers(Spoiled(model, mistake), states))  # type: ignore[arg-type]
         assert set(spoiled.verdicts.tolist()) == {"disagrees"}
         assert (spoiled.backward_error > 1e6 * AGREEMENT).all()
 
@@ -235,7 +237,7 @@ def test_what_no_acceleration_feels_is_felt_by_a_reaction(fault: str) -> None:
     truth_of(name, declared=read).evaluate(states)
     truth = truth_of(name, read)
     for engine in ("mujoco", "pinocchio"):
-        found = judge_answers(truth.evaluate(states), truth.answers(loaded(name, engine, read), states))
+        found = compare(truth.evaluate(states), truth.answers(loaded(name, engine, read), states))
         assert set(found.verdicts.tolist()) == {"disagrees"}, found.backward_error
 
 
@@ -254,7 +256,7 @@ def test_mass_on_an_axis_is_felt_where_bodies_are_fixed_to_one_another(near: flo
     for read, verdict in ((declared, "agrees"), (with_masses(near, far), "disagrees")):
         truth = truth_of("bar_pendulum", read, declared)
         for engine in ("mujoco", "pinocchio"):
-            found = judge_answers(truth.evaluate(states), truth.answers(loaded("bar_pendulum", engine, read), states))
+            found = compare(truth.evaluate(states), truth.answers(loaded("bar_pendulum", engine, read), states))
             assert set(found.verdicts.tolist()) == {verdict}, engine
 
 
@@ -265,8 +267,8 @@ def test_points_elsewhere_on_an_axis_are_no_difference() -> None:
     states = generic_sample(load_mechanism(BUILT_IN, "arm_2r"), 20, SEED)
     for engine in ("mujoco", "pinocchio"):
         answers = truth_of("arm_2r", read).answers(loaded("arm_2r", engine, read), states)
-        assert set(judge_answers(truth_of("arm_2r", read).evaluate(states), answers).verdicts.tolist()) == {"agrees"}
-        assert set(judge_answers(truth_of("arm_2r").evaluate(states), answers).verdicts.tolist()) == {"disagrees"}
+        assert set(compare(truth_of("arm_2r", read).evaluate(states), answers).verdicts.tolist()) == {"agrees"}
+        assert set(compare(truth_of("arm_2r").evaluate(states), answers).verdicts.tolist()) == {"disagrees"}
 
 
 def test_numbers_that_do_not_move_as_the_energies_say_are_no_truth() -> None:

@@ -12,9 +12,9 @@ from catalogue import BUILT_IN, MODELLED, is_tied
 from support import make_library
 
 from harness.arrays import Array
+from harness.certify.compare import compare
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Truth, find_quantities
-from harness.certify.quantity import judge_answers
-from harness.certify.reference import UNIT_ROUNDOFF
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.quantity_truth import truth_of
 from harness.crosscheck.tasks import Assignment
@@ -45,7 +45,7 @@ def asked(name: str, subject: Subject, text: str = "") -> tuple[Truth, Model]:
 def verdicts_of(name: str, subject: Subject, states: int = STATES) -> set[str]:
     truth, model = asked(name, subject)
     drawn = sample(load_mechanism(BUILT_IN, name), states, SEED)
-    return set(judge_answers(truth.evaluate(drawn), truth.answers(model, drawn)).verdicts.tolist())
+    return set(compare(truth.evaluate(drawn), truth.answers(model, drawn)).verdicts.tolist())
 
 
 @pytest.mark.parametrize("name", ["four_bar", "cycloid_bead"])
@@ -70,7 +70,7 @@ def test_certified_reactions_are_those_of_bodies_kept_free(name: str) -> None:
                         found[kind][first : first + 3], certified.high[row, block], certified.low[row, block], strict=True
                     )
                 ]
-                allowed = 1e-6 * UNIT_ROUNDOFF * (certified.sensitivity[row, block] + certified.sizes[row, block])
+                allowed = 1e-6 * UNIT_ROUNDOFF * (certified.sensitivity[row, block] + certified.share[row, block])
                 assert np.linalg.norm(left) <= allowed, (kind, joint)
 
 
@@ -101,7 +101,7 @@ def test_mujocos_solver_balances_a_loop_of_light_bodies() -> None:
     truth, model = asked("andrews_squeezer", Subject("mujoco", "mjcf"))
     # At the 500 sampled states there are two that show it.
     states = sample(load_mechanism(BUILT_IN, "andrews_squeezer"), 500, 0)
-    assert judge_answers(truth.evaluate(states), truth.answers(model, states)).backward_error.max() < AGREEMENT
+    assert compare(truth.evaluate(states), truth.answers(model, states)).backward_error.max() < AGREEMENT
 
 
 class WithoutLoops:
@@ -127,10 +127,10 @@ def test_a_constraint_force_that_is_left_out_disagrees_and_so_does_a_rigid_answe
     truth, model = asked("four_bar", Subject("pinocchio", "urdf"))
     states = generic_sample(load_mechanism(BUILT_IN, "four_bar"), STATES, SEED)
     certified = truth.evaluate(states)
-    spoiled = judge_answers(certified, truth.answers(WithoutLoops(model), states))  # type: ignore[arg-type]
+    spoiled = compare(certified, truth.answers(WithoutLoops(model), states))  # type: ignore[arg-type]
     assert set(spoiled.verdicts.tolist()) == {"disagrees"}
     soft, _ = asked("four_bar", Subject("mujoco", "urdf"))
-    rigid = judge_answers(soft.evaluate(states), truth.answers(model, states))
+    rigid = compare(soft.evaluate(states), truth.answers(model, states))
     assert set(rigid.verdicts.tolist()) == {"disagrees"} and (rigid.backward_error > 1e9).all()
 
 
@@ -144,7 +144,7 @@ def test_a_fault_of_the_tenth_digit_in_a_loop_disagrees(subject: Subject, old: s
     assert text.count(old) == 1
     truth, model = asked("four_bar", subject, text.replace(old, new))
     states = generic_sample(load_mechanism(BUILT_IN, "four_bar"), STATES, SEED)
-    found = judge_answers(truth.evaluate(states), truth.answers(model, states))
+    found = compare(truth.evaluate(states), truth.answers(model, states))
     assert "disagrees" in found.verdicts.tolist()
 
 

@@ -15,15 +15,9 @@ import sympy as sp
 from catalogue import IN_CI
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.reference import (
-    CERTIFIED_RADIUS,
-    PRECISIONS,
-    SMALLEST_SCALE,
-    UNIT_ROUNDOFF,
-    Reference,
-    ReferenceKernel,
-    energy_norm,
-)
+from harness.certify.certified import CERTIFIED_RADIUS
+from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import generic_sample
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -137,7 +131,7 @@ def test_data_roundoff_is_what_half_an_ulp_in_every_input_does(plain_mechanism: 
     for index in range(len(states)):
         sensitivity, motion = exact_sensitivity(plain_exact, flat(plain_exact, states, index))
         assert float(sensitivity) == pytest.approx(reference.sensitivity[index], rel=1e-6)
-        assert float(motion) == pytest.approx(reference.motion[index], rel=1e-6)
+        assert float(motion) == pytest.approx(reference.share[index], rel=1e-6)
         assert reference.data_roundoff[index] == 2.0**-53 * reference.sensitivity[index]
 
 

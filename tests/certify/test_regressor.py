@@ -7,8 +7,8 @@ import pytest
 from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
+from harness.certify.compare import compare
 from harness.certify.quantities import Question, Truth, find_quantities
-from harness.certify.quantity import judge_answers
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_model
@@ -43,7 +43,7 @@ def test_pinocchio_agrees_with_both_files(modelled_name: str) -> None:
             continue
         certified = truth.evaluate(states)
         assert certified.certified.all()
-        found = judge_answers(certified, truth.answers(model, states))
+        found = compare(certified, truth.answers(model, states))
         assert expected is not None or set(found.verdicts.tolist()) == {"agrees"}, found.backward_error.max()
 
 
@@ -83,8 +83,8 @@ def test_a_mistake_is_seen(mistake: str) -> None:
             return np.ascontiguousarray(MISTAKES[mistake](loaded.regressor(q, v, qdd)))  # type: ignore[attr-defined]
 
     certified = truth.evaluate(states)
-    assert set(judge_answers(certified, truth.answers(loaded, states)).verdicts.tolist()) == {"agrees"}
-    assert set(judge_answers(certified, truth.answers(Spoiled(), states)).verdicts.tolist()) == {"disagrees"}  # type: ignore[arg-type]
+    assert set(compare(certified, truth.answers(loaded, states)).verdicts.tolist()) == {"agrees"}
+    assert set(compare(certified, truth.answers(Spoiled(), states)).verdicts.tolist()) == {"disagrees"}  # type: ignore[arg-type]
 
 
 def test_loops_have_none() -> None:

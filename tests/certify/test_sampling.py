@@ -105,7 +105,7 @@ def test_states_that_are_not_generic_show_an_error_of_gravity_at_the_first_joint
         mistake = np.zeros_like(states.tau)
         mistake[:, 0] = 1e-9 * terms["gravity"][:, 0]
         moved = np.linalg.solve(terms["mass"], mistake[:, :, None])[:, :, 0]
-        return float((energy_norm(reference.norm_factor, moved) / reference.roundoff_in_motion).max())
+        return float((energy_norm(reference.norm_factor, moved) / reference.roundoff_with_share).max())
 
     assert shown(sample(mechanism, 64, 0)) > 3 * shown(generic_sample(mechanism, 64, 0))
 

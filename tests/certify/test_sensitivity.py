@@ -13,9 +13,11 @@ from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.arrays import Array
+from harness.certify.certified import DOUBLE_DOUBLE
 from harness.certify.encoding import encode
 from harness.certify.interpreter import derivatives
-from harness.certify.reference import DOUBLE_DOUBLE, PRECISIONS, SMALLEST_SCALE, ReferenceKernel
+from harness.certify.numbers import SMALLEST_SCALE
+from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism

@@ -13,10 +13,10 @@ from catalogue import BUILT_IN, TREES
 from lxml import etree
 
 from harness.arrays import Array
+from harness.certify.compare import compare, farthest_block
 from harness.certify.quantities import Question
 from harness.certify.quantities._step_mistakes import _product, describe
 from harness.certify.quantities.steps import StepTruth
-from harness.certify.quantity import farthest_block, judge_answers
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine, step_rules
@@ -76,7 +76,7 @@ class Setting:
         """Verdicts, the largest backward error, and the block that is farthest off."""
         states = generic_sample(self.mechanism, STATES, SEED) if states is None else states
         certified, answers = self.truth.evaluate(states), self.truth.answers(self.model, states)
-        found = judge_answers(certified, answers)
+        found = compare(certified, answers)
         return set(found.verdicts.tolist()), float(found.backward_error.max()), self.truth.blocks[farthest_block(certified, answers)]
 
 
@@ -96,7 +96,7 @@ def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> Non
     mechanism, file = load_mechanism(BUILT_IN, modelled_name), model_of(modelled_name)
     truth = StepTruth(Question(mechanism, file, file, False, step_rules=step_rules(MUJOCO, file)))
     model, states = MUJOCO.load(file, mechanism.joints, mechanism.gravity), sample(mechanism, STATES, SEED)
-    found = judge_answers(truth.evaluate(states), truth.answers(model, states))
+    found = compare(truth.evaluate(states), truth.answers(model, states))
     known = load_expectations(BUILT_IN, "steps").entries.get((modelled_name, "mujoco/mjcf"))
     assert set(found.verdicts.tolist()) <= {"agrees"} | ({known.verdict} if known else set()), found.backward_error.max()
     assert found.backward_error.max() <= (known.backward_error if known else AGREEMENT)
@@ -224,7 +224,7 @@ def test_a_mistake_in_a_step_disagrees_and_is_named(mistake: str) -> None:
     states = generic_sample(setting.mechanism, STATES, SEED)
     certified = setting.truth.evaluate(states)
     answers = setting.truth.answers(Spoiled(setting.model, mistake), states)  # type: ignore[arg-type]
-    found = judge_answers(certified, answers)
+    found = compare(certified, answers)
     assert set(found.verdicts.tolist()) == {"disagrees"} and found.backward_error.max() > 2 * AGREEMENT
     expected = "; ".join(filter(None, [f"Farthest off are the {what} after a step by {integrator}", sentence]))
     assert describe(setting.truth, states, certified, answers) == expected

@@ -18,7 +18,8 @@ from harness.certify import terms as term_reference
 from harness.certify.encoding import encode
 from harness.certify.forward_mode import jacobians
 from harness.certify.interpreter import derivatives
-from harness.certify.reference import UNIT_ROUNDOFF, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, term_errors
 from harness.crosscheck.tasks import Assignment, reference_kernel_of

@@ -212,7 +212,7 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     own = case("puma_560", "mjcf")
     sound, noise = own.watch().answer, np.random.default_rng(1).uniform(-1, 1, own.reference.high.shape)
     # Half of what the verdict allows an unstable factorisation.
-    allowed = 0.5 * own.reference.instability / (own.reference.sensitivity + own.reference.motion)
+    allowed = 0.5 * own.reference.instability / (own.reference.sensitivity + own.reference.share)
     lost = noise * (allowed / np.linalg.norm(Whitening(own.reference).change(noise), axis=1))[:, None]
     diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, factorises=True)
     assert diagnosis.conclusion == Conclusion.UNSTABLE

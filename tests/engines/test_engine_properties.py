@@ -24,7 +24,8 @@ from catalogue import TREES
 from harness.certify.compare import compare
 from harness.certify.encoding import encode
 from harness.certify.interpreter import derivatives
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.tasks import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine

@@ -17,7 +17,7 @@ import pytest
 from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_derivative_methods
-from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.sampling import random_sample
 from harness.crosscheck.truth import Truth
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff

@@ -19,7 +19,8 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.equations.constraint_forces import MULTIPLIERS
 from harness.equations.constraints import JACOBIAN

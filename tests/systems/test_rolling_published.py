@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from harness.certify.manifold import closed, closes
-from harness.certify.reference import UNIT_ROUNDOFF, Reference, ReferenceKernel, energy_norm
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.equations.constraint_forces import by_reduction, constrained_program
 from harness.equations.derivation import load_mechanism

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from harness.arrays import Array
-from harness.certify.quantity import Certified
+from harness.certify.certified import Certified
 from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States

@@ -13,7 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantity import Certified, errors_of, farthest_block, judge_answers
+from harness.certify.certified import Certified
+from harness.certify.compare import compare, farthest_block
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import Verdict
@@ -50,7 +51,7 @@ def describe(truth: Truth, states: States, certified: Certified, answers: Array)
     """The column and the row that are farthest off, and the mistake that explains all that disagrees, where one does."""
     block = farthest_block(certified, answers)
     # Each component at the length that it has alone.
-    errors = np.abs(errors_of(certified, answers)[:, block]) * np.linalg.norm(certified.norm_factor, axis=1)
+    errors = np.abs(certified.errors(answers)[:, block]) * np.linalg.norm(certified.norm_factor, axis=1)
     row = int(np.nan_to_num(errors[certified.certified]).max(axis=0).argmax())
     said = f"Farthest off is the {truth.blocks[block]}, in the row of {truth.rows[row]}"
     mistake = recognised(truth, states, certified, answers)
@@ -63,7 +64,7 @@ def recognised(truth: Truth, states: States, certified: Certified, answers: Arra
     matrices = answers.reshape(len(answers), 3, nv, nv)
     for mistake in MISTAKES:
         for name, undone in mistake.undone(truth, states, matrices):
-            verdicts = judge_answers(certified, undone.reshape(answers.shape)).verdicts[certified.certified]
+            verdicts = compare(certified, undone.reshape(answers.shape)).verdicts[certified.certified]
             if (verdicts == Verdict.AGREES.value).all():
                 return name
     return ""

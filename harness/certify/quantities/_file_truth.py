@@ -13,8 +13,9 @@ from typing import TypeVar
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
 from harness.certify.quantities import Question
-from harness.certify.quantity import Certified, QuantityKernel
+from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
 from harness.engines import Model

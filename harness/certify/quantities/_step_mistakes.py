@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantity import Certified, farthest_block
-from harness.certify.reference import UNIT_ROUNDOFF
+from harness.certify.certified import Certified
+from harness.certify.compare import farthest_block
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.equations.states import States
 from harness.models.step_rule import Part, StepRule
 from harness.verdict import AGREEMENT
@@ -31,7 +32,7 @@ def describe(truth: StepTruth, states: States, certified: Certified, answers: Ar
     block = farthest_block(certified, answers)
     number = block // 2
     rule, own = truth.rules[number], slice(2 * number, 2 * number + 2)
-    allowed = AGREEMENT * UNIT_ROUNDOFF * (certified.sensitivity + certified.sizes)[:, own]
+    allowed = AGREEMENT * UNIT_ROUNDOFF * (certified.sensitivity + certified.share)[:, own]
 
     def explains(expected: Array, found: Array) -> bool:
         lengths = np.linalg.norm((found - expected) @ certified.norm_factor.transpose(0, 2, 1), axis=2)

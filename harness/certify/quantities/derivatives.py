@@ -20,10 +20,11 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
 from harness.certify.forward_mode import values
 from harness.certify.quantities import Quantity, Question
 from harness.certify.quantities._derivative_mistakes import describe
-from harness.certify.quantity import Certified, QuantityKernel
+from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.dynamics_derivatives import (

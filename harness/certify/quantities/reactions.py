@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
 from harness.certify.multipliers import MultiplierKernel
 from harness.certify.quantities import Quantity, Question
 from harness.certify.quantities._declared_file import hold_against_energies
-from harness.certify.quantity import Between, Certified, QuantityKernel
+from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample

@@ -18,12 +18,13 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified, Flags
 from harness.certify.forward_mode import values
 from harness.certify.quantities import Quantity, Question
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantities._step_mistakes import describe
-from harness.certify.quantity import Certified, QuantityKernel
-from harness.certify.reference import Flags, Reference, ReferenceKernel
+from harness.certify.quantity import QuantityKernel
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.states import States
@@ -79,7 +80,7 @@ class StepTruth:
         norm_factor = np.concatenate([reference.norm_factor, reference.norm_factor @ tangents], axis=2)
         certified = self._kernel.evaluate(inputs, norm_factor=norm_factor)
         known = certified.certified & reference.certified & self._turn_little(states, after)
-        return replace(certified, sizes=self._share_of_the_motion(states, reference), certified=known)
+        return replace(certified, share=self._share_of_the_motion(states, reference), certified=known)
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""

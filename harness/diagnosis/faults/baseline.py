@@ -96,7 +96,7 @@ class Baseline:
             return math.inf
         reference = self.reference[self.sound]
         with np.errstate(all="ignore"):
-            sizes = AGREEMENT * reference.roundoff_in_motion / energy_norm(reference.norm_factor, slope[self.sound])
+            sizes = AGREEMENT * reference.roundoff_with_share / energy_norm(reference.norm_factor, slope[self.sound])
         return float(np.nanmin(sizes))
 
 
