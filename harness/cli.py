@@ -15,8 +15,8 @@ from typing import Any
 import click
 
 from harness import commands
-from harness.commands._options import INTERRUPTED, report_own_fault
-from harness.commands._surroundings import surroundings
+from harness.commands.frame.options import INTERRUPTED, report_own_fault
+from harness.commands.frame.surroundings import surroundings
 from harness.registry import module_names
 from harness.version import __version__
 

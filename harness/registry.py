@@ -16,9 +16,9 @@ Declared = TypeVar("Declared")
 
 
 def module_names(package: str) -> list[str]:
-    """Names of a package's modules, sorted, without those that begin with an underscore, which hold what several share."""
+    """Names of a package's modules, sorted, without its packages, and modules that begin with an underscore, which several share."""
     found = pkgutil.iter_modules(importlib.import_module(package).__path__)
-    return sorted(module.name for module in found if not module.name.startswith("_"))
+    return sorted(module.name for module in found if not (module.ispkg or module.name.startswith("_")))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from harness.certify.compare import Comparison
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
-    from harness.results.comparison import Comparison as RobotsCompared
+    from harness.results.comparison import FilesComparison
     from harness.results.cross_check import Cause
     from harness.workers import Workers
 
@@ -150,10 +150,10 @@ def compare(
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 300.0,
-) -> RobotsCompared: ...
+) -> FilesComparison: ...
 
 
-def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | RobotsCompared:
+def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | FilesComparison:
     """Compare a robot's files and engines on them, or hold anybody's accelerations of a mechanism against the truth.
 
     With paths alone, as ``compare("robot.urdf", "robot.xml")``, it is what ``harness compare`` does: files, subjects with the readings
@@ -173,7 +173,7 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | Robo
 
 def _compare_robots(
     paths: Sequence[Path], *, renamed: Mapping[str, str] | None = None, workers: int | None = None, time_limit: float = 300.0, **chosen: Any
-) -> RobotsCompared:
+) -> FilesComparison:
     from harness.comparison.study import RobotComparison, Settings
     from harness.study import run_study
     from harness.workers import Workers

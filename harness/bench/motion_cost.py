@@ -28,7 +28,7 @@ from harness.equations.energies import EnergyKernel
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
-from harness.results.benchmark import MotionCost, Order, Truth
+from harness.results.benchmark import MotionCost, MotionTruth, Order
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
 # Of the runs by which an integrator explains itself [s].
@@ -47,7 +47,7 @@ ROUNDINGS_PER_STEP = 64
 WORK_SPLINE_DEGREE = 7
 
 
-class Judge:
+class MotionJudge:
     """The truth of one scene, and the errors of computed motions against it."""
 
     def __init__(self, scene: Scene, horizon: float) -> None:
@@ -82,9 +82,9 @@ class Judge:
         error = float(np.abs(balance).max()) / (self._largest_kinetic or 1.0)
         return error if math.isfinite(error) else None
 
-    def truth(self) -> Truth:
+    def truth(self) -> MotionTruth:
         reference = self.reference
-        return Truth(
+        return MotionTruth(
             system=self.scene.mechanism.name,
             start={"q": reference.path.q[0].tolist(), "v": reference.path.v[0].tolist()},
             horizon=self._horizon,
@@ -110,7 +110,7 @@ def work_along(path: Path, power: Array) -> Array:
 
 def motion_costs(
     scene: Scene, names: Sequence[str], steps: Sequence[float], horizon: float, seconds: float, note: Note
-) -> tuple[Truth, list[MotionCost], list[Order]]:
+) -> tuple[MotionTruth, list[MotionCost], list[Order]]:
     """Truth, work and precision, and orders of convergence of the integrators called ``names``, or of all for none.
 
     ``steps`` [s] for integrators that take one, over ``horizon`` [s] or as far as the truth is trusted; a run that
@@ -119,7 +119,7 @@ def motion_costs(
     """
     name = scene.mechanism.name
     note(f"{name}: truth")
-    judge = Judge(scene, horizon)
+    judge = MotionJudge(scene, horizon)
     costs: list[MotionCost] = []
     orders: list[Order] = []
     for integrator in select_integrators(names, kind_of(scene)):
@@ -136,7 +136,7 @@ def motion_costs(
     return judge.truth(), costs, orders
 
 
-def _sweep(integrator: Integrator, advance: Advance, judge: Judge, steps: Sequence[float], seconds: float) -> list[MotionCost]:
+def _sweep(integrator: Integrator, advance: Advance, judge: MotionJudge, steps: Sequence[float], seconds: float) -> list[MotionCost]:
     found: list[MotionCost] = []
     per_step = 0.0
     for size in TOLERANCES if integrator.adaptive else sorted(steps, reverse=True):
@@ -183,7 +183,7 @@ def _nothing(system: str, integrator: Integrator, size: float | None, reason: st
     return MotionCost(system=system, integrator=integrator.name, step=step, tolerance=tolerance, note=reason)
 
 
-def measured_order(integrator: Integrator, advance: Advance, judge: Judge, sweep: Sequence[MotionCost], seconds: float) -> Order:
+def measured_order(integrator: Integrator, advance: Advance, judge: MotionJudge, sweep: Sequence[MotionCost], seconds: float) -> Order:
     """The order of convergence of an integrator with fixed steps, by halving them from where the error is small."""
     about = Order(system=judge.scene.mechanism.name, integrator=integrator.name, expected=integrator.order, verdict="no asymptotic range")
     small = [cost for cost in sweep if cost.state_error is not None and cost.state_error <= SMALL_ERROR]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import quantities_option, subjects_option
-from harness.commands._terminal import print_sentences, print_titled, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import quantities_option, subjects_option
+from harness.commands.frame.terminal import print_sentences, print_titled, say
 
 
 @click.command("atlas")

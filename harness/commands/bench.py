@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import quantities_option, time_limit_option
-from harness.commands._terminal import print_sentences, print_titled, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import quantities_option, time_limit_option
+from harness.commands.frame.terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,10 +10,10 @@ from typing import Any
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._cross_check import cross_check, finish
-from harness.commands._model_files import refuse_alone
-from harness.commands._options import quantities_option, stand_in_options, states_option, subjects_option
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.cross_check import cross_check, finish
+from harness.commands.frame.model_files import refuse_alone
+from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option
 
 
 @click.command("check")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import subjects_option
-from harness.commands._robots import compare_robots
-from harness.commands._terminal import print_section, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import subjects_option
+from harness.commands.frame.robots import compare_robots
+from harness.commands.frame.terminal import print_section, say
 
 
 @click.command("compare")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._terminal import print_titled, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._cross_check import causes_of
-from harness.commands._options import quantity_option, stand_in_options, states_option, subjects_option
-from harness.commands._robots import find_differing_lines
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.cross_check import causes_of
+from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option
+from harness.commands.frame.robots import find_differing_lines
 from harness.results.records import ACCELERATIONS
 
 
@@ -47,7 +47,7 @@ def command(
       harness diagnose robot.urdf --mjcf robot.xml
     """
     from harness.certify.quantities import require_quantity
-    from harness.commands._terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
+    from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
     from harness.crosscheck.quantities import cross_check_of
     from harness.crosscheck.quantity_judge import refuse_robots
     from harness.crosscheck.settings import Settings

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.terminal import say
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import states_option, subjects_option
-from harness.commands._terminal import print_caught, print_kinds, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import states_option, subjects_option
+from harness.commands.frame.terminal import print_caught, print_kinds, say
 
 if TYPE_CHECKING:
     from harness.diagnosis.faults.summary import Fault

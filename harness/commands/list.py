@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.terminal import say
 from harness.errors import InvalidInput
 from harness.results.table import Table, printable
 

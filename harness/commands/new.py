@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.terminal import say
 
 
 @click.command("new")
@@ -37,7 +37,7 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
       harness new my_arm --dof 2 --engine my_engine --library mine
       harness new --engine my_engine --library mine
     """
-    from harness.commands._scaffold import write_example
+    from harness.commands.frame.scaffold import write_example
 
     if name is None and engine is None:
         raise click.UsageError("name a mechanism to write, or an engine with --engine")

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import STATES_OF_PROFILE, time_limit_option
-from harness.commands._terminal import print_titled, progress, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import STATES_OF_PROFILE, time_limit_option
+from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
     from harness.night.course import Course
-    from harness.night.stage import Choice, Stage
+    from harness.night.stage import NightChoice, Stage
     from harness.results.night_summary import NightSummary
 
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
@@ -87,7 +87,7 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     )
 
 
-def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], asked: dict[str, Any]) -> Choice:
+def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], asked: dict[str, Any]) -> NightChoice:
     """What the night is about.
 
     Raises:
@@ -97,7 +97,7 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
     from harness.crosscheck.description import describe_run
     from harness.night.course import settings_of
     from harness.night.inputs import digests
-    from harness.night.stage import Choice
+    from harness.night.stage import NightChoice
     from harness.night.subjects import subjects_of
     from harness.results.night import NightSettings
 
@@ -110,11 +110,11 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
         inputs=digests(library, asked["survey"]),
         **asked,
     )
-    choice = Choice(library, settings, subjects_of(library, settings.engines), bracket.replay_options)
+    choice = NightChoice(library, settings, subjects_of(library, settings.engines), bracket.replay_options)
     settings = settings_of(choice, stages)
     if not settings.stages:
         raise InvalidRequest("no stage has anything to do: a survey needs --survey FOLDER, a campaign --faults of 1 at least")
-    return Choice(library, settings, choice.subjects, choice.replay_options)
+    return NightChoice(library, settings, choice.subjects, choice.replay_options)
 
 
 def _how_it_goes_on(course: Course) -> str:
@@ -132,7 +132,7 @@ def _complete(bracket: Bracket, course: Course, stage: Stage) -> None:
                 advance(part.label)
 
 
-def _summary(course: Course, stages: Sequence[Stage], choice: Choice) -> NightSummary:
+def _summary(course: Course, stages: Sequence[Stage], choice: NightChoice) -> NightSummary:
     from harness.night.course import cases_of
     from harness.night.trend import changes_of
     from harness.results.night_summary import NightSummary

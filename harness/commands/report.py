@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._cross_check import cross_check, finish
-from harness.commands._options import STATES_OF_PROFILE
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.cross_check import cross_check, finish
+from harness.commands.frame.options import STATES_OF_PROFILE
 
 
 @click.command("report")

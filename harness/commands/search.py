@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import quantity_option, subjects_option
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import quantity_option, subjects_option
+from harness.commands.frame.terminal import say
 
 
 @click.command("search")

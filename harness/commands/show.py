@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._robots import show_robot
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.robots import show_robot
+from harness.commands.frame.terminal import say
 
 
 @click.command("show")

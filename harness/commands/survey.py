@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import subjects_option
-from harness.commands._robots import compare_robots
-from harness.commands._terminal import say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import subjects_option
+from harness.commands.frame.robots import compare_robots
+from harness.commands.frame.terminal import say
 
 
 @click.command("survey")
@@ -32,14 +32,14 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     from harness.comparison.study import RobotComparison, Settings
     from harness.report.addresses import ROBOTS
     from harness.report.comparison import survey_overview
-    from harness.results.comparison import Comparison, survey_profile
+    from harness.results.comparison import FilesComparison, survey_profile
 
     study = RobotComparison(
         Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False, subjects=subjects), "survey"
     )
     profile = survey_profile(places, bracket.floating_base)
-    before = bracket.history.latest(Comparison, bracket.library.name, profile)
-    bracket.begin(states, profile, Comparison)
+    before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
+    bracket.begin(states, profile, FilesComparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
     bracket.write_page()
     say("", f"page: {bracket.directory / ROBOTS}")

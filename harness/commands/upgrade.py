@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from harness.commands._bracket import Bracket, computing
-from harness.commands._options import states_option
-from harness.commands._terminal import print_titled, say
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import states_option
+from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
 from harness.results.run_changes import TIME, RunChange
 

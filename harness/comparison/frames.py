@@ -18,7 +18,7 @@ from harness.comparison.canonical import Node, canonical
 from harness.comparison.numbers import place_text
 from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantities
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
-from harness.results.comparison import Difference
+from harness.results.comparison import FileDifference
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
 from harness.robots.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
@@ -27,7 +27,7 @@ from harness.robots.tree import WORLD, Body, Given, Inertia, Joint, Place, Place
 _ALMOST_ZERO = 1e-300
 
 
-def differences_of_nodes(first: Meant, second: Robot) -> list[Difference]:
+def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
     """The differences of two robots with equal names of joints, the one that moves the first's accelerations most first."""
     all_of_them = quantities(first.robot, second)
     differing = {key: one for key, one in all_of_them.items() if one.differs}
@@ -37,7 +37,7 @@ def differences_of_nodes(first: Meant, second: Robot) -> list[Difference]:
         value, other = shown(*one.values)
         place, other_place = map(place_text, one.places)
         found.append(
-            Difference(what=one.what, first=value, second=other, first_place=place, second_place=other_place, alone=effects.get(key))
+            FileDifference(what=one.what, first=value, second=other, first_place=place, second_place=other_place, alone=effects.get(key))
         )
     return sorted(found, key=lambda one: -(one.alone or 0.0))
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, read_as, reference_of
-from harness.results.comparison import Difference
+from harness.results.comparison import FileDifference
 from harness.results.table import number_text
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
@@ -85,7 +85,7 @@ def _owner(part: Any, owner: str) -> str:
     return owner or "the world"
 
 
-def ranked(first: Meant, second: Robot, pairs: Sequence[NumberPair]) -> list[Difference]:
+def ranked(first: Meant, second: Robot, pairs: Sequence[NumberPair]) -> list[FileDifference]:
     """The differences, the one that alone moves the accelerations of the first file most first."""
     effects: dict[int, float | None] = {}
     other = read_as(first, second)
@@ -110,9 +110,9 @@ def _effects(meant: Meant, numbers: Sequence[tuple[Fraction, Fraction]]) -> dict
     return found
 
 
-def _difference(pair: NumberPair, alone: float | None) -> Difference:
+def _difference(pair: NumberPair, alone: float | None) -> FileDifference:
     one, other = (number.place if isinstance(number, Given) else None for number in (pair.first, pair.second))
-    return Difference(
+    return FileDifference(
         what=pair.what,
         first=_shown(pair.first),
         second=_shown(pair.second),

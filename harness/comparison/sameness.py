@@ -18,7 +18,7 @@ from harness.comparison.numbers import OtherShape, different_numbers, place_text
 from harness.comparison.readings import freed, with_joints, with_tree
 from harness.comparison.same_states import SameStates
 from harness.comparison.truth import Meant, change, columns_of, read_as
-from harness.results.comparison import Difference, PairRecord
+from harness.results.comparison import FileDifference, PairRecord
 from harness.robots.robot import Robot
 from harness.robots.tree import Joint
 from harness.verdict import Verdict
@@ -60,7 +60,7 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
     )
 
 
-def _mimics(first: Meant, second: Robot) -> list[Difference]:
+def _mimics(first: Meant, second: Robot) -> list[FileDifference]:
     """The joints that move by themselves in one file only."""
     found = []
     for one in first.robot.tree.joints:
@@ -70,7 +70,7 @@ def _mimics(first: Meant, second: Robot) -> list[Difference]:
             places = [place_text(joint.places.get("multiplier")) for joint in (one, other)]
             said = [f"mimics {joint.follows}" if joint.follows else "moves by itself" for joint in (one, other)]
             found.append(
-                Difference(
+                FileDifference(
                     what=f"joint {one.name}", first=said[0], second=said[1], first_place=places[0], second_place=places[1], alone=alone
                 )
             )

@@ -20,7 +20,15 @@ from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
 from harness.errors import InvalidInput, InvalidModel
-from harness.results.comparison import Comparison, EqualitiesRecord, FileRecord, ImpossibleInertia, OmittedPart, PairRecord, SubjectRecord
+from harness.results.comparison import (
+    EqualitiesRecord,
+    FileRecord,
+    FilesComparison,
+    ImpossibleInertia,
+    OmittedPart,
+    PairRecord,
+    SubjectRecord,
+)
 from harness.robots.robot import Robot, read_robot
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
@@ -62,10 +70,10 @@ class RobotComparison(Rounds):
         self.settings, self.title = settings, title
         self._subjects = robot_subjects(settings.subjects) if settings.stances else []
         self._meant: dict[Path, Meant] = {}
-        self._found = Comparison()
+        self._found = FilesComparison()
         self.steps = len(settings.paths) * (1 + len(settings.stances) * len({one.engine for one in self._subjects}))
 
-    def result(self) -> Comparison:
+    def result(self) -> FilesComparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
         self._found.files.sort(key=lambda file: order[file.path])
         self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
@@ -125,7 +133,7 @@ class RobotComparison(Rounds):
             model_format = self._meant[path].robot.format
             record = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
         self._found.equalities.append(record)
-        return [Part(f"{path.name} {record.subject} with equalities", Comparison(equalities=[record]))]
+        return [Part(f"{path.name} {record.subject} with equalities", FilesComparison(equalities=[record]))]
 
     def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
         if failure := self.failure(outcome):
@@ -137,15 +145,15 @@ class RobotComparison(Rounds):
         failure = self.failure(outcome)
         record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
         self._found.pairs.append(record)
-        return [Part(f"{first.name} {second.name}", Comparison(pairs=[record]))]
+        return [Part(f"{first.name} {second.name}", FilesComparison(pairs=[record]))]
 
     def _keep(self, record: FileRecord) -> Part:
         self._found.files.append(record)
-        return Part(record.name, Comparison(files=[record]))
+        return Part(record.name, FilesComparison(files=[record]))
 
     def _keep_subject(self, record: SubjectRecord) -> Part:
         self._found.subjects.append(record)
-        return Part(f"{Path(record.path).name} {record.subject}", Comparison(subjects=[record]))
+        return Part(f"{Path(record.path).name} {record.subject}", FilesComparison(subjects=[record]))
 
 
 def _words(problem: InvalidInput) -> str:

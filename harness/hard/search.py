@@ -35,7 +35,7 @@ from harness.hard.reproducer import reproduce
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
 from harness.results.records import ACCELERATIONS
-from harness.results.search import Case, SearchResult
+from harness.results.search import FoundCase, SearchResult
 from harness.study import Part, Rounds
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
@@ -244,7 +244,7 @@ class Search(Rounds):
             replay = replay_command(self.name, one.subject, one.state, options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit
-            result.cases.append(Case(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
+            result.cases.append(FoundCase(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
         new = merged([], [case.found for case in result.cases])
         if not new:
             result.not_stored = "every state agrees"

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Any
 
 from harness.errors import InvalidRequest
-from harness.night.stage import Choice, Found, Stage
+from harness.night.stage import NightChoice, Stage, UnitFound
 from harness.night.together import Together, attempted
 from harness.results.history import History
 from harness.results.night import BegunStage, Case, DoneUnit, Night, NightSettings
@@ -45,19 +45,19 @@ class Course:
     history: History
     number: int
     run: Run
-    choice: Choice
+    choice: NightChoice
     night: Night = field(default_factory=Night)
     resumed: int = 0
 
     @classmethod
-    def begin(cls, history: History, run: Run, choice: Choice) -> Course:
+    def begin(cls, history: History, run: Run, choice: NightChoice) -> Course:
         """A night that starts now."""
         number, night = history.begin(run, Night), Night(settings=[choice.settings])
         history.append(number, night)
         return cls(history, number, run, choice, night)
 
     @classmethod
-    def resume(cls, history: History, run: Run, choice: Choice) -> Course:
+    def resume(cls, history: History, run: Run, choice: NightChoice) -> Course:
         """The latest night of the library where it has not ended; else one that starts now.
 
         Raises:
@@ -94,7 +94,7 @@ class Course:
             yield part
         if stage.closing is not None and _CLOSING not in self.night.units_of(stage.name):
             closing, found = stage.closing, self.found(stage)
-            closed = attempted(lambda: Found(result=closing(self.choice, found, workers)), _CLOSING, stage.kind)
+            closed = attempted(lambda: UnitFound(result=closing(self.choice, found, workers)), _CLOSING, stage.kind)
             self._store(study, stage, _CLOSING, closed)
             yield Part("what follows from all", closed)
 
@@ -132,7 +132,7 @@ class Course:
         self.night.extend(begun)
         return study
 
-    def _store(self, study: int, stage: Stage, unit: str, found: Found) -> None:
+    def _store(self, study: int, stage: Stage, unit: str, found: UnitFound) -> None:
         mark = DoneUnit(
             stage=stage.name, unit=unit, problems=[str(one) for one in found.problems], faults=list(found.faults), crashed=found.crashed
         )
@@ -152,6 +152,6 @@ def cases_of(history: History, night: Night, stage: Stage) -> list[Case]:
     return sorted(stage.cases(found_by(history, night, stage)), key=lambda case: case.key)
 
 
-def settings_of(choice: Choice, stages: Sequence[Stage]) -> NightSettings:
+def settings_of(choice: NightChoice, stages: Sequence[Stage]) -> NightSettings:
     """The settings of a choice with the stages that have something to do."""
     return replace(choice.settings, stages=[stage.name for stage in stages if stage.units(choice)])

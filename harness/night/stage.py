@@ -8,7 +8,7 @@ from typing import Any
 
 from harness.library import Library
 from harness.registry import Registry
-from harness.results.change_points import Reading
+from harness.results.change_points import NightValue
 from harness.results.night import Case, NightSettings
 from harness.results.study_result import StudyResult
 from harness.results.trend import Cell
@@ -17,7 +17,7 @@ from harness.workers import Workers
 
 
 @dataclass(frozen=True)
-class Choice:
+class NightChoice:
     """What a night is about.
 
     Attributes:
@@ -38,7 +38,7 @@ class Choice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class UnitFound:
     """All that a unit came to: its part of the result, what its user has to mend, what failed in the harness, and whether one died."""
 
     result: StudyResult
@@ -48,15 +48,15 @@ class Found:
 
 
 # Studies one after the other, each made when the one before is complete; ends with what the unit came to.
-Steps = Generator[Study, None, Found]
+Steps = Generator[Study, None, UnitFound]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Numbers:
+class TrendNumbers:
     """The numbers of a stage that have a trend: the part of the result that holds them, as for ``History.read``, and how to read them."""
 
     part: str
-    readings: Callable[[Any], Mapping[Cell, Reading]]
+    readings: Callable[[Any], Mapping[Cell, NightValue]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +81,15 @@ class Stage:
     place: int
     kind: type[StudyResult]
     time_limit: float
-    units: Callable[[Choice], Sequence[str]]
-    steps: Callable[[Choice, str], Steps]
+    units: Callable[[NightChoice], Sequence[str]]
+    steps: Callable[[NightChoice, str], Steps]
     cases: Callable[[Any], Iterable[Case]]
-    profile: Callable[[Choice], str] = lambda choice: "nightly"
-    states: Callable[[Choice], int] = lambda choice: choice.settings.states
+    profile: Callable[[NightChoice], str] = lambda choice: "nightly"
+    states: Callable[[NightChoice], int] = lambda choice: choice.settings.states
     is_timed: bool = False
-    closing: Callable[[Choice, Any, Workers], StudyResult] | None = None
-    problems: Callable[[Choice], Iterable[Exception]] = lambda choice: ()
-    numbers: Numbers | None = None
+    closing: Callable[[NightChoice, Any, Workers], StudyResult] | None = None
+    problems: Callable[[NightChoice], Iterable[Exception]] = lambda choice: ()
+    numbers: TrendNumbers | None = None
 
 
 STAGES = Registry(f"{__name__.rpartition('.')[0]}.stages", Stage, "stage of a night")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from harness.errors import InvalidInput, InvalidRequest
-from harness.night.stage import Found, Steps
+from harness.night.stage import Steps, UnitFound
 from harness.results.study_result import StudyResult
 from harness.study import Part, Study, sentence
 from harness.workers import Outcome, Task, Workers
@@ -18,7 +18,7 @@ from harness.workers import Outcome, Task, Workers
 _Made = TypeVar("_Made")
 
 
-def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> _Made | Found:
+def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> _Made | UnitFound:
     """What ``make`` gives; where it raises, nothing but the reason: a file that has to be mended, or a fault of the harness.
 
     Raises:
@@ -29,11 +29,11 @@ def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> 
     except (InvalidRequest, OSError, MemoryError):
         raise
     except InvalidInput as error:
-        return Found(result=kind(), problems=[error])
+        return UnitFound(result=kind(), problems=[error])
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
-        return Found(result=kind(), faults=[f"{unit}: {sentence(error)} ({where})"])
+        return UnitFound(result=kind(), faults=[f"{unit}: {sentence(error)} ({where})"])
 
 
 @dataclass
@@ -43,7 +43,7 @@ class _Open:
     steps: Steps
     study: Study
     out: int = 0
-    failed: Found | None = None
+    failed: UnitFound | None = None
 
 
 class Together:
@@ -101,7 +101,7 @@ class Together:
     def _guarded(self, name: str, unit: _Open, action: Callable[[], None]) -> None:
         """Do something for a unit; where that raises, the unit ends as soon as its tasks have come back."""
 
-        def act() -> Found | None:
+        def act() -> UnitFound | None:
             action()
             return None
 
@@ -111,7 +111,7 @@ class Together:
         """Begin the next study of a unit that has any tasks; without one the unit is complete."""
         while True:
             found = attempted(partial(_next_of, steps), name, self._kind)
-            if isinstance(found, Found):
+            if isinstance(found, UnitFound):
                 self._complete.append(Part(name, found))
                 return
             unit = _Open(steps, found)
@@ -129,10 +129,10 @@ class Together:
         self._next += [replace(task, key=(name, task)) for task in tasks]
 
 
-def _next_of(steps: Steps) -> Study | Found:
+def _next_of(steps: Steps) -> Study | UnitFound:
     """The next study of a unit, or what it came to."""
     try:
         return next(steps)
     except StopIteration as end:
-        found: Found = end.value
+        found: UnitFound = end.value
         return found

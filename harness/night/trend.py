@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from harness.night.course import Course
 from harness.night.stage import Stage
-from harness.results.change_points import Reading
+from harness.results.change_points import NightValue
 from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, comparable
 
 
@@ -15,7 +15,7 @@ def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
     return [one for stage in stages for one in changes_of_the_last(nights_of(course, stage))]
 
 
-def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, Reading]]:
+def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, NightValue]]:
     """The readings of each night of a stage's profile and number of states, oldest first, this one last; none without numbers."""
     if stage.numbers is None:
         return []

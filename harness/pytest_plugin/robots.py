@@ -13,7 +13,7 @@ import pytest
 
 if TYPE_CHECKING:
     from harness.comparison.expected import Expectations
-    from harness.results.comparison import Comparison
+    from harness.results.comparison import FilesComparison
 
 # States per file where --harness-states says nothing.
 _STATES = 32
@@ -46,12 +46,12 @@ class _Robots:
     def __init__(self, config: pytest.Config, paths: list[Path], expectations: Expectations) -> None:
         self.config, self.expectations = config, expectations
         self._paths = {path.resolve() for path in paths}
-        self._found: dict[Path, Comparison] = {}
+        self._found: dict[Path, FilesComparison] = {}
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> RobotFile | None:
         return RobotFile.from_parent(parent, path=file_path, robots=self) if file_path.resolve() in self._paths else None
 
-    def comparison(self, path: Path) -> Comparison:
+    def comparison(self, path: Path) -> FilesComparison:
         """What is found on a file."""
         from harness.comparison.study import RobotComparison, Settings
         from harness.study import run_study

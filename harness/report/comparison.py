@@ -8,10 +8,10 @@ from pathlib import Path
 
 from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
-    Comparison,
     Effect,
     EqualitiesRecord,
     FileRecord,
+    FilesComparison,
     ImpossibleInertia,
     PairRecord,
     SubjectRecord,
@@ -41,7 +41,7 @@ class Section:
     anchor: str = ""
 
 
-def sections(found: Comparison) -> Iterator[Section]:
+def sections(found: FilesComparison) -> Iterator[Section]:
     """What there is to say, in the order in which a person asks."""
     yield from file_sections(found)
     for file in found.files:
@@ -53,13 +53,13 @@ def sections(found: Comparison) -> Iterator[Section]:
         yield replace(section, title=f"5. {section.title}")
 
 
-def file_sections(found: Comparison) -> Iterator[Section]:
+def file_sections(found: FilesComparison) -> Iterator[Section]:
     """The files as they are, without any engine."""
     yield Section("1. What the file is" if len(found.files) == 1 else "1. What the files are", [*_descriptions(found.files)])
     yield Section("2. What no body can have", [*_impossible(found)] or ["nothing: every inertia is one that a body can have"])
 
 
-def pair_sections(found: Comparison) -> Iterator[Section]:
+def pair_sections(found: FilesComparison) -> Iterator[Section]:
     """The files held against the first of them."""
     for pair in found.pairs:
         yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
@@ -74,7 +74,7 @@ def gap_sections(found: Gaps) -> Iterator[Section]:
 
 
 def survey_overview(
-    found: Comparison, before: tuple[Run, Comparison] | None = None, pages: Mapping[str, str] | None = None
+    found: FilesComparison, before: tuple[Run, FilesComparison] | None = None, pages: Mapping[str, str] | None = None
 ) -> Iterator[Section]:
     """A table of all robots, what is not explained, and what is other than in the survey ``before``; ``pages`` of robots, by path."""
     compared = [subject for subject in found.subjects if not subject.aided]
@@ -91,7 +91,7 @@ def survey_overview(
         yield Section(f"Since the survey of {before[0].started}", [*changes(before[1], found)] or ["nothing changed"])
 
 
-def _trend_table(earlier: Sequence[Comparison], found: Comparison, pages: Mapping[str, str]) -> Table:
+def _trend_table(earlier: Sequence[FilesComparison], found: FilesComparison, pages: Mapping[str, str]) -> Table:
     """A row for each robot, a line for each subject."""
     values, names = trends(earlier, found), short_names(found)
     columns = sorted({(subject.engine, subject.kind) for subject in found.subjects}, key=lambda column: (column[0], column[1] == "aided"))
@@ -107,7 +107,10 @@ def _trend_table(earlier: Sequence[Comparison], found: Comparison, pages: Mappin
 
 
 def survey_sections(
-    found: Comparison, pages: Mapping[str, str], before: tuple[Run, Comparison] | None = None, earlier: Sequence[Comparison] = ()
+    found: FilesComparison,
+    pages: Mapping[str, str],
+    before: tuple[Run, FilesComparison] | None = None,
+    earlier: Sequence[FilesComparison] = (),
 ) -> Iterator[Section]:
     """The overview, and the trend over the surveys ``earlier``, oldest first; ``pages`` of robots, by path."""
     yield from survey_overview(found, before, pages)
@@ -115,10 +118,10 @@ def survey_sections(
         yield Section("Trend", [_trend_table(earlier, found, pages)])
 
 
-def robot_sections(found: Comparison, file: FileRecord) -> Iterator[Section]:
+def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section]:
     """One robot of a survey."""
     own = found.of(file.path)
-    impossible = [*_impossible(Comparison(files=[file], subjects=own))]
+    impossible = [*_impossible(FilesComparison(files=[file], subjects=own))]
     yield Section("What the file is", [*_descriptions([file])], "file")
     if impossible:
         yield Section("What no body can have", impossible, "impossible")
@@ -167,7 +170,7 @@ def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
             yield f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {bearing}"
 
 
-def _impossible(found: Comparison) -> Iterator[str]:
+def _impossible(found: FilesComparison) -> Iterator[str]:
     for file in found.files:
         for one in file.impossible:
             yield _impossible_text(file, one)
@@ -208,7 +211,7 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield f"  {subject.lost_digits}"
 
 
-def _equalities(found: Comparison, file: FileRecord) -> Iterator[str]:
+def _equalities(found: FilesComparison, file: FileRecord) -> Iterator[str]:
     """What each engine makes of the equalities of a file."""
     for one in (record for record in found.equalities if record.path == file.path):
         yield f"{one.subject}, plain, with the file's equalities: {_with_equalities(one)}"
@@ -236,10 +239,10 @@ def _count(reading: Effect) -> str:
 
 def subject_lines(subject: SubjectRecord) -> list[str]:
     """All that is known of one subject."""
-    return [*_readings([subject]), *_rest(Comparison(subjects=[subject]))]
+    return [*_readings([subject]), *_rest(FilesComparison(subjects=[subject]))]
 
 
-def _rest(found: Comparison) -> Iterator[str]:
+def _rest(found: FilesComparison) -> Iterator[str]:
     for record in found.equalities:
         if not record.explained:
             yield f"{Path(record.path).name} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"

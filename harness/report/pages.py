@@ -13,7 +13,7 @@ from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
 from harness.report.summary import Summary, worst
-from harness.results.comparison import Comparison
+from harness.results.comparison import FilesComparison
 from harness.results.comparison_tables import short_names
 from harness.results.pareto import way_of
 from harness.results.records import Run
@@ -36,9 +36,9 @@ class Survey:
     """The latest survey of robots, the one before of the same places, and ``earlier`` ones for trends, oldest first."""
 
     run: Run
-    found: Comparison
-    before: tuple[Run, Comparison] | None = None
-    earlier: Sequence[Comparison] = ()
+    found: FilesComparison
+    before: tuple[Run, FilesComparison] | None = None
+    earlier: Sequence[FilesComparison] = ()
 
 
 @dataclass
@@ -219,10 +219,10 @@ class Pages:
             yield places[file.path], draw("robot.html", places[file.path], {}, title=file.path, run=None, sections=own, is_one=True)
 
 
-def published(found: Comparison, names: dict[str, str] | None = None) -> Comparison:
+def published(found: FilesComparison, names: dict[str, str] | None = None) -> FilesComparison:
     """A comparison whose files are named from the folder that all share: pages are published, and say nothing of this machine."""
     short = names or short_names(found)
-    return Comparison(
+    return FilesComparison(
         files=[replace(one, path=short.get(one.path, one.path)) for one in found.files],
         subjects=[replace(one, path=short.get(one.path, one.path)) for one in found.subjects],
         pairs=list(found.pairs),

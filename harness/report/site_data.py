@@ -12,7 +12,7 @@ from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.known_findings import known_findings
 from harness.report.summary import Summary
-from harness.results.comparison import Comparison, SubjectRecord
+from harness.results.comparison import FilesComparison, SubjectRecord
 from harness.results.comparison_tables import short_names
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
@@ -27,7 +27,7 @@ OWN = "lagrange"
 
 def collect(
     run: Run, summary: Summary | None = None, measured: BenchmarkSummary | None = None, hard: HardSummary | None = None,
-    robots: Comparison | None = None,
+    robots: FilesComparison | None = None,
 ) -> Site:  # fmt: skip
     """Everything but the tables, which pages add as they are drawn."""
     subjects = {*(summary.subjects if summary else ()), *(hard.subjects if hard else ())}
@@ -81,7 +81,7 @@ def _mechanisms(summary: Summary | None, measured: BenchmarkSummary | None) -> I
         )
 
 
-def _robots(robots: Comparison | None) -> Iterator[SiteRow]:
+def _robots(robots: FilesComparison | None) -> Iterator[SiteRow]:
     if robots is None:
         return
     names = short_names(robots)
@@ -137,7 +137,7 @@ def _numbers(record: Record) -> dict[str, Number]:
     return {name: plain_number(getattr(record, name)) for name in names}
 
 
-def _robot_cells(robots: Comparison | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
+def _robot_cells(robots: FilesComparison | None, pages: Mapping[tuple[bool, str], str]) -> Iterator[SiteCell]:
     if robots is None:
         return
     names = short_names(robots)

@@ -142,7 +142,7 @@ class Growth:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truth:
+class MotionTruth:
     """The reference motion of one system.
 
     Attributes:
@@ -322,7 +322,7 @@ class Benchmark(StudyResult):
     derivatives: list[DerivativeCost] = field(default_factory=list)
     findings: list[EngineFinding] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
-    truths: list[Truth] = field(default_factory=list)
+    truths: list[MotionTruth] = field(default_factory=list)
     motion: list[MotionCost] = field(default_factory=list)
     orders: list[Order] = field(default_factory=list)
     drifts: list[Drift] = field(default_factory=list)

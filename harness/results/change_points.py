@@ -53,7 +53,7 @@ _FURTHEST = 37.0
 
 
 @dataclass(frozen=True)
-class Reading:
+class NightValue:
     """The value of one night.
 
     Attributes:
@@ -109,9 +109,9 @@ class Chart:
             low, high = (low, middle) if _run_length(middle) > run_length else (middle, high)
         return high
 
-    def changes(self, readings: Sequence[Reading]) -> Iterator[ChangePoint]:
+    def changes(self, readings: Sequence[NightValue]) -> Iterator[ChangePoint]:
         """The changes in a series of nights, oldest first; after each the series begins anew."""
-        segment, pending = _Segment(), list[tuple[int, Reading]]()
+        segment, pending = _Segment(), list[tuple[int, NightValue]]()
         for place, reading in enumerate(readings):
             found_by = segment.judge(reading, self)
             if found_by and pending and (pending[-1][1].value > segment.mean) != (reading.value > segment.mean):
@@ -144,13 +144,13 @@ class _Segment:
     up: float = 0.0
     down: float = 0.0
 
-    def with_all(self, readings: Sequence[tuple[int, Reading]]) -> _Segment:
+    def with_all(self, readings: Sequence[tuple[int, NightValue]]) -> _Segment:
         """This segment after more nights."""
         for _, reading in readings:
             self._add(reading)
         return self
 
-    def _add(self, reading: Reading) -> None:
+    def _add(self, reading: NightValue) -> None:
         """Welford's update."""
         self.count += 1
         step = reading.value - self.mean
@@ -158,7 +158,7 @@ class _Segment:
         self.squares += step * (reading.value - self.mean)
         self.known += (reading.noise**2 - self.known) / self.count
 
-    def judge(self, reading: Reading, chart: Chart) -> str:
+    def judge(self, reading: NightValue, chart: Chart) -> str:
         """How a reading shows a change; "" where it shows none."""
         if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
             return ""
@@ -170,7 +170,7 @@ class _Segment:
         self.up, self.down = max(0.0, self.up + score - ALLOWANCE), max(0.0, self.down - score - ALLOWANCE)
         return DRIFT if max(self.up, self.down) > chart.interval else ""
 
-    def _score(self, reading: Reading) -> float:
+    def _score(self, reading: NightValue) -> float:
         scatter = math.sqrt(self.squares / (self.count - 1)) if self.count > 1 else 0.0
         by_noise = math.sqrt(reading.noise**2 + self.known / self.count)
         of_scatter = scatter * math.sqrt(1 + 1 / self.count)

@@ -223,7 +223,7 @@ class EqualitiesRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Difference:
+class FileDifference:
     """One quantity that two files give otherwise.
 
     Attributes:
@@ -256,12 +256,12 @@ class PairRecord:
     relative_error: float | None = None
     problem: str = ""
     equivalent: bool = False
-    differences: list[Difference] = field(default_factory=list)
+    differences: list[FileDifference] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
 @dataclass(kw_only=True)
-class Comparison(StudyResult):
+class FilesComparison(StudyResult):
     """What is known of the files of a comparison or survey."""
 
     STUDY: ClassVar[str] = "comparison"
@@ -282,9 +282,9 @@ class Comparison(StudyResult):
         """The subjects of a file."""
         return [subject for subject in self.subjects if subject.path == path]
 
-    def in_order(self) -> Comparison:
+    def in_order(self) -> FilesComparison:
         """The same by the paths of files and the names of engines, whatever was complete first."""
-        return Comparison(
+        return FilesComparison(
             files=sorted(self.files, key=lambda file: file.path),
             subjects=sorted(self.subjects, key=lambda one: (one.path, one.engine, one.aided)),
             pairs=self.pairs,
@@ -301,7 +301,7 @@ def survey_profile(places: Sequence[str], floating_base: bool = False) -> str:
     return " ".join(["survey", *places, *(["with floating bases"] if floating_base else [])])
 
 
-def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, str, str], list[float]]:
+def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tuple[str, str, str], list[float]]:
     """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
     found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
     for survey in (*earlier, now):
@@ -311,7 +311,7 @@ def trends(earlier: Sequence[Comparison], now: Comparison) -> dict[tuple[str, st
     return found
 
 
-def changes(before: Comparison, now: Comparison) -> Iterator[str]:
+def changes(before: FilesComparison, now: FilesComparison) -> Iterator[str]:
     """Of each subject whose outcome or dominating reading is another than before, and of each file that came or went, a sentence."""
     earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
     for one in now.subjects:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from harness.results.comparison import Comparison, PairRecord, SubjectRecord
+from harness.results.comparison import FilesComparison, PairRecord, SubjectRecord
 from harness.results.table import Cell, Column, Table, counted
 from harness.verdict import AGREEMENT, Verdict
 
@@ -42,13 +42,13 @@ def _tone(subject: SubjectRecord) -> str:
     return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
 
 
-def short_names(found: Comparison) -> dict[str, str]:
+def short_names(found: FilesComparison) -> dict[str, str]:
     """Of each file its path in the folder that all share, by path."""
     shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
     return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
 
 
-def survey_table(found: Comparison, pages: Mapping[str, str]) -> Table:
+def survey_table(found: FilesComparison, pages: Mapping[str, str]) -> Table:
     """A row for each robot, a column for each subject; ``pages`` are those of the robots, by path."""
     engines = sorted({subject.engine for subject in found.subjects})
     rows = []

@@ -13,7 +13,7 @@ from harness.results.hard_states import FoundState
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class FoundCase:
     """One hard state with what a person needs to go on.
 
     Attributes:
@@ -42,7 +42,7 @@ class SearchResult:
         place: where what was found would be stored, and not_stored why it was not; "" where it was.
     """
 
-    cases: list[Case] = field(default_factory=list)
+    cases: list[FoundCase] = field(default_factory=list)
     states: dict[str, int] = field(default_factory=dict)
     undecided: dict[str, int] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)

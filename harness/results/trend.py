@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from harness.results.benchmark import Benchmark
-from harness.results.change_points import Chart, Reading
+from harness.results.change_points import Chart, NightValue
 from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
 from harness.results.records import Record, Run
@@ -71,9 +71,9 @@ class Trend:
     changes: Sequence[ChangedCell]
 
 
-def readings_of_records(records: Iterable[Record]) -> dict[Cell, Reading]:
+def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
     """What one cross-check says of each cell; a quantile whose bounds are not known has none."""
-    found: dict[Cell, Reading] = {}
+    found: dict[Cell, NightValue] = {}
     for record in records:
         subject = subject_of(record)
         for name, value, bounds in (
@@ -82,10 +82,12 @@ def readings_of_records(records: Iterable[Record]) -> dict[Cell, Reading]:
         ):
             if value is not None and bounds:
                 noise = (_logarithm(bounds[1]) - _logarithm(bounds[0])) / (2 * BOUNDS_AT)
-                found[record.system, subject, name] = Reading(_logarithm(value), max(QUANTILE_NOISE, noise), measured=value)
+                found[record.system, subject, name] = NightValue(_logarithm(value), max(QUANTILE_NOISE, noise), measured=value)
         if record.backward_error is not None:
             error = record.backward_error
-            found[record.system, subject, WORST] = Reading(_logarithm(error), WORST_NOISE, is_known=False, is_skewed=True, measured=error)
+            found[record.system, subject, WORST] = NightValue(
+                _logarithm(error), WORST_NOISE, is_known=False, is_skewed=True, measured=error
+            )
     return found
 
 
@@ -94,14 +96,14 @@ def subject_of(record: Record) -> str:
     return record.title.removeprefix(record.system).strip()
 
 
-def readings_of_costs(benchmark: Benchmark) -> dict[Cell, Reading]:
+def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:
     """What one benchmark says of each cell: the fastest call over the fastest of the reference computation beside it."""
     yardsticks = {one.system: one.seconds for one in benchmark.yardsticks}
     found = {}
     for cost in benchmark.accelerations:
         if cost.fastest and (yardstick := yardsticks.get(cost.system)):
             ratio = cost.fastest / yardstick
-            found[cost.system, way_of(cost), COST] = Reading(math.log(ratio), COST_NOISE, False, True, COST_RUN, ratio)
+            found[cost.system, way_of(cost), COST] = NightValue(math.log(ratio), COST_NOISE, False, True, COST_RUN, ratio)
     return found
 
 
@@ -110,9 +112,9 @@ def comparable(states: int, runs: Iterable[tuple[Run, _Found]]) -> list[tuple[Ru
     return [(run, found) for run, found in runs if run.states == states]
 
 
-def trends(nights: Sequence[Mapping[Cell, Reading]], chart: Chart | None = None) -> list[Trend]:
+def trends(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = None) -> list[Trend]:
     """The trend of every cell with the changes in it, by cell; a night without a number of a cell is passed over for it."""
-    series: dict[Cell, dict[int, Reading]] = defaultdict(dict)
+    series: dict[Cell, dict[int, NightValue]] = defaultdict(dict)
     for place, night in enumerate(nights):
         for cell, reading in night.items():
             series[cell][place] = reading
@@ -120,7 +122,7 @@ def trends(nights: Sequence[Mapping[Cell, Reading]], chart: Chart | None = None)
     return [_trend(cell, own, len(nights), chart) for cell, own in sorted(series.items())]
 
 
-def _trend(cell: Cell, own: Mapping[int, Reading], nights: int, chart: Chart) -> Trend:
+def _trend(cell: Cell, own: Mapping[int, NightValue], nights: int, chart: Chart) -> Trend:
     system, subject, number = cell
     places, readings = list(own), list(own.values())
     found = [
@@ -142,12 +144,12 @@ def _trend(cell: Cell, own: Mapping[int, Reading], nights: int, chart: Chart) ->
     return Trend(system=system, subject=subject, number=number, values=values, changes=found)
 
 
-def changes(nights: Sequence[Mapping[Cell, Reading]], chart: Chart | None = None) -> list[ChangedCell]:
+def changes(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = None) -> list[ChangedCell]:
     """Every change in the nights, by cell and then oldest first; see ``trends``."""
     return [one for trend in trends(nights, chart) for one in trend.changes]
 
 
-def changes_of_the_last(nights: Sequence[Mapping[Cell, Reading]]) -> list[ChangedCell]:
+def changes_of_the_last(nights: Sequence[Mapping[Cell, NightValue]]) -> list[ChangedCell]:
     """The changes that the last of the nights shows."""
     return [one for one in changes(nights) if one.place == len(nights) - 1]
 

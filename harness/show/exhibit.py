@@ -22,7 +22,7 @@ from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
 from harness.robots.free_bodies import free_bodies
 from harness.robots.robot import tree_of
-from harness.show.placement import Placement, place
+from harness.show.placement import Pose, place
 from harness.study import Part, Rounds
 from harness.verdict import Verdict
 from harness.workers import Outcome, Task
@@ -38,7 +38,7 @@ class Holding:
     subject: Subject
     loaded: LoadedModel | None = None
     held: HeldModel | None = None
-    placements: tuple[Placement, Placement] | None = None
+    placements: tuple[Pose, Pose] | None = None
     remark: str = ""
 
 
@@ -61,7 +61,7 @@ class Exhibit:
     ties: list[tuple[str, str]] = field(default_factory=list)
     reasons: dict[Subject, str] = field(default_factory=dict)
     holdings: list[Holding] = field(default_factory=list)
-    placements: tuple[Placement, Placement] | None = None
+    placements: tuple[Pose, Pose] | None = None
 
 
 def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]) -> Holding:

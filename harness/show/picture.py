@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint
 from harness.report.figures import COLOURS
-from harness.show.placement import WORLD, Placement, Point, View
+from harness.show.placement import WORLD, Point, Pose, View
 
 WIDTH = 460.0
 _LEAST_HEIGHT, _MOST_HEIGHT = 260.0, 460.0
@@ -27,7 +27,7 @@ _FOOT = 40.0
 _MANY = 8
 
 
-def draw(placement: Placement, others: Sequence[Placement], view: View, gravity: float, ghost: Placement | None = None) -> str:
+def draw(placement: Pose, others: Sequence[Pose], view: View, gravity: float, ghost: Pose | None = None) -> str:
     """One ``<svg>`` element of ``placement``, over a shadow of ``ghost``, at the scale that holds ``others`` too."""
     sheet = _Sheet(view, [point for shown in (placement, *others) for point in shown.points()])
     if ghost is not None:
@@ -99,7 +99,7 @@ class _Sheet:
         self.line([start, end], kind, colour)
         self.line([head[0], end, head[1]], kind, colour)
 
-    def links(self, placement: Placement, shadow: bool = False) -> None:
+    def links(self, placement: Pose, shadow: bool = False) -> None:
         """Each body as lines from its last joint to its centre of mass and to the joints it carries."""
         for number, body in enumerate(placement.bodies):
             hub = _joints_of(placement, number)[-1].moved
@@ -114,7 +114,7 @@ class _Sheet:
             if not shadow and joint.kind == "slide" and math.dist(self.at(joint.anchor), self.at(joint.moved)) > 0.5:
                 self.line([self.at(joint.anchor), self.at(joint.moved)], "rail", _colour(placement.body_of[name]))
 
-    def ground(self, placement: Placement) -> None:
+    def ground(self, placement: Pose) -> None:
         """Hatching under the joints that stand on the world."""
         first = [_joints_of(placement, number)[0] for number, parent in enumerate(placement.parents) if parent == WORLD]
         for x, y in {self.at(joint.anchor) for joint in first if joint.kind != "free"}:
@@ -124,7 +124,7 @@ class _Sheet:
                 self.line([(x + step, y + 11), (x + step - 5, y + 17)], "ground")
             self.line([(x, y), (x - 8, y + 11), (x + 8, y + 11), (x, y)], "ground")
 
-    def springs(self, placement: Placement) -> None:
+    def springs(self, placement: Pose) -> None:
         for spring in placement.springs:
             for start, end in zip(map(self.at, spring), map(self.at, spring[1:]), strict=False):
                 length = math.dist(start, end) or 1.0
@@ -135,7 +135,7 @@ class _Sheet:
                 self.line([start, *sides, end], "spring")
                 self.take([start, end])
 
-    def joints(self, placement: Placement) -> None:
+    def joints(self, placement: Pose) -> None:
         """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense.
 
         Of joints in one place the outer ones are drawn larger, and the inner ones over them.
@@ -183,7 +183,7 @@ class _Sheet:
         self.arrow(path[-2], path[-1], "sense", colour)
         self.taken.append((place[0], place[1] - radius - 10, place[0] + radius + 12, place[1] + radius + 10))
 
-    def centres(self, placement: Placement) -> None:
+    def centres(self, placement: Pose) -> None:
         """Quartered circles, larger for heavier bodies."""
         heaviest = max((body.mass for body in placement.bodies), default=0.0)
         for number, body in enumerate(placement.bodies):
@@ -196,7 +196,7 @@ class _Sheet:
                 self.parts.append(f'<path class="quarters" d="{quarters}"{_coloured(_colour(number), "fill")}/>')
                 self.taken.append((x - r, y - r, x + r, y + r))
 
-    def names(self, placement: Placement) -> None:
+    def names(self, placement: Pose) -> None:
         for joint in placement.body_of:
             self.label(joint, self.tips[joint], "name")
         for number, body in enumerate(placement.bodies):
@@ -257,7 +257,7 @@ class _Sheet:
         self.parts.append(f'<text class="axes" text-anchor="end" x="{right:.1f}" y="{y - 9:.1f}">{length:g} m</text>')
 
 
-def _joints_of(placement: Placement, body: int) -> list[HeldJoint]:
+def _joints_of(placement: Pose, body: int) -> list[HeldJoint]:
     return [joint for name, joint in placement.joints.items() if placement.body_of[name] == body]
 
 
@@ -265,12 +265,12 @@ def _title(body: HeldBody, number: int) -> str:
     return f"{body.name or f'body {number + 1}'}, {body.mass:g} kg"
 
 
-def _is_heavy(placement: Placement, body: int) -> bool:
+def _is_heavy(placement: Pose, body: int) -> bool:
     # Below this a mass is only there because some reader wants one.
     return placement.bodies[body].mass > 1e-9 * sum(other.mass for other in placement.bodies)
 
 
-def _symbol_size(placement: Placement) -> float:
+def _symbol_size(placement: Pose) -> float:
     return 1.0 if len(placement.bodies) <= _MANY else 0.6
 
 

@@ -22,7 +22,7 @@ _FLAT = 1e-6
 
 
 @dataclass(frozen=True)
-class Placement:
+class Pose:
     """A mechanism at one configuration; the joints of a body stand in their order from its parent.
 
     Attributes:
@@ -38,7 +38,7 @@ class Placement:
     parents: list[int]
 
     @classmethod
-    def of(cls, held: HeldModel) -> Placement:
+    def of(cls, held: HeldModel) -> Pose:
         """A model whose every body is held; of the joints of a body, each carries the next."""
         names = list(held.bodies)
         carried = {joint.parent: name for name, joint in held.joints.items()}
@@ -61,7 +61,7 @@ class Placement:
         return ends + [body.centre for body in self.bodies if body.mass > 0] + [point for line in self.springs for point in line]
 
 
-def place(model: Model, mechanism: Mechanism) -> tuple[Placement, Placement] | None:
+def place(model: Model, mechanism: Mechanism) -> tuple[Pose, Pose] | None:
     """A loaded model at its zero configuration, and with every coordinate moved a little in its positive direction.
 
     A coordinate whose range does not hold 0 stands in the middle of it. None where the engine places nothing. Raises what the
@@ -73,14 +73,14 @@ def place(model: Model, mechanism: Mechanism) -> tuple[Placement, Placement] | N
     ranges = dict(zip(mechanism.joints, mechanism.position_ranges, strict=True))
     singles = {joint: ranges[joint] for joint, size in mechanism.joint_sizes.items() if size == (1, 1)}
     middle = {joint: sum(bounds) / 2 if bounds and not bounds[0] <= 0.0 <= bounds[1] else 0.0 for joint, bounds in singles.items()}
-    resting = Placement.of(held(middle, {}))
+    resting = Pose.of(held(middle, {}))
     extent = float(np.linalg.norm(np.ptp(np.array(resting.points()), axis=0)))
     extent = extent or max((abs(bound) for bounds in singles.values() if bounds for bound in bounds), default=0.0) or 1.0
     slide, turn = [SLIDE_SHOWN * extent], [ANGLE_SHOWN]
     wanted = {"slide": slide, "hinge": turn, "ball": turn * 3, "free": slide * 3 + turn * 3, "planar": slide * 2 + turn}
     steps = {name: wanted[joint.kind] for name, joint in resting.joints.items()}
     steps |= {name: [min(steps[name][0], bounds[1] - middle[name])] for name, bounds in singles.items() if bounds}
-    return resting, Placement.of(held(middle, steps))
+    return resting, Pose.of(held(middle, steps))
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ PLANES = (_view("x-z plane", (1, 0, 0), (0, 0, 1)), _view("x-y plane", (1, 0, 0)
 CORNER = _view("seen from a corner: x to the right and front, y to the right and back", (0.8, 0.6, 0), (-0.27, 0.36, 0.893))
 
 
-def choose_view(placements: Iterable[Placement]) -> View:
+def choose_view(placements: Iterable[Pose]) -> View:
     """The plane the mechanism moves in, where it extends most if there are several; a corner for spatial ones."""
     placements = list(placements)
     points = np.array([point for placement in placements for point in placement.points()])

@@ -92,7 +92,7 @@ class Cluster:
         A worker has one such task at a time, so that where one kills its workers the other is not taken for the culprit.
         Tasks that no worker comes for are reported as crashed.
         """
-        run = _Run(tasks)
+        run = _ClusterRun(tasks)
         run.seats = self._seats()
         last_seen = last_asked = time.monotonic()
         try:
@@ -122,7 +122,7 @@ class Cluster:
     def _seats(self) -> set[Seat]:
         return {(address, number) for address, threads in self._client.nthreads().items() for number in range(threads)}
 
-    def _give_out(self, run: _Run) -> None:
+    def _give_out(self, run: _ClusterRun) -> None:
         suspected = {seat[0] for seat, attempt in run.running.items() if attempt.task in run.asked_again}
         for seat in sorted(run.seats - set(run.running), key=lambda seat: (not run.queue.owned_by(seat, self._owners), seat)):
             barred = run.asked_again if seat[0] in suspected else frozenset[Task]()
@@ -145,7 +145,7 @@ class Cluster:
         return _Attempt(task, future, asyncio.run_coroutine_threadsafe(arrive(), self._client.loop.asyncio_loop))
 
 
-class _Run:
+class _ClusterRun:
     """One call of ``Cluster.run``: where tasks may run, those that wait, that run, and that wait or run for the second time."""
 
     def __init__(self, tasks: Iterable[Task]) -> None:

@@ -57,7 +57,7 @@ class LocalPool:
 
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end. Several runs may be under way; a run goes on while it is asked for outcomes."""
-        run = _Run(tasks)
+        run = _LocalRun(tasks)
         try:
             while run.queue or run.done or any(process.run is run for process in self._processes):
                 if run.queue and not self._count:
@@ -72,7 +72,7 @@ class LocalPool:
             for process in [process for process in self._processes if process.run is run]:
                 self._remove(process)
 
-    def _give_out(self, run: _Run) -> None:
+    def _give_out(self, run: _LocalRun) -> None:
         for process in [process for process in self._processes if process.run is None and not process.alive]:
             self._remove(process)
         idle = [process for process in self._processes if process.run is None]
@@ -81,7 +81,7 @@ class LocalPool:
         while len(self._processes) < self._count and self._start(run, None):
             pass
 
-    def _start(self, run: _Run, process: _Process | None) -> bool:
+    def _start(self, run: _LocalRun, process: _Process | None) -> bool:
         """Give the next task to ``process``, or to a new one; False where no task may be given to it."""
         task = run.queue.take(process, self._owners)
         if task is None:
@@ -128,7 +128,7 @@ class LocalPool:
         self._owners = {affinity: owner for affinity, owner in self._owners.items() if owner is not process}
 
 
-class _Run:
+class _LocalRun:
     """One call of ``LocalPool.run``: the tasks that wait, and the outcomes that its caller has not taken yet."""
 
     def __init__(self, tasks: Iterable[Task]) -> None:
@@ -140,7 +140,7 @@ class _Process:
     """One process, and the run that its task belongs to while it is busy."""
 
     def __init__(self) -> None:
-        self.run: _Run | None = None
+        self.run: _LocalRun | None = None
         self.deadline = 0.0
         self._waited: dict[int, float] = {}
         self._mark = os.environ.get(program.MARK, "") + secrets.token_hex(16)
@@ -177,7 +177,7 @@ class _Process:
             self._waited[process] = max(self._waited.get(process, 0.0), _seconds_without_processor(process))
         return time.monotonic() - sum(self._waited.values())
 
-    def start(self, run: _Run, task: Task, content: bytes, time_limit: float) -> None:
+    def start(self, run: _LocalRun, task: Task, content: bytes, time_limit: float) -> None:
         self.run, self._task = run, task
         self.deadline = self.clock() + START_SECONDS + time_limit
         for descriptor in (self._errors, self._notes):

@@ -12,7 +12,7 @@ import pytest
 from support import InThisProcess
 from support_results import RUN
 
-from harness.commands._bracket import Bracket
+from harness.commands.frame.bracket import Bracket
 from harness.study import Part
 from harness.workers import Outcome, Task
 

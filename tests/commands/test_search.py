@@ -24,7 +24,7 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundState, keep, path_of
 from harness.results.history import History
 from harness.results.records import ACCELERATIONS
-from harness.results.search import Case, SearchResult
+from harness.results.search import FoundCase, SearchResult
 from harness.workers import Outcome, Task
 
 FOUND = FoundState(
@@ -57,8 +57,10 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
     return asked
 
 
-def case(as_expected: bool) -> Case:
-    return Case(found=FOUND, expected="agrees", as_expected=as_expected, replay="harness check simple_pendulum", reproducer="import mujoco")
+def case(as_expected: bool) -> FoundCase:
+    return FoundCase(
+        found=FOUND, expected="agrees", as_expected=as_expected, replay="harness check simple_pendulum", reproducer="import mujoco"
+    )
 
 
 def test_options_reach_the_search(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,9 +16,9 @@ from rich.console import Console
 from support import harness, make_library
 from support_results import RECORD, RUN
 
-from harness.commands import _options, _terminal
 from harness.commands.bench import _print_benchmark
 from harness.commands.faults import _print_faults, _print_left_out
+from harness.commands.frame import options, terminal
 from harness.crosscheck.held import Difference
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
@@ -109,27 +109,27 @@ DIFFERENCE = Difference(EVIL, "mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9,
 def _atlas() -> None:
     summary = HardSummary(RUN, HARD)
     for table in (hard_tables.rows_of(summary), hard_tables.partings(summary), hard_tables.stable_steps(summary)):
-        _terminal.print_titled(EVIL, table)
-    _terminal.print_sentences(summary)
+        terminal.print_titled(EVIL, table)
+    terminal.print_sentences(summary)
 
 
 def _refuse() -> None:
     with pytest.raises(SystemExit):
-        _options.report_errors([InvalidInput(EVIL, 3, EVIL)])
+        options.report_errors([InvalidInput(EVIL, 3, EVIL)])
 
 
 PRINTED: dict[str, Callable[[], None]] = {
-    "records": lambda: _terminal.print_table([hostile(RECORD, but=("verdict", "expected"))], RUN),
-    "unexpected": lambda: _terminal.print_unexpected([hostile(RECORD, but=("verdict", "expected"))]),
-    "superfluous": lambda: _terminal.print_superfluous([SuperfluousPart(EVIL, EVIL, EVIL, 1, EVIL, EVIL, EVIL, EVIL)]),
-    "causes": lambda: _terminal.print_causes([CAUSE, replace(CAUSE, diagnosed="")], Settings(library=Library.built_in())),
-    "diagnoses": lambda: _terminal.print_diagnoses([CAUSE, replace(CAUSE, diagnosed="")], [DIFFERENCE]),
+    "records": lambda: terminal.print_table([hostile(RECORD, but=("verdict", "expected"))], RUN),
+    "unexpected": lambda: terminal.print_unexpected([hostile(RECORD, but=("verdict", "expected"))]),
+    "superfluous": lambda: terminal.print_superfluous([SuperfluousPart(EVIL, EVIL, EVIL, 1, EVIL, EVIL, EVIL, EVIL)]),
+    "causes": lambda: terminal.print_causes([CAUSE, replace(CAUSE, diagnosed="")], Settings(library=Library.built_in())),
+    "diagnoses": lambda: terminal.print_diagnoses([CAUSE, replace(CAUSE, diagnosed="")], [DIFFERENCE]),
     "benchmark": lambda: _print_benchmark(BenchmarkSummary(RUN, with_cheapest(MEASURED))),
     "atlas": _atlas,
     "faults": lambda: _print_faults([FAULT]),
     "left out": lambda: _print_left_out({(EVIL, EVIL): EVIL}),
-    "kinds of faults": lambda: _terminal.print_kinds([KIND]),
-    "smallest changes": lambda: _terminal.print_caught([CHANGE]),
+    "kinds of faults": lambda: terminal.print_kinds([KIND]),
+    "smallest changes": lambda: terminal.print_caught([CHANGE]),
     "errors": _refuse,
 }
 
@@ -137,7 +137,7 @@ PRINTED: dict[str, Callable[[], None]] = {
 @pytest.mark.parametrize("what", PRINTED)
 def test_no_name_or_message_commands_the_terminal(what: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     # So wide that no line is folded.
-    monkeypatch.setattr(_terminal, "_PIPE_WIDTH", 2000)
+    monkeypatch.setattr(terminal, "_PIPE_WIDTH", 2000)
     PRINTED[what]()
     found = capsys.readouterr()
     shown = found.out + found.err
@@ -166,7 +166,7 @@ def test_a_long_name_and_a_narrow_terminal_leave_every_number_whole(name: str, w
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.delenv("TERM", raising=False)
     columns = ["system", *(Column(f"the {place}", "error") for place in range(9)), "verdict"]
-    _terminal.print_titled("title", Table(columns, [[name, *(1 / (place + 3) for place in range(9)), "unstable (as expected)"]]))
+    terminal.print_titled("title", Table(columns, [[name, *(1 / (place + 3) for place in range(9)), "unstable (as expected)"]]))
     lines = stream.getvalue().splitlines()
     for place in range(9):
         assert sum(f"{1 / (place + 3):#.3g}" in line for line in lines) == 1
@@ -181,8 +181,8 @@ def test_markup_in_the_label_of_a_progress_bar_is_text(monkeypatch: pytest.Monke
     stream = io.StringIO()
     monkeypatch.setattr(stream, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(_terminal, "console", lambda stderr=False: Console(file=stream, force_terminal=True, width=120))
-    with _terminal.progress(2, "cross-check") as advance:
+    monkeypatch.setattr(terminal, "console", lambda stderr=False: Console(file=stream, force_terminal=True, width=120))
+    with terminal.progress(2, "cross-check") as advance:
         advance(EVIL)
     assert "[red]x[/blue]" in stream.getvalue()
     assert "\x1b]0;" not in stream.getvalue() and "\x1b[31m" not in stream.getvalue()
@@ -224,7 +224,7 @@ def piped(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     """Standard error from now on, which is no terminal; progress looks at its clock often."""
     stream = io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(_terminal, "LOOK_SECONDS", 0.001)
+    monkeypatch.setattr(terminal, "LOOK_SECONDS", 0.001)
     return stream
 
 
@@ -232,7 +232,7 @@ def test_without_a_terminal_a_line_tells_every_ten_seconds_how_far_it_is(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pipe, clock = piped(monkeypatch), Clock()
-    with _terminal.progress(180, "cross-check", clock) as advance:
+    with terminal.progress(180, "cross-check", clock) as advance:
         advance("arm_2r lagrange")
         clock.now = 10.5
         assert _lines_until(1, pipe) == ["harness: cross-check: 1 of 180 after 10 s; last arm_2r lagrange"]
@@ -251,7 +251,7 @@ def test_without_a_terminal_a_line_tells_every_ten_seconds_how_far_it_is(
 
 def test_short_work_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe, clock = piped(monkeypatch), Clock()
-    with _terminal.progress(2, "cross-check", clock) as advance:
+    with terminal.progress(2, "cross-check", clock) as advance:
         advance("a")
         clock.now = 9.9
         time.sleep(0.02)
@@ -265,7 +265,7 @@ def test_work_goes_on_without_lines_where_no_thread_can_be_had(monkeypatch: pyte
 
     pipe, clock = piped(monkeypatch), Clock()
     monkeypatch.setattr("threading.Thread.start", start)
-    with _terminal.progress(2, "cross-check", clock) as advance:
+    with terminal.progress(2, "cross-check", clock) as advance:
         clock.now = 30.0
         advance("a")
     assert pipe.getvalue() == ""
@@ -273,7 +273,7 @@ def test_work_goes_on_without_lines_where_no_thread_can_be_had(monkeypatch: pyte
 
 def test_progress_ends_with_what_it_is_about_and_outlives_a_closed_stream(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe, clock, before = piped(monkeypatch), Clock(), threading.active_count()
-    with pytest.raises(KeyboardInterrupt), _terminal.progress(2, "cross-check", clock):
+    with pytest.raises(KeyboardInterrupt), terminal.progress(2, "cross-check", clock):
         pipe.close()
         clock.now = 30.0
         time.sleep(0.02)

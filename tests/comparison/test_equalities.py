@@ -11,7 +11,7 @@ from harness.comparison import equalities
 from harness.comparison.callers import find_callers
 from harness.comparison.equalities import judge_equalities
 from harness.report.comparison import sections
-from harness.results.comparison import Comparison, EqualitiesRecord, FileRecord, SubjectRecord
+from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord
 from harness.verdict import AGREEMENT, Verdict
 
 FOUR_BAR = FILES / "four_bar.xml"
@@ -161,7 +161,7 @@ def test_a_wrong_answer_makes_the_comparison_red_and_is_printed() -> None:
     record = held_by(FOUR_BAR)
     wrong = EqualitiesRecord(path="a.xml", engine="mujoco", format="mjcf", parts=record.parts, explained=False, message="it crashed")
     subject = SubjectRecord(path="a.xml", engine="mujoco", format="mjcf", aided=False, call="", verdict="agrees", explained=True)
-    found = Comparison(files=[FileRecord(path="a.xml", format="mjcf")], subjects=[subject], equalities=[wrong])
+    found = FilesComparison(files=[FileRecord(path="a.xml", format="mjcf")], subjects=[subject], equalities=[wrong])
     assert not found.as_expected
     text = "\n".join(part for section in sections(found) for part in section.parts if isinstance(part, str))
     assert text.count("plain, with the file's equalities: it crashed") == 2

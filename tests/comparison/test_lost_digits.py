@@ -12,7 +12,7 @@ from harness.comparison.judgement import judge
 from harness.comparison.questions import Answers
 from harness.comparison.truth import read_as
 from harness.report.comparison import subject_lines, survey_overview
-from harness.results.comparison import Comparison, FileRecord
+from harness.results.comparison import FileRecord, FilesComparison
 from harness.robots.robot import read_robot
 from harness.verdict import AGREEMENT, Verdict
 
@@ -38,7 +38,7 @@ def test_digits_that_are_lost_beyond_the_readings_are_named(tmp_path: Path) -> N
     assert record.explained and record.left is not None and record.left > AGREEMENT
     assert (record.outcome, [reading.name for reading in record.readings]) == ("explained, digits lost", ["joint damping"])
     assert "the condition of M" in record.lost_digits and any(record.lost_digits in line for line in subject_lines(record))
-    found = Comparison(files=[FileRecord(path=record.path)], subjects=[record])
+    found = FilesComparison(files=[FileRecord(path=record.path)], subjects=[record])
     assert "1 of them lose digits" in str(next(iter(survey_overview(found))).parts[0])
 
 

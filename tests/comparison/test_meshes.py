@@ -11,7 +11,7 @@ from comparison.robots import record_of
 
 from harness.comparison.meshes import compiled_meshes
 from harness.report.comparison import sections
-from harness.results.comparison import Comparison, FileRecord
+from harness.results.comparison import FileRecord, FilesComparison
 from harness.robots.meshes import CompiledMesh, Number
 from harness.verdict import Verdict
 
@@ -62,7 +62,7 @@ def test_other_numbers_of_a_mesh_are_felt(path: Path, monkeypatch: pytest.Monkey
 
 def test_the_report_says_that_meshes_are_not_judged() -> None:
     file = FileRecord(path="robot.xml", format="mjcf", meshes=(3, 5))
-    lines = next(iter(sections(Comparison(files=[file])))).parts
+    lines = next(iter(sections(FilesComparison(files=[file])))).parts
     assert "  inertia of 2 meshes as MuJoCo compiled it (lines 3, 5): not judged" in lines
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from harness.report.comparison import survey_sections
 from harness.report.sparkline import Sparkline
-from harness.results.comparison import Comparison, FileRecord, SubjectRecord, trends
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord, trends
 from harness.verdict import Verdict
 
 
-def survey(**errors: tuple[float | None, float | None]) -> Comparison:
+def survey(**errors: tuple[float | None, float | None]) -> FilesComparison:
     """Of robots with (backward error, what is left of it after readings)."""
     subjects = [
         SubjectRecord(
@@ -24,7 +24,7 @@ def survey(**errors: tuple[float | None, float | None]) -> Comparison:
         )
         for name, (error, left) in errors.items()
     ]
-    return Comparison(files=[FileRecord(path=f"{name}.urdf", format="urdf") for name in errors], subjects=subjects)
+    return FilesComparison(files=[FileRecord(path=f"{name}.urdf", format="urdf") for name in errors], subjects=subjects)
 
 
 def test_trends_follow_what_is_left_after_readings() -> None:

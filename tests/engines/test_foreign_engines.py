@@ -15,7 +15,7 @@ import pytest
 from support import Done, engine_source, harness, harness_in_a_process, make_library, records_of
 
 from harness import check
-from harness.commands._options import STATES_OF_PROFILE
+from harness.commands.frame.options import STATES_OF_PROFILE
 from harness.engines import engine_paths, installed_version, load_engine
 from harness.errors import InvalidInput
 from harness.library import Library

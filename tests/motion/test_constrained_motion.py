@@ -22,12 +22,12 @@ from harness.motion.integrators.mujoco import EULER, explain_softness
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, drift
-from harness.results.benchmark import MotionCost, Order, Truth
+from harness.results.benchmark import MotionCost, MotionTruth, Order
 
 LIBRARY = Library.built_in()
 HORIZON = 0.5
 ASKED = ("equations RK4", "equations Taylor", "mujoco RK4", "pinocchio RK4")
-Measured = tuple[Truth, dict[str, list[MotionCost]], dict[str, Order]]
+Measured = tuple[MotionTruth, dict[str, list[MotionCost]], dict[str, Order]]
 
 
 def silent(text: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.bench.energy_drift import drifts, growth_of, verdict_of, without_dampers
-from harness.bench.motion_cost import Judge, measured_order, motion_costs, work_along
+from harness.bench.motion_cost import MotionJudge, measured_order, motion_costs, work_along
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
@@ -19,10 +19,10 @@ from harness.models.text import find_numbers, with_values
 from harness.motion.integrators import integrators
 from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA
-from harness.results.benchmark import MotionCost, Order, Truth
+from harness.results.benchmark import MotionCost, MotionTruth, Order
 
 LIBRARY = Library.built_in()
-Measured = tuple[Truth, list[MotionCost], list[Order]]
+Measured = tuple[MotionTruth, list[MotionCost], list[Order]]
 
 
 def silent(text: str) -> None:
@@ -35,8 +35,8 @@ def cart() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def judge(cart: Scene) -> Judge:
-    return Judge(cart, 2.0)
+def judge(cart: Scene) -> MotionJudge:
+    return MotionJudge(cart, 2.0)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_costs_of_the_cart_fall_with_the_step(measured: Measured) -> None:
         assert (rows[2].energy_error or 1.0) < (rows[0].energy_error or 0.0) / 10
 
 
-def test_a_wrong_claim_of_an_order_is_seen(cart: Scene, judge: Judge) -> None:
+def test_a_wrong_claim_of_an_order_is_seen(cart: Scene, judge: MotionJudge) -> None:
     sweep = [cost for cost in _costs(cart, RUNGE_KUTTA.name) if cost.step]
     order = measured_order(replace(RUNGE_KUTTA, order=3), RUNGE_KUTTA.prepare(cart), judge, sweep, 2.0)
     assert order.verdict == "differs" and order.measured == pytest.approx(4.0, abs=0.1)
@@ -88,7 +88,7 @@ def test_a_wrong_model_has_no_order(cart: Scene) -> None:
     assert 1e-6 < (costs[-1].state_error or 0.0) < 1e-4
 
 
-def test_a_damper_that_takes_too_much_breaks_the_energy_balance(cart: Scene, judge: Judge) -> None:
+def test_a_damper_that_takes_too_much_breaks_the_energy_balance(cart: Scene, judge: MotionJudge) -> None:
     parameters = tuple((name, value * (1.01 if name == "c" else 1.0), unit) for name, value, unit in cart.mechanism.parameters)
     wrong = replace(cart, mechanism=replace(cart.mechanism, parameters=parameters))
     paths = [RUNGE_KUTTA.prepare(scene)(judge.start, 1e-3, 2000, 2) for scene in (cart, wrong)]
@@ -96,7 +96,7 @@ def test_a_damper_that_takes_too_much_breaks_the_energy_balance(cart: Scene, jud
     assert right is not None and off is not None and right < 1e-10 and off > 1e-4
 
 
-def test_work_along_a_path_is_that_of_the_truth(judge: Judge) -> None:
+def test_work_along_a_path_is_that_of_the_truth(judge: MotionJudge) -> None:
     from harness.equations.energies import EnergyKernel
 
     path = judge.reference.path
@@ -107,7 +107,7 @@ def test_work_along_a_path_is_that_of_the_truth(judge: Judge) -> None:
     assert not work_along(replace(path, work=None), 0 * power).any()
 
 
-def test_a_motion_that_ends_elsewhere_is_refused(cart: Scene, judge: Judge) -> None:
+def test_a_motion_that_ends_elsewhere_is_refused(cart: Scene, judge: MotionJudge) -> None:
     with pytest.raises(ValueError, match=r"ends at 1.0 s; expected 2.0 s"):
         judge.state_error(EULER_CROMER.prepare(cart)(judge.start, 1e-2, 100, 100))
 

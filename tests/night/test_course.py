@@ -15,7 +15,7 @@ from support_results import RECORD, RUN
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.night.course import Course, cases_of, unfinished
-from harness.night.stage import Choice, Found, Stage, Steps, find_stages, select_stages
+from harness.night.stage import NightChoice, Stage, Steps, UnitFound, find_stages, select_stages
 from harness.night.together import Together
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
@@ -60,7 +60,7 @@ def toy_steps(name: str, times: Sequence[int]) -> Steps:
         study = Doubling(value, count)
         yield study
         value = study.result()
-    return Found(result=CrossCheckResult(records=[replace(RECORD, system=name, states=value)]))
+    return UnitFound(result=CrossCheckResult(records=[replace(RECORD, system=name, states=value)]))
 
 
 @pytest.mark.parametrize("most", [1, 2, 100])
@@ -130,19 +130,19 @@ def test_a_unit_that_fails_costs_itself(most: int) -> None:
 def test_what_the_surroundings_refuse_ends_the_night(error: Exception) -> None:
     def steps() -> Steps:
         yield Broken(error)
-        return Found(result=CrossCheckResult())
+        return UnitFound(result=CrossCheckResult())
 
     with InThisProcess() as workers, pytest.raises(type(error)):
         list(Together({"a": steps}, lambda: 1, CrossCheckResult).run(workers))
 
 
 def toy(names: Sequence[str] = ("a", "b", "c"), fail_at: str = "") -> Stage:
-    def steps(choice: Choice, name: str) -> Steps:
+    def steps(choice: NightChoice, name: str) -> Steps:
         if name == fail_at:
             raise KeyboardInterrupt
         return (yield from toy_steps(name, [1]))
 
-    def closing(choice: Choice, found: CrossCheckResult, workers: object) -> CrossCheckResult:
+    def closing(choice: NightChoice, found: CrossCheckResult, workers: object) -> CrossCheckResult:
         return CrossCheckResult(records=[replace(RECORD, system="all", states=len(found.records))])
 
     return Stage(
@@ -151,8 +151,8 @@ def toy(names: Sequence[str] = ("a", "b", "c"), fail_at: str = "") -> Stage:
     )  # fmt: skip
 
 
-def choice_of(settings: NightSettings = SETTINGS) -> Choice:
-    return Choice(Library.built_in(), settings)
+def choice_of(settings: NightSettings = SETTINGS) -> NightChoice:
+    return NightChoice(Library.built_in(), settings)
 
 
 def run_to_the_end(course: Course, stage: Stage) -> None:

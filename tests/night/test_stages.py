@@ -15,10 +15,10 @@ from harness.diagnosis.faults.summary import Campaign, Fault
 from harness.hard.cases import hard_cases
 from harness.library import Library
 from harness.night.inputs import digests
-from harness.night.stage import Choice, find_stages
+from harness.night.stage import NightChoice, find_stages
 from harness.results.atlas import Atlas, HardRow
 from harness.results.benchmark import AccelerationCost, Benchmark, Figure
-from harness.results.comparison import Comparison, FileRecord, SubjectRecord
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.cross_check import CrossCheckResult, HeldDifference, SuperfluousPart
 from harness.results.night import NightSettings
 
@@ -35,8 +35,8 @@ FAULT = Fault(system="arm_2r", format="mjcf", kind="axis", statement="", where=(
 ROBOT = SubjectRecord(path="r.urdf", engine="mujoco", format="urdf", aided=False, call="", verdict="agrees", explained=True)
 
 
-def choice(library: Library = BUILT_IN, **settings: Any) -> Choice:
-    return Choice(library, NightSettings(**{"stages": [], "states": 100, "seed": 0} | settings))
+def choice(library: Library = BUILT_IN, **settings: Any) -> NightChoice:
+    return NightChoice(library, NightSettings(**{"stages": [], "states": 100, "seed": 0} | settings))
 
 
 def outcomes(stage: str, found: Any) -> dict[tuple[str, str], str]:
@@ -100,7 +100,7 @@ def test_what_fails_in_a_campaign() -> None:
 def test_what_fails_in_a_survey() -> None:
     wrong = replace(ROBOT, engine="pinocchio", verdict="disagrees", explained=False, rest=["nothing explains it"])
     refused = replace(ROBOT, aided=True, verdict="unsupported", message="too old")
-    found = Comparison(files=[FileRecord(path="r.urdf", format="urdf"), FileRecord(path="s.urdf", problem="no links")])
+    found = FilesComparison(files=[FileRecord(path="r.urdf", format="urdf"), FileRecord(path="s.urdf", problem="no links")])
     found.subjects = [ROBOT, wrong, refused]
     assert outcomes("survey", found) == {
         ("r.urdf", "urdf"): "passed",

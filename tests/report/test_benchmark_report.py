@@ -24,10 +24,10 @@ from harness.results.benchmark import (
     Figure,
     Growth,
     MotionCost,
+    MotionTruth,
     Order,
     QuantityCost,
     Stationarity,
-    Truth,
     Yardstick,
 )
 from harness.results.cross_check import CrossCheckResult
@@ -111,7 +111,7 @@ def sample() -> Benchmark:
             )
         ],
         truths=[
-            Truth(
+            MotionTruth(
                 system="collar", start={"q": [0.1], "v": [0.0]}, horizon=20.0, trusted=20.0, error=3e-15, precision="float64, long double",
                 seconds=0.02,
             )

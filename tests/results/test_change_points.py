@@ -10,7 +10,7 @@ import pytest
 from support_results import RECORD
 
 from harness.results.benchmark import AccelerationCost, Benchmark, Yardstick
-from harness.results.change_points import DRIFT, FALSE_ALARMS, JUMP, Chart, Reading, _run_length
+from harness.results.change_points import DRIFT, FALSE_ALARMS, JUMP, Chart, NightValue, _run_length
 from harness.results.quantiles import quantile_ranks
 from harness.results.records import Record
 from harness.results.trend import (
@@ -70,7 +70,7 @@ def resampled(recorded: list[np.ndarray], states: int, nights: int, cells: int, 
         yield {f"system_{place}": draw.choice(recorded[place % len(recorded)], states) for place in range(cells)}
 
 
-def readings(night: Mapping[str, np.ndarray], factors: Mapping[str, float] | None = None) -> dict[Cell, Reading]:
+def readings(night: Mapping[str, np.ndarray], factors: Mapping[str, float] | None = None) -> dict[Cell, NightValue]:
     return readings_of_records(record(system, errors, (factors or {}).get(system, 1.0)) for system, errors in night.items())
 
 
@@ -123,7 +123,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
     chart = Chart(CELLS)
     values = [0.0] * 10 + [0.15] * 30
     assert abs(0.15 / (0.05 * math.sqrt(1.1))) < chart.limit
-    [first, *_] = chart.changes([Reading(value, 0.05) for value in values])
+    [first, *_] = chart.changes([NightValue(value, 0.05) for value in values])
     assert first.found_by == DRIFT
     assert 10 < first.place < 25
 
@@ -133,7 +133,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
 def test_false_alarms_are_as_many_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 4000, 40.0
     chart = Chart(cells, allowed)
-    found = [change for row in draw.normal(size=(cells, nights)) for change in chart.changes([Reading(value, 1.0) for value in row])]
+    found = [change for row in draw.normal(size=(cells, nights)) for change in chart.changes([NightValue(value, 1.0) for value in row])]
     jumps = sum(change.found_by == JUMP for change in found)
     # Half of what is allowed, in every night but the first; each change leaves a night after it that cannot be judged the same way.
     expected = allowed / 2 * (nights - 1)
@@ -153,7 +153,7 @@ def test_the_run_length_is_that_of_simulated_sums() -> None:
 
 def test_a_cell_whose_nights_scatter_more_than_its_sample_is_judged_by_its_nights() -> None:
     draw = np.random.default_rng(3)
-    nights = [{("one", "engine", MEDIAN): Reading(float(value), 0.01)} for value in draw.normal(scale=0.3, size=40)]
+    nights = [{("one", "engine", MEDIAN): NightValue(float(value), 0.01)} for value in draw.normal(scale=0.3, size=40)]
     # The first nights cannot know better.
     assert [one for one in changes(nights, Chart(CELLS)) if one.place > 3] == []
 
@@ -161,7 +161,7 @@ def test_a_cell_whose_nights_scatter_more_than_its_sample_is_judged_by_its_night
 def test_a_largest_value_that_rises_far_is_found_after_some_nights(recorded: list[np.ndarray]) -> None:
     nights = [readings(night) for night in resampled(recorded, 1000, 12, 6)]
     cell = ("system_2", "mujoco/mjcf", WORST)
-    raised = nights[-1] | {cell: Reading(nights[-1][cell].value + math.log(1e6), nights[-1][cell].noise, False, True)}
+    raised = nights[-1] | {cell: NightValue(nights[-1][cell].value + math.log(1e6), nights[-1][cell].noise, False, True)}
     assert [(one.system, one.number) for one in changes_of_the_last([*nights[:-1], raised])] == [("system_2", WORST)]
 
 
@@ -217,7 +217,7 @@ def test_costs_on_a_busy_machine_show_no_change() -> None:
     assert changes(nights) == []
 
 
-def cost(value: float) -> Reading:
+def cost(value: float) -> NightValue:
     return next(iter(readings_of_costs(benchmark(math.exp(value), 1.0)).values()))
 
 
@@ -232,7 +232,7 @@ def test_largest_values_give_as_many_false_alarms_as_are_allowed(nights: int) ->
     draw, cells, allowed = np.random.default_rng(nights), 30_000, 12.0
     chart = Chart(cells, allowed)
     rows = draw.gumbel(size=(cells, nights))
-    found = [one for row in rows for one in chart.changes([Reading(value, 0.0, False, True) for value in row])]
+    found = [one for row in rows for one in chart.changes([NightValue(value, 0.0, False, True) for value in row])]
     expected = allowed / 2 * (nights - 8)
     assert sum(one.found_by == JUMP for one in found) < 2 * expected + 3 * math.sqrt(expected)
 
@@ -246,7 +246,7 @@ def test_a_number_that_is_not_finite_is_a_number() -> None:
 
 def test_a_change_begins_a_series_of_its_own() -> None:
     values = [0.0] * 5 + [1.0] * 5 + [0.0] * 5
-    found = list(Chart(10).changes([Reading(value, 0.05) for value in values]))
+    found = list(Chart(10).changes([NightValue(value, 0.05) for value in values]))
     assert [(one.place, one.nights, one.found_by) for one in found] == [(5, 5, JUMP), (10, 5, JUMP)]
 
 

@@ -18,7 +18,7 @@ from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
 from harness.results.atlas import Atlas
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, Order, Truth
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, MotionTruth, Order
 from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.hard_states import RankedCase
 from harness.results.history import History
@@ -39,7 +39,7 @@ BENCHMARK = Benchmark(
                                     backward_error=math.inf)],
     growth=[Growth(family="chain", method="pinocchio aba", sizes=[1, 2], seconds_per_state=[1e-6, None],
                    backward_errors=[math.inf, 1.0], exponent=None, expected="1")],
-    truths=[Truth(system="arm_2r", start={"q": [0.1, -2.5], "v": [0.0, 5e-324]}, horizon=20.0, trusted=3.5, error=1e-15, precision="",
+    truths=[MotionTruth(system="arm_2r", start={"q": [0.1, -2.5], "v": [0.0, 5e-324]}, horizon=20.0, trusted=3.5, error=1e-15, precision="",
                   seconds=0.1)],
     motion=[MotionCost(system="arm_2r", integrator="mujoco RK4", step=None, tolerance=1e-9, steps=3, evaluations=12, seconds=0.5,
                        state_error=math.inf, energy_error=None, duration=2.0)],

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from support import harness
 
-from harness.commands._scaffold import write_example
+from harness.commands.frame.scaffold import write_example
 from harness.engines import load_engine
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.joint_table import joint_rows
 from harness.models.model_file import parse_model, read_model
 from harness.show.picture import draw
-from harness.show.placement import CORNER, Placement, choose_view, place
+from harness.show.placement import CORNER, Pose, choose_view, place
 
 # The view a reader of the mechanism would choose.
 VIEWS = {
@@ -31,7 +31,7 @@ VIEWS = {
 }
 
 
-def placements(name: str, model_format: str) -> tuple[Placement, Placement]:
+def placements(name: str, model_format: str) -> tuple[Pose, Pose]:
     library = Library.built_in()
     model = read_model(library.model_path(name, model_format), model_format)
     mechanism = load_mechanism(library, name)

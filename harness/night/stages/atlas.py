@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import STATES, hard_cases
-from harness.night.stage import Choice, Found, Stage, Steps
+from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.results.atlas import Atlas
 from harness.results.night import BROKEN, FAILED, Case
 
@@ -14,16 +14,16 @@ NAME = "atlas"
 _MOTION = "motion"
 
 
-def _units(choice: Choice) -> list[str]:
+def _units(choice: NightChoice) -> list[str]:
     names = choice.settings.cases or list(hard_cases())
     return [*dict.fromkeys(names), *([_MOTION] if choice.settings.motion else [])]
 
 
-def _steps(choice: Choice, name: str) -> Steps:
+def _steps(choice: NightChoice, name: str) -> Steps:
     of_motion = name == _MOTION
     study = AtlasStudy(choice.library, () if of_motion else [name], motion=of_motion, families=not of_motion)
     yield study
-    return Found(result=study.result(), problems=study.problems, crashed=study.crashed)
+    return UnitFound(result=study.result(), problems=study.problems, crashed=study.crashed)
 
 
 def _cases(found: Atlas) -> Iterator[Case]:

@@ -9,7 +9,7 @@ from harness.bench.parts import BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
 from harness.bench.thoroughness import THOROUGHNESS
 from harness.library import member_of
-from harness.night.stage import Choice, Found, Numbers, Stage, Steps
+from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFound
 from harness.report.benchmarks import BenchmarkSummary
 from harness.results.benchmark import Benchmark
 from harness.results.night import BROKEN, LEFT_OUT, Case
@@ -19,7 +19,7 @@ from harness.results.trend import readings_of_costs
 NAME = "bench"
 
 
-def _families(choice: Choice) -> dict[str, list[str]]:
+def _families(choice: NightChoice) -> dict[str, list[str]]:
     """Stem of a system file to the systems in it that are asked for."""
     library, named = choice.library, choice.mechanisms
     names = library.select(named or ()) if named != [] else []
@@ -31,7 +31,7 @@ def _families(choice: Choice) -> dict[str, list[str]]:
     return {one: list(own) for one, own in groupby(sorted(names, key=stem), key=stem)}
 
 
-def _steps(choice: Choice, unit: str) -> Steps:
+def _steps(choice: NightChoice, unit: str) -> Steps:
     asked = choice.settings
     settings = BenchmarkSettings(
         library=choice.library,
@@ -43,7 +43,7 @@ def _steps(choice: Choice, unit: str) -> Steps:
     )
     study = BenchmarkStudy(settings)
     yield study
-    return Found(result=study.result(), problems=study.problems, crashed=study.crashed)
+    return UnitFound(result=study.result(), problems=study.problems, crashed=study.crashed)
 
 
 def _cases(found: Benchmark) -> Iterator[Case]:
@@ -74,5 +74,5 @@ STAGE = Stage(
     profile=lambda choice: choice.settings.profile,
     states=lambda choice: THOROUGHNESS[choice.settings.profile].states,
     is_timed=True,
-    numbers=Numbers(part="%", readings=readings_of_costs),
+    numbers=TrendNumbers(part="%", readings=readings_of_costs),
 )

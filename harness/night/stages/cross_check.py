@@ -16,8 +16,8 @@ from harness.crosscheck.settings import Settings
 from harness.diagnosis.wanted import wanted_diagnosis
 from harness.errors import InvalidModel
 from harness.hard.worst_cases import ranked
-from harness.night.stage import Choice, Found, Numbers, Stage, Steps
-from harness.results.change_points import Reading
+from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFound
+from harness.results.change_points import NightValue
 from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of
 from harness.results.records import ACCELERATIONS
@@ -32,11 +32,11 @@ QUANTITY_STATES = 128
 _FILES = "models"
 
 
-def _units(choice: Choice) -> list[str]:
+def _units(choice: NightChoice) -> list[str]:
     return choice.library.select(choice.settings.names, with_variants=True)
 
 
-def _steps(choice: Choice, name: str) -> Steps:
+def _steps(choice: NightChoice, name: str) -> Steps:
     settings = Settings(
         library=choice.library,
         names=[name],
@@ -66,14 +66,14 @@ def _steps(choice: Choice, name: str) -> Steps:
     gallery = Gallery(choice.library, [name], study.crashes)
     yield gallery
     found.extend(gallery.result())
-    return Found(result=found, problems=problems, faults=faults, crashed=crashed)
+    return UnitFound(result=found, problems=problems, faults=faults, crashed=crashed)
 
 
-def _closing(choice: Choice, found: CrossCheckResult, workers: Workers) -> CrossCheckResult:
+def _closing(choice: NightChoice, found: CrossCheckResult, workers: Workers) -> CrossCheckResult:
     return CrossCheckResult(worst_cases=ranked(choice.library, found.records, workers))
 
 
-def _problems(choice: Choice) -> Iterable[InvalidModel]:
+def _problems(choice: NightChoice) -> Iterable[InvalidModel]:
     return () if choice.settings.names else orphans(choice.library)
 
 
@@ -88,7 +88,7 @@ def _cases(found: CrossCheckResult) -> Iterator[Case]:
         yield Case.of(NAME, system, _FILES, sentences, replay=f"harness check {system}")
 
 
-def _readings(found: CrossCheckResult) -> dict[Cell, Reading]:
+def _readings(found: CrossCheckResult) -> dict[Cell, NightValue]:
     """Of accelerations: a median over the few states of another quantity may be any of the values that its answers often have."""
     return readings_of_records(record for record in found.records if record.quantity == ACCELERATIONS)
 
@@ -103,5 +103,5 @@ STAGE = Stage(
     cases=_cases,
     closing=_closing,
     problems=_problems,
-    numbers=Numbers(part="records", readings=_readings),
+    numbers=TrendNumbers(part="records", readings=_readings),
 )

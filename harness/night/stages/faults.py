@@ -9,7 +9,7 @@ from itertools import groupby
 from harness.diagnosis.faults.campaign import CampaignSettings
 from harness.diagnosis.faults.study import CampaignStudy, select_models
 from harness.diagnosis.faults.summary import Campaign, Fault, broken_bars
-from harness.night.stage import Choice, Found, Stage, Steps
+from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.results.night import BROKEN, Case
 
 NAME = "faults"
@@ -18,7 +18,7 @@ STATES = 1000
 SIZES, DIAGNOSED = (1e-9, 1e-6, 1e-3, 1.0), 1
 
 
-def _units(choice: Choice) -> list[str]:
+def _units(choice: NightChoice) -> list[str]:
     named = choice.mechanisms
     if not choice.settings.models or named == []:
         return []
@@ -27,13 +27,13 @@ def _units(choice: Choice) -> list[str]:
     return sorted(random.Random(choice.settings.seed).sample(known, min(choice.settings.models, len(known))))
 
 
-def _steps(choice: Choice, model: str) -> Steps:
+def _steps(choice: NightChoice, model: str) -> Steps:
     name, _, model_format = model.rpartition("/")
     states = min(STATES, choice.settings.states)
     settings = CampaignSettings(sizes=SIZES, states=states, seed=choice.settings.seed, diagnosed=DIAGNOSED)
     study = CampaignStudy(choice.library, [name], settings, [model_format])
     yield study
-    return Found(result=Campaign(faults=study.result(), deaths=study.deaths), problems=study.problems, crashed=study.crashed)
+    return UnitFound(result=Campaign(faults=study.result(), deaths=study.deaths), problems=study.problems, crashed=study.crashed)
 
 
 def _cases(found: Campaign) -> Iterator[Case]:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from harness.comparison.collection import find_files
 from harness.comparison.study import RobotComparison, Settings
-from harness.night.stage import Choice, Found, Stage, Steps
+from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.report.comparison import subject_lines
-from harness.results.comparison import Comparison, survey_profile
+from harness.results.comparison import FilesComparison, survey_profile
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, Case
 from harness.verdict import Verdict
 
@@ -18,17 +18,17 @@ NAME = "survey"
 STATES = 32
 
 
-def _units(choice: Choice) -> list[str]:
+def _units(choice: NightChoice) -> list[str]:
     return [str(path) for path in find_files(choice.settings.survey)] if choice.settings.survey else []
 
 
-def _steps(choice: Choice, path: str) -> Steps:
+def _steps(choice: NightChoice, path: str) -> Steps:
     study = RobotComparison(Settings((Path(path),), STATES, choice.settings.seed, pairwise=False), NAME)
     yield study
-    return Found(result=study.result(), problems=study.faults, crashed=study.crashed)
+    return UnitFound(result=study.result(), problems=study.faults, crashed=study.crashed)
 
 
-def _cases(found: Comparison) -> Iterator[Case]:
+def _cases(found: FilesComparison) -> Iterator[Case]:
     for file in found.files:
         wrong = [file.problem] if file.problem else []
         yield Case.of(NAME, file.path, file.format or "file", wrong, replay=_replay(file.path))
@@ -51,7 +51,7 @@ def _replay(path: str) -> str:
 STAGE = Stage(
     name=NAME,
     place=3,
-    kind=Comparison,
+    kind=FilesComparison,
     time_limit=300.0,
     units=_units,
     steps=_steps,

@@ -13,8 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.commands import _options as options
-from harness.commands._terminal import progress, say
+from harness.commands.frame import options
+from harness.commands.frame.terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
@@ -220,13 +220,13 @@ class Bracket:
         """The latest survey of the library, with the earlier ones of the same places; None without any."""
         from harness.report import Survey
         from harness.report.comparison import MOST_SURVEYS
-        from harness.results.comparison import Comparison
+        from harness.results.comparison import FilesComparison
 
         history, library = self.history, self.library.name
-        if (latest := history.latest(Comparison, library)) is None:
+        if (latest := history.latest(FilesComparison, library)) is None:
             return None
         run, found = latest
-        alike = Comparison, library, run.profile
+        alike = FilesComparison, library, run.profile
         before = next(itertools.islice(history.recent(*alike), 1, 2), None)
         earlier = [one for _, one in itertools.islice(history.recent(*alike, "subjects"), 1, MOST_SURVEYS)]
         return Survey(run, found.in_order(), before, earlier[::-1])

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from harness.commands._bracket import Bracket
+from harness.commands.frame.bracket import Bracket
 from harness.results.records import ACCELERATIONS
 from harness.verdict import Verdict
 
@@ -111,7 +111,7 @@ def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS
 
 def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,)) -> None:
     """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
-    from harness.commands._terminal import (
+    from harness.commands.frame.terminal import (
         print_causes,
         print_count,
         print_differs,

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from harness.commands._bracket import Bracket
+from harness.commands.frame.bracket import Bracket
 from harness.errors import InvalidModel, InvalidRequest
 
 

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import click
 
-from harness.commands._terminal import say
+from harness.commands.frame.terminal import say
 from harness.results.records import ACCELERATIONS
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3

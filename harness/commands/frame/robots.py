@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.commands._bracket import Bracket
-from harness.commands._terminal import print_section, say
+from harness.commands.frame.bracket import Bracket
+from harness.commands.frame.terminal import print_section, say
 
 if TYPE_CHECKING:
     from harness.comparison.study import RobotComparison
     from harness.report.comparison import Section
-    from harness.results.comparison import Comparison
+    from harness.results.comparison import FilesComparison
 
 
 def find_differing_lines(bracket: Bracket, path: str, suspects: Iterable[Path], states: int) -> None:
@@ -41,9 +41,9 @@ def show_robot(bracket: Bracket, path: str, html_path: str | None) -> None:
     bracket.finish(study.problems, study.crashed, True)
 
 
-def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[Comparison], Iterable[Section]]) -> Comparison:
+def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[FilesComparison], Iterable[Section]]) -> FilesComparison:
     """Run a study of robots' files that has begun: progress, JSON, and ``shown`` on standard output."""
-    found: Comparison = bracket.complete(study, lambda: study.result().to_json())
+    found: FilesComparison = bracket.complete(study, lambda: study.result().to_json())
     for number, section in enumerate(shown(found)):
         say(*([""] if number else []), section.title)
         print_section(section.parts)

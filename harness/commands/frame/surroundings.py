@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from harness.commands._options import INVALID
+from harness.commands.frame.options import INVALID
 from harness.study import is_out_of_memory
 
 # What the system may refuse any command, and the way out.
