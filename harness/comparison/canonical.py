@@ -15,11 +15,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.files.tree import WORLD, Body, Direction, Joint, Placement
 from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.robot import Robot
 from harness.robots.spatial import Matrix, Three
-from harness.robots.tree import WORLD, Body, Direction, Joint, Placement
 
 _BITS = 160
 

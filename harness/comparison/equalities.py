@@ -28,13 +28,13 @@ from harness.equations.constraints import RESIDUAL
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
 from harness.equations.states import States
+from harness.files.equalities import Equality, Meeting, TendonLinkage
+from harness.files.tree import WORLD
 from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
-from harness.robots.equalities import Equality, Meeting, TendonLinkage
 from harness.robots.inverse_weights import inverse_weights_of
 from harness.robots.robot import Robot
 from harness.robots.tied_mechanism import TiedTree, tied_tree
-from harness.robots.tree import WORLD
 from harness.verdict import Verdict
 
 # Equalities whose effect is said; each takes the file's being loaded once more.

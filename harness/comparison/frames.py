@@ -18,10 +18,10 @@ from harness.comparison.canonical import Node, canonical
 from harness.comparison.numbers import place_text
 from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantities
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
+from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 from harness.results.comparison import FileDifference
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 
 # Stands for a number that is zero in the first file, so that it is a parameter of the equations.
 _ALMOST_ZERO = 1e-300

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from harness.comparison.readings import with_joints, with_tree
+from harness.files.tree import Joint, Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, read_as, reference_of
+from harness.files.tree import Body, Given, Inertia, Joint, Place, Tree
 from harness.results.comparison import FileDifference
 from harness.results.table import number_text
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.tree import Body, Given, Inertia, Joint, Place, Tree
 
 # What is said of a number by the field of a tree that holds it.
 _NAMES = {

@@ -15,8 +15,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.canonical import Mass, Node, canonical
+from harness.files.tree import Body, Place
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Place
 
 # Vectors in canonical axes carry the rounding of the rotations that brought them there.
 ROUNDING = 64 * 2.0**-53

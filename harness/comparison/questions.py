@@ -17,8 +17,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from harness.arrays import Array
+from harness.files.constraints import ModelConstraint
 from harness.models.constraint_law import ConstraintLaw
-from harness.models.constraints import ModelConstraint
 from harness.models.urdf_forces import PointSpring
 
 

@@ -18,9 +18,9 @@ from harness.comparison.numbers import OtherShape, different_numbers, place_text
 from harness.comparison.readings import freed, with_joints, with_tree
 from harness.comparison.same_states import SameStates
 from harness.comparison.truth import Meant, change, columns_of, read_as
+from harness.files.tree import Joint
 from harness.results.comparison import FileDifference, PairRecord
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint
 from harness.verdict import Verdict
 
 

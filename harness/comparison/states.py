@@ -12,10 +12,10 @@ from harness.arrays import Array
 from harness.comparison.coordinates import multiplied, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
+from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
 from harness.models.urdf_forces import PointSpring
 from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
-from harness.robots.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
 Frame = tuple[tuple[float, ...], tuple[float, ...]]
@@ -163,7 +163,7 @@ def _position(placement: Placement) -> Array:
 
 
 def _rotation(part: Turn | Quaternion | Axes | Direction) -> Array:
-    """The matrix (3, 3) of one rotation, as ``harness.robots.tree`` defines it."""
+    """The matrix (3, 3) of one rotation, as ``harness.files.tree`` defines it."""
     if isinstance(part, Turn):
         x, y, z = _unit(_floats(part.axis))
         angle = math.radians(part.angle) if part.in_degrees else float(part.angle)

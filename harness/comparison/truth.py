@@ -17,9 +17,9 @@ from harness.comparison.questions import Asked
 from harness.comparison.same_states import SameStates
 from harness.comparison.states import asked_joints, spread
 from harness.equations.states import States
+from harness.files.tree import Joint, Tree
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
 from harness.storage import Kept
 
 # States at which the effect of one change is computed.

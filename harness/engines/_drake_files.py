@@ -17,9 +17,9 @@ from contextlib import contextmanager
 from lxml import etree
 
 from harness.engines import Unsupported
+from harness.files.tree import WORLD
 from harness.models.formats import POINT_SPRING
-from harness.models.mjcf_defaults import resolved, resolved_text
-from harness.models.mjcf_forces import WORLD
+from harness.models.mjcf.defaults import resolved, resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.models.xml import describe, literal_tag, parse_document
 

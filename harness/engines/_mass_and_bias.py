@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.engines import LoadedModel, Terms, Unsupported
 from harness.engines._rotations import BALL, FREE, Columns, cross_matrix, rotation
 from harness.engines._supplied_forces import SuppliedForces
-from harness.models.mjcf_forces import WORLD
+from harness.files.tree import WORLD
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import describe, literal_tag, parse_document
 

@@ -15,9 +15,9 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, Softness, TendonConstraint
 from harness.models.constraint_law import ConstraintLaw, Impedance, InverseWeight
-from harness.models.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, Softness, TendonConstraint
-from harness.models.mjcf_forces import is_on
+from harness.models.mjcf.options import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
 

@@ -24,7 +24,7 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines._answers import NotOffered
 from harness.engines._mujoco_versions import require_declared_steps
-from harness.models.mjcf_forces import is_on
+from harness.models.mjcf.options import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.step_rule import Part, StepRule
 from harness.models.xml import parse_document

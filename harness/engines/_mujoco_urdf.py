@@ -22,7 +22,7 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines._mujoco_versions import coefficients
-from harness.models.constraints import PointConstraint
+from harness.files.constraints import PointConstraint
 from harness.models.formats import LEAST
 from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
 from harness.models.xml import Document, describe, literal_tag, parse_document

@@ -28,8 +28,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines._pinocchio_versions import parent_joint, ready_for_constraints, require
-from harness.models.constraints import End, FrameConstraint, ModelConstraint, PointConstraint
-from harness.models.mjcf_forces import WORLD
+from harness.files.constraints import End, FrameConstraint, ModelConstraint, PointConstraint
+from harness.files.tree import WORLD
 
 _UNIVERSE = 0
 

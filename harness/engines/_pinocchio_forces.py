@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines._pinocchio_versions import parent_joint
-from harness.models.mjcf_forces import WORLD
+from harness.files.tree import WORLD
 from harness.models.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 
 

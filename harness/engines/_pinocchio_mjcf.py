@@ -18,7 +18,7 @@ from lxml import etree
 from harness.engines import Unsupported
 from harness.engines._standard_error import captured_standard_error
 from harness.models.formats import ORIENTATIONS
-from harness.models.mjcf_defaults import childclass_of, of_class, resolved
+from harness.models.mjcf.defaults import childclass_of, of_class, resolved
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import Document, describe, parse_document, shorten
 

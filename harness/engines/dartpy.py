@@ -20,7 +20,7 @@ from harness.engines import LoadedModel, Terms, Unsupported, require_model
 from harness.engines._rotations import FREE, Columns, rotation
 from harness.engines._standard_error import captured_standard_error
 from harness.engines._supplied_forces import SuppliedForces
-from harness.models.mjcf_forces import WORLD
+from harness.files.tree import WORLD
 from harness.models.model_file import JointDamper, ModelFile
 
 if TYPE_CHECKING:

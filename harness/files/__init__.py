@@ -1,6 +1,7 @@
-"""The meaning of model files, MJCF and URDF.
+"""The meaning of model files, MJCF and URDF, as plain data.
 
 Knows no equation and no engine. May use ``library`` and what is below it.
 
-Start with ``joint_kinds``, by which all that has joints names their kinds.
+Start with ``tree``, whose joints have the kinds of ``joint_kinds``; ``equalities`` are what a file ties beside its joints, and
+``findings`` what it says besides.
 """

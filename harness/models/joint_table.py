@@ -14,10 +14,10 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import InvalidModel
+from harness.files.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, TendonConstraint
 from harness.library import Library
-from harness.models.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, TendonConstraint
 from harness.models.formats import ORIENTATIONS
-from harness.models.mjcf_defaults import resolved_text
+from harness.models.mjcf.defaults import resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.models.xml import Document, literal_tag, parse_document, read_document
 

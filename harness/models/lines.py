@@ -14,8 +14,8 @@ from pathlib import Path
 from lxml import etree
 
 from harness.models.formats import ORIENTATIONS, POINT_SPRING, rules_at
-from harness.models.mjcf_defaults import resolved
-from harness.models.mjcf_forces import is_on
+from harness.models.mjcf.defaults import resolved
+from harness.models.mjcf.options import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.text import Element, find_elements, innermost
 from harness.models.xml import literal_tag, parse_document

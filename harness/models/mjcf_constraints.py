@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 
 from lxml import etree
 
-from harness.models.constraints import (
+from harness.files.constraints import (
     POLYNOMIAL,
     SOLIMP,
     SOLREF,
@@ -27,9 +27,10 @@ from harness.models.constraints import (
     Tendon,
     TendonConstraint,
 )
+from harness.files.tree import WORLD
 from harness.models.formats import ORIENTATIONS, SOLVER_OPTIONS
-from harness.models.mjcf_defaults import resolved, resolved_text, writings
-from harness.models.mjcf_forces import WORLD, in_degrees, is_on
+from harness.models.mjcf.defaults import resolved, resolved_text, writings
+from harness.models.mjcf.options import in_degrees, is_on
 from harness.models.values import one_sign
 from harness.models.xml import Document, add_named, describe, resolve, shorten
 

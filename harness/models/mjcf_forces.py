@@ -14,13 +14,12 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import Written, resolved, resolved_text, writings
-from harness.models.urdf_forces import ForceElement, JointDamper, JointSpring, Point, PointSpring
+from harness.files.constraints import Point
+from harness.files.tree import WORLD
+from harness.models.mjcf.defaults import Written, resolved, resolved_text, writings
+from harness.models.mjcf.options import in_degrees, is_on
+from harness.models.urdf_forces import ForceElement, JointDamper, JointSpring, PointSpring
 from harness.models.xml import Document, describe, shorten
-
-# What MuJoCo takes without an option.
-GRAVITY = (0.0, 0.0, -9.81)
-WORLD = "world"
 
 
 @dataclass(frozen=True)
@@ -38,25 +37,6 @@ def read_forces(document: Document) -> tuple[tuple[ForceElement, ...], tuple[Une
         tuple(item for item in found if not isinstance(item, Unexpressed)),
         tuple(item for item in found if isinstance(item, Unexpressed)),
     )
-
-
-def in_degrees(root: etree._Element) -> bool:
-    """True where the file's angles are in degrees, as they are where it does not say."""
-    return [compiler.get("angle") for compiler in root.iterfind("compiler[@angle]")][-1:] != ["radian"]
-
-
-def is_on(root: etree._Element, stage: str) -> bool:
-    """False where a stage of MuJoCo's pipeline, like "spring", is switched off."""
-    return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
-
-
-def gravity(root: etree._Element) -> tuple[float, float, float]:
-    """The gravity that an MJCF states, (x, y, z) [m/s^2]; zero where it is switched off."""
-    if not is_on(root, "gravity"):
-        return 0.0, 0.0, 0.0
-    written = [option.get("gravity") for option in root.iterfind("option[@gravity]")]
-    x, y, z = map(float, written[-1].split()) if written else GRAVITY
-    return x, y, z
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -41,10 +41,11 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.files.constraints import ModelConstraint
 from harness.models import mjcf_constraints, urdf_constraints
 from harness.models.checks import check_elements, check_inertia, numbers
-from harness.models.constraints import ModelConstraint
-from harness.models.mjcf_forces import Unexpressed, gravity, read_forces
+from harness.models.mjcf.options import gravity
+from harness.models.mjcf_forces import Unexpressed, read_forces
 from harness.models.urdf_forces import Armature, Elements, ForceElement, JointDamper, JointSpring, PointSpring, armatures, force_elements
 from harness.models.urdf_mimics import Mimic, is_follower, mimics
 from harness.models.values import Numbers, positive

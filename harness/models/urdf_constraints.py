@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator
 
 from lxml import etree
 
+from harness.files.constraints import End, JointConstraint, ModelConstraint, PointConstraint
 from harness.models.checks import numbers
-from harness.models.constraints import End, JointConstraint, ModelConstraint, PointConstraint
 from harness.models.formats import BALL_CONSTRAINT
 from harness.models.urdf_forces import Elements
 from harness.models.urdf_mimics import Mimic

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from lxml import etree
 
+from harness.files.constraints import Point
 from harness.models.checks import numbers
 from harness.models.formats import POINT_SPRING
 from harness.models.values import Numbers, not_negative, positive
@@ -18,7 +19,6 @@ from harness.models.xml import Document, describe, literal_tag, resolve, shorten
 SINGLE_AXIS = ("revolute", "prismatic", "continuous")
 _ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
 
-Point = tuple[float, float, float]
 Elements = Mapping[str, etree._Element]
 
 

@@ -3,11 +3,11 @@
 It is a second truth beside a system's energies. It needs a model file and nothing else, and shares no expression with
 Lagrange's equations.
 
-Asks no engine. What meshes weigh, which no file states, is given by who reads the file (``meshes``). May use ``models``,
+Asks no engine. What meshes weigh, which no file states, is given by who reads the file. May use ``models``,
 ``equations`` and what is below them.
 
-Start with ``robot``: ``read_robot`` gives a ``Robot``, whose ``tree`` is the plain data, with what is left out and what no body can
-have. ``urdf`` and ``mjcf`` read the tree from the elements of a ``source``; ``bounds`` raises what weighs too little; ``recursion``
+Start with ``robot``: ``read_robot`` gives a ``Robot``, whose tree is the plain data, with what is left out and what no body can
+have. ``bounds`` raises what weighs too little; ``recursion``
 writes its program in the vectors of ``spatial`` and the joints of ``nodes``; ``mechanism`` makes a mechanism of it, for all that works
 on mechanisms, and ``accelerations`` evaluates it in balls.
 

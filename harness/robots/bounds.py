@@ -16,8 +16,8 @@ from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.files.tree import ORIGIN, Body, Bounds, Inertia, Placement, Pose, Tree, Vector, vector
 from harness.robots.rigid import BodyWriter, Rigid
-from harness.robots.tree import ORIGIN, Body, Bounds, Inertia, Placement, Pose, Tree, Vector, vector
 
 _BITS = 256
 Rows = Sequence[Sequence[Fraction]]

@@ -15,11 +15,11 @@ from fractions import Fraction
 from pathlib import Path
 
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL
-from harness.models.constraints import UNTURNED, End, FrameConstraint, JointConstraint, ModelConstraint, PointConstraint
-from harness.robots.equalities import Linkage, Meeting, Rows, TendonLinkage, Weld
+from harness.files.constraints import UNTURNED, End, FrameConstraint, JointConstraint, ModelConstraint, PointConstraint
+from harness.files.equalities import Linkage, Meeting, Rows, TendonLinkage, Weld
+from harness.files.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree, vector
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree, vector
 from harness.robots.world_motion import Moving, WorldWriter
 
 # Joints and the multiples of their positions.

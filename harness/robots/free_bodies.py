@@ -14,13 +14,13 @@ from collections.abc import Sequence
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
-from harness.models.constraints import ModelConstraint
+from harness.files.constraints import ModelConstraint
+from harness.files.tree import Tree
 from harness.robots.constraints import ConstraintWriter, rows_of, untied
 from harness.robots.free_body_equations import FreeBodies
 from harness.robots.linear import Linear, LinearWriter, Vector
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
-from harness.robots.tree import Tree
 from harness.robots.world_motion import Moving
 
 # Moment and force, or angular and linear acceleration, in unknowns.

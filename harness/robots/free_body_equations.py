@@ -11,7 +11,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram
-from harness.robots.tree import Given
+from harness.files.tree import Given
 
 # Of the length of the longest row, and of what is left of a row of length 1 beside those before.
 _NO_MOTION, _DEPENDENT = 1e-12, 1e-9

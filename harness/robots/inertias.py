@@ -14,10 +14,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.files.findings import Impossible
+from harness.files.tree import WORLD, Body, Inertia, Tree
 from harness.robots.bounds import bounded
-from harness.robots.findings import Impossible
 from harness.robots.rigid import BodyWriter
-from harness.robots.tree import WORLD, Body, Inertia, Tree
 
 # Relative to the largest moment: what rounding the decimals of three moments can do.
 _ROUNDING = 2.0**-51

@@ -18,15 +18,15 @@ from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
+from harness.files.constraints import End, Tendon, TendonConstraint
+from harness.files.tree import WORLD, Body, Given, Joint, Tree, vector
 from harness.models.constraint_law import InverseWeight
-from harness.models.constraints import End, Tendon, TendonConstraint
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
 from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.robot import tree_of
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import WORLD, Body, Given, Joint, Tree, vector
 
 _BITS = 192
 # IsNullPose and mjEPS of MuJoCo's compiler.

@@ -5,9 +5,9 @@ Sources: MuJoCo documentation, XML reference, joint and tendon/fixed; http://wik
 
 from __future__ import annotations
 
+from harness.files.tree import Coupling, Joint
 from harness.robots.nodes import NodeWriter
 from harness.robots.spatial import Three
-from harness.robots.tree import Coupling, Joint
 
 
 class JointForceWriter(NodeWriter):

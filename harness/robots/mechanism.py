@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
+from harness.files.tree import Joint
 from harness.robots.nodes import SIZES
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.tree import Joint
 
 # Of a joint without limits [m].
 _REACH = (-1.0, 1.0)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from harness.files.tree import WORLD, Body, Coupling, Direction, Joint, Placement, Pose, Spring, Tree
 from harness.robots.bounds import bounded
 from harness.robots.rigid import BodyWriter, Rigid
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import WORLD, Body, Coupling, Direction, Joint, Placement, Pose, Spring, Tree
 
 # A motion or a force as its two vectors.
 Pair = tuple[Three, Three]

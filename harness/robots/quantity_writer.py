@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from harness.equations.program import StraightLineProgram, without_unused
+from harness.files.tree import Given, Tree
 from harness.robots.constraints import untied
 from harness.robots.nodes import SIZES
 from harness.robots.rigid import Lump
 from harness.robots.spatial import Three
-from harness.robots.tree import Given, Tree
 from harness.robots.wrenches import WrenchWriter
 
 

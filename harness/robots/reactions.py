@@ -16,11 +16,11 @@ from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
-from harness.models.constraints import ModelConstraint
+from harness.files.constraints import ModelConstraint
+from harness.files.tree import Given, Tree
 from harness.robots.constraints import Row, rows_of, untied
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
-from harness.robots.tree import Given, Tree
 from harness.robots.world_motion import Moving, WorldWriter
 from harness.robots.wrenches import WrenchWriter
 

@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
+from harness.files.tree import Given, Pose, Spring, Tree
 from harness.robots.joint_forces import JointForceWriter
 from harness.robots.nodes import Node, Pair
 from harness.robots.rigid import Rigid
 from harness.robots.spatial import Matrix, Three
-from harness.robots.tree import Given, Pose, Spring, Tree
 
 
 @dataclass(frozen=True)

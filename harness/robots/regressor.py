@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from harness.files.tree import Tree
 from harness.robots.constraints import untied
 from harness.robots.force_quantities import ForceQuantities
 from harness.robots.nodes import Pair
 from harness.robots.quantity_writer import Block
 from harness.robots.rigid import Lump
 from harness.robots.spatial import Three, transposed
-from harness.robots.tree import Tree
 
 # Mass, first moments, and moments of inertia about the origin of a frame of the body.
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

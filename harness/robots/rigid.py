@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
+from harness.files.tree import Body, Inertia, Solid, Tree
 from harness.robots.solids import SolidWriter
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import Body, Inertia, Solid, Tree
 
 
 @dataclass

@@ -14,17 +14,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.errors import InvalidModel
+from harness.files.equalities import Equality
+from harness.files.findings import Impossible, LeftOut
+from harness.files.tree import Joint, Tree
+from harness.models.mjcf import left_out as mjcf_left_out
+from harness.models.mjcf import reading as mjcf
+from harness.models.mjcf.expansion import expand
+from harness.models.mjcf.meshes import CompileMeshes, Meshes
 from harness.models.model_file import ModelFile
+from harness.models.source import Source
+from harness.models.urdf import left_out as urdf_left_out
+from harness.models.urdf import mimics as urdf_mimics
+from harness.models.urdf import reading as urdf
 from harness.models.xml import Document, describe, parse_any, read_any
-from harness.robots import mjcf, mjcf_left_out, urdf, urdf_left_out, urdf_mimics
-from harness.robots.equalities import Equality
-from harness.robots.findings import Impossible, LeftOut
 from harness.robots.inertias import impossible_inertias, total_mass
-from harness.robots.meshes import CompileMeshes, Meshes
-from harness.robots.mjcf_expansion import expand
 from harness.robots.nodes import SIZES
-from harness.robots.source import Source
-from harness.robots.tree import Joint, Tree
+from harness.robots.spring_dampers import with_spring_dampers
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -135,7 +140,9 @@ def _read(document: Document, floating_base: bool, gravity: float, compile_meshe
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         expand(source, root, document.path)
-        tree, equalities = mjcf.read_tree(source, root, None if compile_meshes is None else Meshes(document.path, compile_meshes))
+        meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
+        tree, equalities, spring_dampers = mjcf.read_tree(source, root, meshes)
+        tree = with_spring_dampers(tree, spring_dampers)
         left_out = mjcf_left_out.left_out(source, root, tree)
     robot = Robot(
         path=document.path,

@@ -11,8 +11,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import NamedTuple
 
+from harness.files.tree import Solid
 from harness.robots.spatial import SpatialWriter, Three
-from harness.robots.tree import Solid
 
 
 class _Shape(NamedTuple):

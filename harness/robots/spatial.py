@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from harness.equations.calculus import ProgramWriter
 from harness.equations.program import StraightLineProgram
-from harness.robots.tree import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn, Vector
+from harness.files.tree import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn, Vector
 
 # Places of instructions: a vector, and a matrix by rows.
 Three = list[int]

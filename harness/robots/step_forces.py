@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram, without_unused
+from harness.files.tree import Coupling, Given, Spring, Tree
 from harness.robots.recursion import RecursionWriter
-from harness.robots.tree import Coupling, Given, Spring, Tree
 
 JOINT_DAMPING, JOINT_STIFFNESS = "joint damping", "joint stiffness"
 LINES, LINE_DAMPING, LINE_STIFFNESS = "lines", "line damping", "line stiffness"

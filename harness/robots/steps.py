@@ -18,9 +18,9 @@ from fractions import Fraction
 from harness.equations.calculus import ProgramWriter
 from harness.equations.program import StraightLineProgram, upper_triangle, with_operands, without_unused
 from harness.equations.program_derivatives import derivative_name, differentiate
+from harness.files.tree import Given
 from harness.models.step_rule import Part, StepRule
 from harness.robots.step_forces import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
-from harness.robots.tree import Given
 
 # Of the cosine of half a turn in a step, and of its sine over it, in the square.
 _TERMS = 25

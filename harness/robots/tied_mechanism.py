@@ -18,15 +18,15 @@ from harness.equations.constraints import JACOBIAN, Constraints
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.states import States
-from harness.models.constraints import ModelConstraint
+from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Rows
+from harness.files.tree import Given, Tree
 from harness.robots.constraints import ConstraintWriter, Row, rows_of, untied
-from harness.robots.equalities import Rows
 from harness.robots.free_body_equations import independent_rows
 from harness.robots.mechanism import RobotMechanism, mechanism_of
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.tree import Given, Tree
 from harness.robots.world_motion import Moving
 
 _BITS = 64

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from harness.files.tree import Pose, Tree
 from harness.robots.joint_forces import JointForceWriter
 from harness.robots.nodes import Node, Pair
 from harness.robots.rigid import Lump
 from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.tree import Pose, Tree
 
 
 @dataclass

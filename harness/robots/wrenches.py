@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from harness.files.tree import WORLD
 from harness.robots.constraints import ConstraintWriter
 from harness.robots.nodes import Pair
 from harness.robots.spatial import Three
-from harness.robots.tree import WORLD
 from harness.robots.world_motion import Moving
 
 

@@ -14,10 +14,10 @@ from harness.comparison.callers import find_callers
 from harness.comparison.questions import Answers
 from harness.comparison.readings import Reading, with_joints
 from harness.comparison.truth import read_as
+from harness.files.tree import Joint, Tree
 from harness.report.comparison import subject_lines
 from harness.results.comparison import SubjectRecord
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
 from harness.verdict import AGREEMENT, Verdict
 
 

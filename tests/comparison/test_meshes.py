@@ -10,9 +10,9 @@ from comparison import robots
 from comparison.robots import record_of
 
 from harness.comparison.meshes import compiled_meshes
+from harness.models.mjcf.meshes import CompiledMesh, Number
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison
-from harness.robots.meshes import CompiledMesh, Number
 from harness.verdict import Verdict
 
 # A wedge, as solid and as shell, in frames and replicas, as a size for a box, in a body that is fused, and one of a given mass.

@@ -14,8 +14,8 @@ from harness.comparison.accounting import fold
 from harness.comparison.readings import Reading, find_readings
 from harness.comparison.readings._bullet_boxes import half_extents
 from harness.comparison.readings._bullet_matrices import diagonalized
+from harness.files.tree import Inertia, Tree
 from harness.robots.robot import read_robot
-from harness.robots.tree import Inertia, Tree
 
 NUMBERS = st.floats(-1.0, 1.0, allow_subnormal=False)
 IMPOSSIBLE = FILES / "impossible.urdf"

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InvalidModel
-from harness.library import Library
-from harness.models.anatomy import anatomy
-from harness.models.constraints import (
+from harness.files.constraints import (
     End,
     FrameConstraint,
     JointConstraint,
@@ -21,6 +19,8 @@ from harness.models.constraints import (
     Tendon,
     TendonConstraint,
 )
+from harness.library import Library
+from harness.models.anatomy import anatomy
 from harness.models.lines import JOINT, lines_of
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.models.text import find_numbers

@@ -14,8 +14,8 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
+from harness.files.tree import Given
 from harness.robots.robot import LeftOut, Robot, read_robot
-from harness.robots.tree import Given
 
 FILES = Path(__file__).parent / "files"
 NAMES = ("arm.urdf", "humanoid.urdf", "humanoid.xml", "quadruped.xml")

@@ -21,12 +21,12 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
 from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.states import States
+from harness.files.tree import Tree
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots.free_bodies import free_bodies
 from harness.robots.reactions import have_same_points, reactions_program
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import read_robot, tree_of
-from harness.robots.tree import Tree
 
 STATES = 5
 BITS = 192

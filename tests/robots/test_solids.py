@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.equations.kernels import BallKernel
+from harness.files.tree import Solid, vector
 from harness.robots.solids import SolidWriter
-from harness.robots.tree import Solid, vector
 
 SIZES = st.floats(0.05, 3).map(Fraction)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)

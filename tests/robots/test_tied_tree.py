@@ -12,11 +12,11 @@ import pytest
 from harness.arrays import Array
 from harness.equations.constraint_forces import Column, Tied, by_multipliers, by_reduction, constrained_program
 from harness.equations.states import States
+from harness.files.tree import Joint, Tree
 from harness.robots.accelerations import accelerations_of
 from harness.robots.recursion import Recursion, recursion_program
 from harness.robots.robot import read_robot
 from harness.robots.tied_mechanism import tied_tree
-from harness.robots.tree import Joint, Tree
 
 FILES = Path(__file__).parents[1] / "comparison" / "files"
 STATES = 8

@@ -24,13 +24,13 @@ from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.files.tree import Given
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
 from harness.robots.reactions import reactions_program
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.tied_mechanism import Tied, tied_mechanism
-from harness.robots.tree import Given
 from harness.storage import Kept
 
 # States at which the independent rows of constraints are found.

@@ -19,7 +19,7 @@ from harness.comparison.callers._state_by_state import StateByState, refuse_join
 from harness.comparison.callers._urdf import elements_of, root_link
 from harness.comparison.questions import Aid, Caller, Loaded, Refused, Request
 from harness.engines._rotations import FREE
-from harness.models.mjcf_forces import WORLD
+from harness.files.tree import WORLD
 
 _PLANT = "p = MultibodyPlant(0.0); Parser(p).AddModels(PATH); "
 _ACCELERATIONS = "p.Finalize(); p.get_generalized_acceleration_output_port().Eval(c)"

@@ -25,8 +25,8 @@ from harness.engines._mujoco_law import laws_in
 from harness.engines._mujoco_quantities import MujocoQuantities
 from harness.engines._mujoco_steps import rules_in, step
 from harness.engines._mujoco_versions import fill_mass_matrix
+from harness.files.constraints import ModelConstraint
 from harness.models.constraint_law import ConstraintLaw
-from harness.models.constraints import ModelConstraint
 from harness.models.step_rule import StepRule
 
 _ELEMENT = re.compile(r"Element name '([^']*)'")

@@ -22,10 +22,10 @@ from typing import Any
 from lxml import etree
 
 from harness.environments.folders import split_name
+from harness.files.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.models.xml import read_any
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 

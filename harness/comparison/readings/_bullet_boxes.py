@@ -15,7 +15,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.comparison.readings import element_at
-from harness.robots.tree import Body
+from harness.files.tree import Body
 
 # gUrdfDefaultCollisionMargin [m].
 _MARGIN = 0.001

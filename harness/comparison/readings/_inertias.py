@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.readings import with_inertias
-from harness.robots.tree import WORLD, Body, Given, Inertia, Tree
+from harness.files.tree import WORLD, Body, Given, Inertia, Tree
 
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 

@@ -11,8 +11,8 @@ from fractions import Fraction
 from typing import Any
 
 from harness.comparison.readings import Reading, freed, with_joints, without_bodies
+from harness.files.tree import Body, Joint, Solid, Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Joint, Solid, Tree
 
 Declare = Callable[..., Reading]
 

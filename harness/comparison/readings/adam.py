@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 
 from harness.comparison.readings import Reading, _left_out
+from harness.files.tree import Given, Tree, vector
 from harness.robots.robot import Robot
-from harness.robots.tree import Given, Tree, vector
 
 _FORMATS = ("urdf",)
 # The default of KinDynComputations, which is rounded to float32.

@@ -5,8 +5,8 @@ from fractions import Fraction
 
 from harness.comparison.readings import Reading, _left_out, with_joints
 from harness.comparison.readings._inertias import with_unit_inertias
+from harness.files.tree import Joint, Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Joint, Tree
 
 _FORMATS = ("urdf",)
 _LOADER = "DART, dart/utils/urdf/DartLoader.cpp, which reads links, and of joints origin, axis, limits, dynamics and mimic"

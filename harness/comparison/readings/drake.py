@@ -8,8 +8,8 @@ import numpy as np
 
 from harness.comparison.readings import Reading, _left_out, element_at, with_inertias, with_joints
 from harness.comparison.readings._inertias import computed, matrix_of
+from harness.files.tree import Body, Given, Inertia, Tree, vector
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Given, Inertia, Tree, vector
 
 # Of the sphere [kg/m^3], and its mass where the file's is none [kg].
 _DENSITY, _MASS = 1000.0, 1.0

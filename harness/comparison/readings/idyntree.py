@@ -1,8 +1,8 @@
 """What iDynTree's parser of URDF stores and its computations leave out."""
 
 from harness.comparison.readings import Reading, _left_out, with_inertias
+from harness.files.tree import Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Tree
 
 _FORMATS = ("urdf",)
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from harness.comparison.readings import Reading, element_at, with_joints
+from harness.files.tree import Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Tree
 
 
 def _tree(robot: Robot) -> Tree:

@@ -7,9 +7,9 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.comparison.readings import Reading, _left_out, element_at, mujoco_settings, with_bodies, with_inertias, with_joints
+from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
 
 _URDF = ("urdf",)
 _EXTENSIONS = "MuJoCo documentation, Modeling, URDF extensions, and XML reference"

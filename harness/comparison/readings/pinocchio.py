@@ -4,8 +4,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from harness.comparison.readings import Reading, _left_out, with_joints
+from harness.files.tree import Given, Joint, Tree, vector
 from harness.robots.robot import Robot
-from harness.robots.tree import Given, Joint, Tree, vector
 
 _BOTH, _URDF = ("urdf", "mjcf"), ("urdf",)
 # pinocchio::Model::gravity981.

@@ -6,10 +6,10 @@ from fractions import Fraction
 from typing import Any
 
 from harness.comparison.readings import Reading, _left_out, element_at, with_bodies, with_joints, with_poses, with_solids, without_bodies
-from harness.models.mjcf_defaults import childclass_of, of_class, resolved, resolved_text
+from harness.files.tree import ORIGIN, WORLD, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, vector
+from harness.models.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
-from harness.robots.tree import ORIGIN, WORLD, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, vector
 
 _MJCF = ("mjcf",)
 _GRAPH, _GEOMS = "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp", "Pinocchio 4.1, parsers/mjcf/mjcf-graph-geom.cpp"

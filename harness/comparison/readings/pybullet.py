@@ -9,8 +9,8 @@ from harness.comparison.readings import Reading, _left_out, with_inertias
 from harness.comparison.readings._bullet_boxes import half_extents
 from harness.comparison.readings._bullet_matrices import diagonalized
 from harness.comparison.readings._inertias import computed, matrix_of, moments_of, moving, with_unit_inertias
+from harness.files.tree import Body, Inertia, Tree
 from harness.robots.robot import Robot
-from harness.robots.tree import Body, Inertia, Tree
 
 _FORMATS = ("urdf",)
 _READER = "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseJoint, parseJointDynamics"

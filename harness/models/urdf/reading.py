@@ -16,12 +16,12 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.files.joint_kinds import JointKind
+from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
+from harness.models.source import Source
+from harness.models.urdf.beside import Beside, read_beside
+from harness.models.urdf.mimics import follow
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import MAXIMUM_DEPTH, describe, literal_tag
-from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
-from harness.robots.urdf_forces import Beside, read_beside
-from harness.robots.urdf_mimics import follow
 
 FLOATING_BASE = "floating_base"
 KINDS = {

@@ -10,11 +10,11 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import resolved
+from harness.files.tree import Coupling, Given, Joint, Pose, Spring
+from harness.models.mjcf.defaults import resolved
+from harness.models.mjcf.numbers import Attributes
+from harness.models.source import Source
 from harness.models.xml import describe
-from harness.robots.mjcf_numbers import Attributes
-from harness.robots.source import Source
-from harness.robots.tree import Coupling, Given, Joint, Pose, Spring
 
 
 def read_tendons(

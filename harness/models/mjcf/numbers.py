@@ -10,14 +10,14 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, Vector, vector
 from harness.models.formats import ORIENTATIONS
-from harness.models.mjcf_defaults import writings
-from harness.models.mjcf_forces import is_on
+from harness.models.mjcf.defaults import writings
+from harness.models.mjcf.expansion import REPEATED
+from harness.models.mjcf.options import is_on
+from harness.models.source import Source
 from harness.models.values import Check, Numbers
 from harness.models.xml import describe
-from harness.robots.mjcf_expansion import REPEATED
-from harness.robots.source import Source
-from harness.robots.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, Vector, vector
 
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
 _SIZES = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}

@@ -12,9 +12,9 @@ from typing import NoReturn
 from lxml import etree
 
 from harness.errors import InvalidModel
+from harness.files.tree import Given, Place
 from harness.models.values import Check, Numbers
 from harness.models.xml import Document, describe, literal_tag, shorten
-from harness.robots.tree import Given, Place
 
 
 class Source:

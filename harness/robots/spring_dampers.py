@@ -8,34 +8,30 @@ Source: MuJoCo documentation, XML reference, ``body/joint/springdamper``; Modeli
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import upper_triangle, without_unused
+from harness.files.tree import Given, Joint, SpringDampers, Tree
 from harness.robots.nodes import SIZES
 from harness.robots.recursion import recursion_program
-from harness.robots.tree import Given, Joint, Tree
 
 _BITS = 192
 
 
-def with_spring_dampers(tree: Tree, given: Mapping[str, tuple[Given, Given]], springs: bool, dampers: bool) -> Tree:
-    """The tree whose joints of one axis named in ``given`` have what their time constant [s] and damping ratio make of their inertia.
-
-    ``springs`` and ``dampers`` say whether these are switched on. The numbers are rounded to float64.
-    """
-    if not given:
+def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
+    """The tree whose joints that ask for it have the stiffness and damping that follow from their inertia, rounded to float64."""
+    if not asked.given:
         return tree
     inertias = _inertias(tree)
 
     def changed(joint: Joint) -> Joint:
-        if joint.name not in given or joint.place is None:
+        if joint.name not in asked.given or joint.place is None:
             return joint
-        time, ratio = given[joint.name]
-        stiffness = float(inertias[joint.name] / (_exactly(time) * _exactly(ratio)) ** 2) if springs else 0.0
-        damping = float(2 * inertias[joint.name] / _exactly(time)) if dampers else 0.0
+        time, ratio = asked.given[joint.name]
+        stiffness = float(inertias[joint.name] / (_exactly(time) * _exactly(ratio)) ** 2) if asked.springs else 0.0
+        damping = float(2 * inertias[joint.name] / _exactly(time)) if asked.dampers else 0.0
         # At the joint, for those of a class are other numbers at each.
         return replace(
             joint,

@@ -9,16 +9,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from lxml import etree
 
+from harness.files.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
+from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
 from harness.files.joint_kinds import JointKind
-from harness.models.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
-from harness.models.mjcf_defaults import resolved_text
-from harness.models.mjcf_forces import is_on
+from harness.files.tree import WORLD, Body, Placement, Pose, Quaternion, vector
+from harness.models.mjcf.defaults import resolved_text
+from harness.models.mjcf.numbers import Attributes
+from harness.models.mjcf.options import is_on
+from harness.models.mjcf.tendons import tendons
+from harness.models.source import Source
 from harness.models.values import one_sign
-from harness.robots.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
-from harness.robots.mjcf_numbers import Attributes
-from harness.robots.mjcf_tendons import tendons
-from harness.robots.source import Source
-from harness.robots.tree import WORLD, Body, Placement, Pose, Quaternion, vector
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)

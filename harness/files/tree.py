@@ -7,7 +7,7 @@ plain fractions, which stand nowhere.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
@@ -72,11 +72,11 @@ class _Placed:
     def places(self) -> Mapping[str, Place]:
         """The place of each quantity, by the name of its field; that of the element where the file does not give the quantity."""
         found = {}
-        for field in fields(self):  # type: ignore[arg-type]
-            given = next(_given(getattr(self, field.name)), None)
+        for one in fields(self):  # type: ignore[arg-type]
+            given = next(_given(getattr(self, one.name)), None)
             place = self.place if given is None else given.place
             if place is not None:
-                found[field.name] = place
+                found[one.name] = place
         return found
 
 
@@ -88,8 +88,8 @@ def _given(value: object) -> Iterator[Given]:
         for part in value:
             yield from _given(part)
     elif isinstance(value, Turn | Quaternion | Axes | Direction | Placement):
-        for field in fields(value):
-            yield from _given(getattr(value, field.name))
+        for part in fields(value):
+            yield from _given(getattr(value, part.name))
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Solid(_Placed):
     """A geometric body of even density, or an even surface where ``shell``, in the frame ``pose`` of a body, whose origin is its centre.
 
     Attributes:
-        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box"; "mesh" for what an engine compiled, see ``harness.robots.meshes``.
+        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box"; "mesh" for what an engine compiled, see ``harness.models.mjcf.meshes``.
         size: radius; radius and half length along z without the half spheres; or half the extents along x, y and z [m].
         mass: [kg]; None where ``density`` [kg/m^3, or kg/m^2] gives it.
         ends: the two points between which it reaches, instead of all sizes but the first; None without.
@@ -277,6 +277,19 @@ class Spring(_Placed):
     stiffness: Fraction
     damping: Fraction
     place: Place | None = None
+
+
+@dataclass(frozen=True)
+class SpringDampers:
+    """Joints that give a time constant [s] and a damping ratio, from which stiffness and damping follow by their inertia.
+
+    Attributes:
+        given: joint to both. springs, dampers: whether these are switched on.
+    """
+
+    given: Mapping[str, tuple[Given, Given]] = field(default_factory=dict)
+    springs: bool = True
+    dampers: bool = True
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.files.tree import Given, Placement, Quaternion, Solid, vector
+from harness.models.source import Source
 from harness.models.xml import describe
-from harness.robots.source import Source
-from harness.robots.tree import Given, Placement, Quaternion, Solid, vector
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import Any
 
 from lxml import etree
 
+from harness.files.tree import WORLD, Given, Placement, Pose, Spring, vector
 from harness.models.formats import POINT_SPRING
+from harness.models.source import Source
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import describe, literal_tag
-from harness.robots.source import Source
-from harness.robots.tree import WORLD, Given, Placement, Pose, Spring, vector
 
 _ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
 Elements = Mapping[str, etree._Element]

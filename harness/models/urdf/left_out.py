@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 from lxml import etree
 
+from harness.files.findings import LeftOut
 from harness.models.formats import BALL_CONSTRAINT, POINT_SPRING
+from harness.models.source import Source
 from harness.models.xml import literal_tag
-from harness.robots.findings import LeftOut
-from harness.robots.source import Source
 
 _VISUAL, _CONTACTS, _UNKNOWN = "visual geometry", "contacts", "elements that URDF does not know"
 _LIMITS, _FRICTION, _EFFORT = "joint limits", "friction loss", "effort and velocity limits"

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import resolved_text
-from harness.robots.findings import LeftOut
-from harness.robots.mjcf_numbers import JOINTS
-from harness.robots.source import Source
-from harness.robots.tree import Tree
+from harness.files.findings import LeftOut
+from harness.files.tree import Tree
+from harness.models.mjcf.defaults import resolved_text
+from harness.models.mjcf.numbers import JOINTS
+from harness.models.source import Source
 
 # Sections of a file, each of whose elements is one of these.
 _SECTIONS = {

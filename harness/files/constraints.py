@@ -17,8 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from harness.models.urdf_forces import Point
-
+Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 UNTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 # What MuJoCo takes for attributes that a constraint leaves out.

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.models.constraints import (
+from harness.files.constraints import (
     POLYNOMIAL,
     End,
     FrameConstraint,
@@ -22,7 +22,7 @@ from harness.models.constraints import (
     Tendon,
     TendonConstraint,
 )
-from harness.robots.tree import Place, Pose
+from harness.files.tree import Place, Pose
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.models.mjcf_defaults import resolved, resolved_text
+from harness.files.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
+from harness.models.mjcf.defaults import resolved, resolved_text
+from harness.models.mjcf.meshes import Meshes
+from harness.models.mjcf.numbers import JOINTS, Attributes, inside
+from harness.models.source import Source
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import describe
-from harness.robots.meshes import Meshes
-from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
-from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
 
 # Sizes that each takes, and those that it takes beside two points.
 _SIZES = {"sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1)}

@@ -15,9 +15,9 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import InvalidModel
+from harness.models.source import Source
 from harness.models.values import Numbers, not_negative
 from harness.models.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
-from harness.robots.source import Source
 
 MOST_FILES = 100
 # Elements that make bodies by rules that only a simulator's program spells out.

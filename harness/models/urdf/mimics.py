@@ -11,11 +11,11 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.equalities import Equality, Linkage
 from harness.files.joint_kinds import JointKind
+from harness.files.tree import Body, Joint, Tree
+from harness.models.source import Source
 from harness.models.xml import describe, literal_tag
-from harness.robots.equalities import Equality, Linkage
-from harness.robots.source import Source
-from harness.robots.tree import Body, Joint, Tree
 
 JOINT_TAGS = ("joint", "drake:joint")
 

@@ -13,28 +13,27 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
-from harness.models.mjcf_defaults import resolved_text
-from harness.models.mjcf_forces import GRAVITY, is_on
+from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
+from harness.models.mjcf.defaults import resolved_text
+from harness.models.mjcf.equalities import read_equalities
+from harness.models.mjcf.inertias import Inertias
+from harness.models.mjcf.meshes import Meshes
+from harness.models.mjcf.numbers import JOINTS, Attributes, inside
+from harness.models.mjcf.options import GRAVITY, is_on
+from harness.models.mjcf.tendons import read_tendons
+from harness.models.source import Source
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import describe
-from harness.robots.equalities import Equality
-from harness.robots.meshes import Meshes
-from harness.robots.mjcf_equalities import read_equalities
-from harness.robots.mjcf_inertias import Inertias
-from harness.robots.mjcf_numbers import JOINTS, Attributes, inside
-from harness.robots.mjcf_spring_dampers import with_spring_dampers
-from harness.robots.mjcf_tendons import read_tendons
-from harness.robots.source import Source
-from harness.robots.tree import ORIGIN, WORLD, Body, Given, Joint, Tree, Vector, vector
 
 KINDS = {kind.value: kind for kind in JointKind if kind is not JointKind.PLANAR}
 
 
-def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...]]:
-    """The tree of an MJCF, and the equalities that are no part of it.
+def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
+    """The tree of an MJCF, the equalities that are no part of it, and joints whose stiffness and damping follow from their inertia.
 
-    Its included files and replicas are in place; see ``harness.robots.mjcf_expansion``.
+    Its included files and replicas are in place; see ``harness.models.mjcf.expansion``.
 
     ``meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
 
@@ -51,7 +50,7 @@ def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None
     inertias = reader.inertias
     tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
     equalities = read_equalities(source, root, attributes, reader.name, bodies)
-    return with_spring_dampers(tree, reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper")), equalities
+    return tree, equalities, SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
 
 
 def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:

@@ -1,0 +1,1 @@
+"""From an MJCF to its tree of bodies. Start with ``reading``."""

@@ -1,0 +1,1 @@
+"""From a URDF to its tree of bodies. Start with ``reading``."""
