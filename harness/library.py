@@ -60,7 +60,7 @@ class Library:
             BUILT_IN_NAME,
             _PACKAGE / "systems",
             models,
-            _PACKAGE / "engines",
+            _PACKAGE / "engines" / "adapters",
             _PACKAGE / "crosscheck" / "expected_verdicts.toml",
             _PACKAGE / "hard" / "states",
         )

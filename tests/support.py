@@ -111,7 +111,7 @@ def program_from(data: Any) -> StraightLineProgram:
 
 # MuJoCo with a mass matrix that is too large by 1e-9, and right accelerations.
 HEAVY_ENGINE = """
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Engine(MujocoEngine):

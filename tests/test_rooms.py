@@ -87,9 +87,9 @@ def test_every_contract_is_kept() -> None:
         ("A room imports only rooms below it", "models.values", "equations.system", "harness.models.values -> harness.equations.system"),
         (
             "An engine imports nothing of the equations",
-            "engines.mujoco",
+            "engines.adapters.mjx",
             "equations.states",
-            "harness.engines.mujoco -> harness.equations.states",
+            "harness.engines.adapters.mjx -> harness.equations.states",
         ),
         (
             "The report imports nothing that computes",

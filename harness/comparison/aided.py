@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.comparison.questions import Answers, Caller, Loaded, Question, Refused, Run, ask
 from harness.comparison.states import request_of, spread
 from harness.engines import NotOffered, Unsupported
-from harness.engines._answers import METHODS
+from harness.engines.interface import METHODS
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.robots.mechanism import RobotMechanism
@@ -76,7 +76,7 @@ class AidedModel:
         return self.loaded_robot.model
 
     def __getattr__(self, name: str) -> Any:
-        """What the engine computes beside accelerations, as ``harness.engines._answers`` says.
+        """What the engine computes beside accelerations, as ``harness.engines.interface`` says.
 
         Raises:
             NotOffered: states would have to be converted on the way, or the engine is asked about accelerations alone.

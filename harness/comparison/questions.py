@@ -200,7 +200,7 @@ class Run(Protocol):
 class Loaded(Protocol):
     """A file in an engine.
 
-    One that is asked for more than accelerations has ``quantities(names)``: an object with methods of ``harness.engines._answers``, whose
+    One that is asked for more than accelerations has ``quantities(names)``: an object with methods of ``harness.engines.interface``, whose
     q and v are of the joints of these names.
 
     Attributes:

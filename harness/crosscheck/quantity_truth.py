@@ -8,7 +8,7 @@ from harness.certify.quantities import Quantity, Question, Truth
 from harness.crosscheck.tasks import Assignment, frame_of
 from harness.crosscheck.truth import softened, softness_of
 from harness.engines import ConstraintLaw, NotOffered, constraint_laws, load_engine, step_rules
-from harness.engines._audit import require_constraints
+from harness.engines.audit import require_constraints
 from harness.equations.mechanism import Mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile, read_model

@@ -23,7 +23,7 @@ from harness.arrays import Array
 from harness.certify.sampling import random_sample
 from harness.crosscheck.gaps import gaps_of
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
-from harness.engines._audit import audit
+from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel

@@ -34,7 +34,7 @@ from harness.engines import (
     runs_elsewhere,
     unit_roundoff,
 )
-from harness.engines._audit import audit, require_constraints
+from harness.engines.audit import audit, require_constraints
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States

@@ -1,4 +1,4 @@
-"""Engines: programs that return accelerations, each one a file here or in a library's ``engines/``.
+"""Engines: programs that return accelerations, each one a file of ``adapters`` or in a library's ``engines/``.
 
 An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, and imports the program
 it wraps only inside its methods, so that finding engines costs nothing. A library's own engine files are run by worker
@@ -6,7 +6,8 @@ processes alone; what the harness itself has to know of them is ``engine_files``
 
 Knows no equation. May use ``models`` and what is below it.
 
-Start with ``Engine`` and ``Model``, the protocol, then with ``pinocchio``, which follows it.
+Start with ``Engine`` and ``Model``, the protocol, then with ``adapters``, one for each engine; ``elsewhere`` runs those in environments of
+their own.
 """
 
 from __future__ import annotations
@@ -16,26 +17,26 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from harness.arrays import Array
-from harness.engines._answers import InvalidAnswer as InvalidAnswer
-from harness.engines._answers import NotOffered as NotOffered
-from harness.engines._answers import Unsupported as Unsupported
-from harness.engines._answers import answer_of as answer_of
-from harness.engines._files import EQUATIONS as EQUATIONS
-from harness.engines._files import FORMATS as FORMATS
-from harness.engines._files import LOADING_SECONDS as LOADING_SECONDS
-from harness.engines._files import EngineFile as EngineFile
-from harness.engines._files import describe_engines as describe_engines
-from harness.engines._files import engine_files as engine_files
-from harness.engines._files import engine_paths as engine_paths
-from harness.engines._files import installed_version as installed_version
-from harness.engines._files import load_engine as load_engine
-from harness.engines._files import runs_elsewhere as runs_elsewhere
-from harness.engines._held import HeldBody as HeldBody
-from harness.engines._held import HeldJoint as HeldJoint
-from harness.engines._held import HeldModel as HeldModel
-from harness.engines._held import HeldSpring as HeldSpring
-from harness.engines._held import LoadedModel as LoadedModel
-from harness.engines._held import Terms as Terms
+from harness.engines.files import EQUATIONS as EQUATIONS
+from harness.engines.files import FORMATS as FORMATS
+from harness.engines.files import LOADING_SECONDS as LOADING_SECONDS
+from harness.engines.files import EngineFile as EngineFile
+from harness.engines.files import describe_engines as describe_engines
+from harness.engines.files import engine_files as engine_files
+from harness.engines.files import engine_paths as engine_paths
+from harness.engines.files import installed_version as installed_version
+from harness.engines.files import load_engine as load_engine
+from harness.engines.files import runs_elsewhere as runs_elsewhere
+from harness.engines.held import HeldBody as HeldBody
+from harness.engines.held import HeldJoint as HeldJoint
+from harness.engines.held import HeldModel as HeldModel
+from harness.engines.held import HeldSpring as HeldSpring
+from harness.engines.held import LoadedModel as LoadedModel
+from harness.engines.held import Terms as Terms
+from harness.engines.interface import InvalidAnswer as InvalidAnswer
+from harness.engines.interface import NotOffered as NotOffered
+from harness.engines.interface import Unsupported as Unsupported
+from harness.engines.interface import answer_of as answer_of
 from harness.environments.folders import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library, nearest
@@ -56,7 +57,7 @@ class Model(Protocol):
 
     One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
 
-    An engine may also offer what ``harness.engines._answers`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
+    An engine may also offer what ``harness.engines.interface`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
     arguments and columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint

@@ -28,10 +28,14 @@ def digests(library: Library, survey: Sequence[str]) -> dict[str, str]:
 
 def _files(library: Library) -> Iterator[tuple[str, Path]]:
     """Name and path of every file of the library; its name tells no place of this machine."""
-    folders = [("systems", library.systems, "*.py"), ("engines", library.engines, "*.py"), ("hard_states", library.hard_states, "*.json")]
+    folders = [
+        ("systems", library.systems, "*.py"),
+        ("engines", library.engines, "**/*.py"),
+        ("hard_states", library.hard_states, "*.json"),
+    ]
     folders += [(name, library.models / name, pattern) for name, suffix in MODEL_SUFFIXES.items() for pattern in (f"*{suffix}", "*.py")]
     for name, folder, pattern in folders:
-        yield from ((f"{name}/{path.name}", path) for path in sorted(folder.glob(pattern)))
+        yield from ((f"{name}/{path.relative_to(folder)}", path) for path in sorted(folder.glob(pattern)))
     if library.expected_verdicts.is_file():
         yield library.expected_verdicts.name, library.expected_verdicts
 

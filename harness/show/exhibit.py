@@ -13,7 +13,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import SOUND, differences, held_by, soundness
 from harness.crosscheck.tasks import Assignment, derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
-from harness.engines._audit import audit
+from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.library import Library, member_of

@@ -94,7 +94,7 @@ def test_what_fails_costs_its_own_row_alone() -> None:
 
 def test_methods_of_an_engine_that_is_installed_nowhere_are_measured_by_name_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
-    monkeypatch.setattr("harness.engines._files._DESCRIBED", {})
+    monkeypatch.setattr("harness.engines.files._DESCRIBED", {})
     missing = [method for method in find_derivative_methods() if method.engine and not is_installed(method.engine)]
     assert missing, "one of the engines is not installed beside the harness"
     settings = BenchmarkSettings(library=LIBRARY, names=("arm_2r",), derivatives=True)

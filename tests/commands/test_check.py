@@ -310,7 +310,7 @@ def test_report_writes_everything_and_keeps_history(library: Path) -> None:
 SLEEPING_ENGINE = """
 import time
 
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Engine(MujocoEngine):

@@ -16,7 +16,7 @@ from harness.results.trend import MEDIAN
 # MuJoCo's answers, scaled: an error of so many units in the last place as a variable says, which a process that keeps engines reads.
 ENGINE = """
 import os
-from harness.engines.mujoco import ENGINE as MUJOCO
+from harness.engines.adapters.mujoco import ENGINE as MUJOCO
 
 class Model:
     def __init__(self, model):

@@ -24,7 +24,7 @@ STALE = FoundState(
 # No number for a few of the fastest states.
 ENGINE = """
 import numpy as np
-from harness.engines.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
 
 
 class Model(MujocoModel):

@@ -18,7 +18,7 @@ from harness.comparison.asking import ask_engine
 from harness.comparison.callers import CallersLibrary, caller_of, find_callers
 from harness.comparison.study import question_of
 from harness.engines import describe_engines
-from harness.engines.adam import with_origins
+from harness.engines.adapters.adam import with_origins
 from harness.results.comparison import SubjectRecord
 from harness.workers import Workers
 

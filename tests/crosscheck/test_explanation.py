@@ -100,7 +100,7 @@ def test_a_wrong_mass_of_an_ill_conditioned_chain_is_red_and_named(tmp_path: Pat
 
 WRONG_ENGINE = """
 from harness.crosscheck.scene import with_parameters
-from harness.engines.lagrange import LagrangeModel
+from harness.engines.adapters.lagrange import LagrangeModel
 
 class Engine:
     requires = ("heyoka", "heyoka")

@@ -19,8 +19,8 @@ from harness.crosscheck.held import SOUND, Difference, differences
 from harness.crosscheck.held_quantities import OF_BODIES
 from harness.diagnosis.hypotheses import find_hypotheses
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
-from harness.engines._audit import audit
-from harness.engines._mujoco_held import fused
+from harness.engines.adapters.mujoco.held import fused
+from harness.engines.audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.models import lines as quantities

@@ -23,7 +23,7 @@ from harness.results.records import Record
 
 ENGINE = """
 import numpy as np
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Model:

@@ -28,7 +28,7 @@ from harness.workers import Crash, Outcome, Task, Workers
 ENGINE = """
 import os, time
 import numpy as np
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Model:

@@ -19,7 +19,9 @@ from harness.crosscheck.description import describe_run
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.engines import _mujoco_urdf, _pinocchio_mjcf, load_engine
+from harness.engines import load_engine
+from harness.engines.adapters.mujoco import urdf as mujoco_urdf
+from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
@@ -228,7 +230,7 @@ def _relative_errors(name: str, model_format: str, answers: Callable[[States], A
     ("name", "low", "high"), [("acrobot.euler_fixed_axes", 0.2, 0.4), ("furuta_pendulum.class_in_childclass", 1e12, 1e15)]
 )
 def test_pinocchio_s_mjcf_reader_is_as_wrong_as_the_entry_says(name: str, low: float, high: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
+    monkeypatch.setattr(pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
     file = read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
     model = load_engine(BUILT_IN, "pinocchio").load(file, list(file.joint_lines), 9.81)
     errors = _relative_errors(name, "mjcf", lambda states: model.forward_dynamics(states.q, states.v, states.tau))
@@ -236,8 +238,8 @@ def test_pinocchio_s_mjcf_reader_is_as_wrong_as_the_entry_says(name: str, low: f
 
 
 def test_pinocchio_s_mjcf_reader_passes_over_what_stands_in_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
-    loaded, _ = _pinocchio_mjcf.read(read_model(BUILT_IN.model_path("acrobot.frames", "mjcf"), "mjcf"))
+    monkeypatch.setattr(pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
+    loaded, _ = pinocchio_mjcf.read(read_model(BUILT_IN.model_path("acrobot.frames", "mjcf"), "mjcf"))
     assert list(loaded.names) == ["universe", "shoulder"]
 
 
@@ -257,8 +259,8 @@ def test_mujoco_s_mimic_joint_is_as_soft_as_the_entry_says(
     impedance: float | None, low: float, high: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = "simple_pendulum.mimic"
-    monkeypatch.setattr(_mujoco_urdf, "_ignored", lambda root, joints: iter(()))
-    model, _ = _mujoco_urdf.read(read_model(BUILT_IN.model_path(name, "urdf"), "urdf"), 9.81)
+    monkeypatch.setattr(mujoco_urdf, "_ignored", lambda root, joints: iter(()))
+    model, _ = mujoco_urdf.read(read_model(BUILT_IN.model_path(name, "urdf"), "urdf"), 9.81)
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     assert model.neq == 1
     if impedance is not None:

@@ -15,7 +15,7 @@ from harness.diagnosis.terms import AT_REST, LOADED, MOVING
 from harness.errors import InvalidRequest
 
 TURNED_ENGINE = """
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Engine(MujocoEngine):

@@ -15,8 +15,8 @@ from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
-from harness.engines._pinocchio_constraints import LoopConstraints, Solver
-from harness.engines.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots.inverse_weights import inverse_weights

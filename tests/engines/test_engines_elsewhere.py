@@ -17,8 +17,8 @@ from harness.comparison.callers import find_callers
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
 from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects, subjects_beside
-from harness.engines._interpreter import EngineDied
-from harness.engines._transport import dumps, loads, portable
+from harness.engines.elsewhere.interpreter import EngineDied
+from harness.engines.elsewhere.transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
 from harness.hard.worst_cases import ranked
 from harness.library import Library
@@ -127,9 +127,9 @@ def test_every_adapter_is_imported_where_only_its_requirements_are(library: Libr
         name for name, file in describe_engines(Library.built_in(), Workers).items() if EQUATIONS not in file.formats and "@" not in name
     ]
     assert {"mujoco", "pinocchio", "drake", "idyntree", "dartpy", "pybullet", "adam", "mjx", "mjx_float32"} <= set(own)
-    modules = [f"harness.engines.{name}" for name in own]
+    modules = [f"harness.engines.adapters.{name}" for name in own]
     modules += [f"harness.comparison.callers.{name}" for name in find_callers()]
-    server = Path(sys.modules["harness.engines"].__file__ or "").with_name("_server.py")
+    server = Path(sys.modules["harness.engines"].__file__ or "").parent / "elsewhere" / "server.py"
     probe = (
         f"import importlib, runpy, sys; runpy.run_path({str(server)!r})['_import_harness'](); "
         f"print([importlib.import_module(name).ENGINE.formats for name in {modules}])"

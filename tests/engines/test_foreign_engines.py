@@ -63,7 +63,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     """Exit status, records by subject and standard error of a check of all, whose JSON goes to standard output."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.engines._files.LOADING_SECONDS", 2.5)
+        patch.setattr("harness.engines.files.LOADING_SECONDS", 2.5)
         done = harness(
             "check", "--library", ".", "--quantity", "accelerations", "--states", "40", "--json", "-", isolated=True, cwd=library
         )

@@ -21,7 +21,7 @@ from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.sampling import random_sample
 from harness.crosscheck.truth import Truth
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff
-from harness.engines._rotations import BALL, FREE, Columns, rotation
+from harness.engines.rotations import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
 from harness.equations.derivation import load_mechanism
 from harness.library import Library

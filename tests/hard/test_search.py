@@ -86,7 +86,7 @@ def test_the_search_is_not_lucky_on_ten_links() -> None:
 # Other quantities than accelerations.
 
 SLIPPING_ENGINE = """
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 
 class Engine(MujocoEngine):
@@ -321,7 +321,7 @@ def test_shares_are_what_rounding_really_does() -> None:
 ENGINE = """
 import os
 import numpy as np
-from harness.engines.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
 
 class Model(MujocoModel):
     def forward_dynamics(self, q, v, tau):

@@ -50,7 +50,7 @@ def test_any_library_from_an_empty_folder(library: Path) -> None:
 
 WATCHED_ENGINE = """
 import os
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco import MujocoEngine
 
 class Engine(MujocoEngine):
     def load(self, source, joints, gravity):

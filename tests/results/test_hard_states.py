@@ -35,7 +35,7 @@ FOUND = FoundState(
 # Right everywhere but at one state, which no sample meets.
 ENGINE = """
 import numpy as np
-from harness.engines.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
 
 class Model(MujocoModel):
     def forward_dynamics(self, q, v, tau):

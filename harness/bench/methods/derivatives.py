@@ -21,8 +21,8 @@ from harness.arrays import Array
 from harness.bench.methods import DerivativeMethod
 from harness.crosscheck.scene import Scene
 from harness.engines import EQUATIONS, Unsupported, installed_version, load_engine
-from harness.engines.mujoco import MujocoModel
-from harness.engines.pinocchio import PinocchioModel
+from harness.engines.adapters.mujoco import MujocoModel
+from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.equations.states import States
 
 Compute = Callable[[], Array]

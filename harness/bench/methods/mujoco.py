@@ -17,7 +17,7 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Assignment, truth_of
 from harness.crosscheck.truth import Truth
 from harness.engines import Subject, Unsupported
-from harness.engines.mujoco import MujocoModel
+from harness.engines.adapters.mujoco import MujocoModel
 from harness.equations.states import States
 from harness.models.text import compact
 from harness.motion.integrators import CONSTRAINED, MECHANISMS

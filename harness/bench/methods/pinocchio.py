@@ -17,7 +17,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
-from harness.engines.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.equations.states import States
 
 

@@ -6,7 +6,8 @@ them back. It is held against the rigid problem, and, as "declared", against tha
 ``lcaba`` eliminates joints in an order of its own, and what rounding leaves of M + J' J / mu stays, so that a smaller mu is worse.
 What either says of its own answers, ``absolute_residual``, stands beside the error.
 
-Source: Pinocchio 4.1, algorithm/constrained-dynamics, algorithm/loop-constrained-aba; see ``harness.engines._pinocchio_constraints``.
+Source: Pinocchio 4.1, algorithm/constrained-dynamics, algorithm/loop-constrained-aba;
+see ``harness.engines.adapters.pinocchio.constraints``.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.truth import Truth, softened
-from harness.engines._pinocchio_constraints import ACCURATE, LoopConstraints, Solver
-from harness.engines.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
 from harness.equations.constraint_forces import Softness
 from harness.equations.states import States
 from harness.models.text import compact

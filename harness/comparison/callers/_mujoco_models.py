@@ -15,8 +15,8 @@ import numpy as np
 from lxml import etree
 
 from harness.comparison.questions import Aid, Asked, BodyInertia, Request
-from harness.engines._mujoco_urdf import tendon_of
-from harness.engines._mujoco_versions import coefficients
+from harness.engines.adapters.mujoco.urdf import tendon_of
+from harness.engines.adapters.mujoco.versions import coefficients
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)

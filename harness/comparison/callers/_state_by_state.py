@@ -15,7 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines import Unsupported
-from harness.engines._rotations import Columns, rotation
+from harness.engines.rotations import Columns, rotation
 from harness.robots.nodes import SIZES
 
 _SINGLE_AXIS = ("hinge", "slide")

@@ -17,8 +17,8 @@ from harness.arrays import Array
 from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import FloatingBase, refuse_joints
 from harness.comparison.questions import Caller, Loaded, Refused, Request
-from harness.engines._standard_error import captured_output
-from harness.engines.adam import with_origins
+from harness.engines.adapters.adam import with_origins
+from harness.engines.output import captured_output
 
 
 class AdamCaller(Caller):

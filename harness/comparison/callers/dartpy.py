@@ -17,8 +17,8 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import StateByState, refuse_joints
 from harness.comparison.callers._urdf import read_without_meshes
 from harness.comparison.questions import Caller, Loaded, Refused, Request
-from harness.engines._rotations import FREE, rotation
-from harness.engines._standard_error import captured_standard_error
+from harness.engines.output import captured_standard_error
+from harness.engines.rotations import FREE, rotation
 
 # Of its messages in a terminal.
 _COLOURS = re.compile("\x1b\\[[0-9;]*m")

@@ -18,7 +18,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import StateByState, refuse_joints
 from harness.comparison.callers._urdf import elements_of, root_link
 from harness.comparison.questions import Aid, Caller, Loaded, Refused, Request
-from harness.engines._rotations import FREE
+from harness.engines.rotations import FREE
 from harness.files.tree import WORLD
 
 _PLANT = "p = MultibodyPlant(0.0); Parser(p).AddModels(PATH); "

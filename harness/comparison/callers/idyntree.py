@@ -16,7 +16,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import FloatingBase, refuse_joints
 from harness.comparison.callers._urdf import root_link
 from harness.comparison.questions import Caller, Loaded, Refused, Request
-from harness.engines._standard_error import captured_standard_error
+from harness.engines.output import captured_standard_error
 
 _GRAVITY = (0.0, 0.0, -9.81)
 

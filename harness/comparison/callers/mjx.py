@@ -15,7 +15,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers import mujoco
 from harness.comparison.questions import Caller, Loaded, Refused, Request, Run
 from harness.engines import Unsupported
-from harness.engines._mjx import OnDevice, keep_what_is_on
+from harness.engines.adapters.mjx import OnDevice, keep_what_is_on
 
 
 class MjxCaller(Caller):

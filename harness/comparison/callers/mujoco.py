@@ -20,11 +20,11 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._mujoco_models import PARTS, aided, places_of, plain
 from harness.comparison.coordinates import multiplied, of_linear, rotations
 from harness.comparison.questions import Asked, Caller, Refused, Request, by_joint, projected
-from harness.engines._mujoco_equalities import fuses, settings, switch_on
-from harness.engines._mujoco_law import laws_in
-from harness.engines._mujoco_quantities import MujocoQuantities
-from harness.engines._mujoco_steps import rules_in, step
-from harness.engines._mujoco_versions import fill_mass_matrix
+from harness.engines.adapters.mujoco.equalities import fuses, settings, switch_on
+from harness.engines.adapters.mujoco.law import laws_in
+from harness.engines.adapters.mujoco.quantities import MujocoQuantities
+from harness.engines.adapters.mujoco.steps import rules_in, step
+from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.files.constraints import ModelConstraint
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.step_rule import StepRule

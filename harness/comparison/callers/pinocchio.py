@@ -18,10 +18,10 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
 from harness.comparison.questions import Asked, Caller, Refused, Request, projected
 from harness.engines import NotOffered
-from harness.engines._pinocchio_forces import ForceElements, JointPlace, Pull, has_body
-from harness.engines._pinocchio_quantities import PinocchioQuantities, Supplied
-from harness.engines._pinocchio_versions import set_armature
-from harness.engines._standard_error import captured_standard_error
+from harness.engines.adapters.pinocchio.forces import ForceElements, JointPlace, Pull, has_body
+from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities, Supplied
+from harness.engines.adapters.pinocchio.versions import set_armature
+from harness.engines.output import captured_standard_error
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")

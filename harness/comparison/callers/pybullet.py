@@ -20,7 +20,7 @@ from harness.comparison.aided import AidedEngine
 from harness.comparison.callers._state_by_state import StateByState, refuse_joints
 from harness.comparison.callers._urdf import elements_of, text_of, without_shapes
 from harness.comparison.questions import Caller, Loaded, Refused, Request
-from harness.engines._standard_error import captured_output
+from harness.engines.output import captured_output
 
 _GRAVITY = (0.0, 0.0, -9.81)
 # pybullet.URDF_USE_INERTIA_FROM_FILE.

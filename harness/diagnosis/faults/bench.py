@@ -35,7 +35,7 @@ from harness.engines import (
     select_subjects,
     subjects_beside,
 )
-from harness.engines._audit import audit
+from harness.engines.audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 from harness.certify.sampling import generic_sample
-from harness.engines._pinocchio_constraints import Solver
-from harness.engines.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio.constraints import Solver
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, Theory, Values, anywhere, decades, posed, shares, with_columns

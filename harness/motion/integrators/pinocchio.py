@@ -1,10 +1,10 @@
 """Pinocchio's ABA on the URDF model, stepped on the configuration manifold by ``pinocchio.integrate``.
 
-The fourth-order method is that of Runge, Kutta and Munthe-Kaas: stages live in the tangent space at the start of the
-step, u with q = q0 + u, where the velocity at q becomes u' = J v by the derivative J of the manifold's difference. For
-joints without quaternions J is the identity and the method the classical one. Springs and dampers of the file are
-applied by ``harness.engines._pinocchio_forces``. Under constraints accelerations are those of the engine's solver, and nothing brings
-positions back that drift from where the constraints hold.
+The fourth-order method is that of Runge, Kutta and Munthe-Kaas: stages live in the tangent space at the start of the step, u with q = q0
++ u, where the velocity at q becomes u' = J v by the derivative J of the manifold's difference. For joints without quaternions J is the
+identity and the method the classical one. Springs and dampers of the file are applied by ``harness.engines.adapters.pinocchio.forces``.
+Under constraints accelerations are those of the engine's solver, and nothing brings positions back that drift from where the constraints
+hold.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.8; Pinocchio 4 documentation,
 ``integrate``, ``difference`` and ``dDifference``.

@@ -1,0 +1,146 @@
+"""A model file as Drake's parser is given it, what the parser says of it, and what it passes over.
+
+The parser warns of elements and attributes that it ignores. Those that the harness reads from the same file and supplies, and those
+that no acceleration feels here, are listed below; any other warning refuses the model, as does any constraint: a plant in continuous
+time, which alone has accelerations at a state, throws where it has one.
+
+Sources: Drake documentation, "Parsing model files" and drake::multibody::MultibodyPlant; https://github.com/RobotLocomotion/drake/issues/24957.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from lxml import etree
+
+from harness.engines import Unsupported
+from harness.files.tree import WORLD
+from harness.models.formats import POINT_SPRING
+from harness.models.mjcf.defaults import resolved, resolved_text
+from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
+from harness.models.xml import describe, literal_tag, parse_document
+
+# Of the warnings, those about what the adapter supplies, and about what changes no acceleration.
+_SUPPLIED = (
+    r"The tag '(flag|tendon)' ",
+    r"The tag 'site' found as a child of '(body|worldbody)'",
+    r"The attribute '(stiffness|springref)' found in a 'joint' tag",
+    r"The attribute 'fusestatic' found in a 'compiler' tag",
+    r"Joint '.*' specified as type floating which is not supported by MultibodyPlant",
+)
+
+
+def text_for_parser(file: ModelFile) -> str:
+    """The text without springs between points that end at the link ``world``, which Drake takes for the world and then does not find."""
+    if file.format != "urdf" or not springs_at_world(file):
+        return file.text
+    document = parse_document(file.path, file.text, ROOT_TAGS["urdf"])
+    lines = {spring.line for spring in springs_at_world(file)}
+    for element in list(document.root.iterchildren("*")):
+        if literal_tag(element) == POINT_SPRING and document.lines[element] in lines:
+            document.root.remove(element)
+    return str(etree.tostring(document.root, encoding="unicode"))
+
+
+def springs_at_world(file: ModelFile) -> list[PointSpring]:
+    return [one for one in file.force_elements if isinstance(one, PointSpring) and WORLD in (one.body_a, one.body_b)]
+
+
+def floating_bodies(file: ModelFile) -> dict[str, str]:
+    """The free joints of a file with the body of each, after which Drake names the joint.
+
+    Raises:
+        Unsupported: such a joint floats from another link than the root at the world's origin, or its body has no name.
+    """
+    document = parse_document(file.path, file.text, ROOT_TAGS[file.format])
+    found = {}
+    if file.format == "mjcf":
+        for joint in document.root.iter("joint", "freejoint"):
+            if joint.get("name") in file.joint_lines and (joint.tag == "freejoint" or joint.get("type") == "free"):
+                body = joint.getparent()
+                if not body.get("name"):
+                    raise Unsupported(
+                        f"line {document.lines[body]}: {describe(body)} has no name, by which Drake names its free joint; add one"
+                    )
+                found[str(joint.get("name"))] = str(body.get("name"))
+        return found
+    carried = {joint.find("child").get("link") for joint in document.root.iterfind("joint")}
+    for joint in document.root.iterfind("joint[@type='floating']"):
+        parent, origin = joint.find("parent").get("link"), joint.find("origin")
+        moved = origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split())
+        if parent != WORLD or parent in carried or moved:
+            where = "an origin of its own" if moved else f"link {parent!r}"
+            problem = f"floats from {where}, and Drake leaves its link free of the world; float from the link 'world' at its origin"
+            raise Unsupported(f"line {document.lines[joint]}: {describe(joint)} {problem}")
+        found[str(joint.get("name"))] = str(joint.find("child").get("link"))
+    return found
+
+
+def armatures_passed_over(file: ModelFile) -> dict[str, float]:
+    """The reflected inertia of each joint of an MJCF that has one, which Drake gives to actuators alone, and drops without them.
+
+    Raises:
+        Unsupported: such a joint turns about or moves along several axes, or the file has actuators, which then have it already.
+    """
+    document = parse_document(file.path, file.text, ROOT_TAGS[file.format])
+    found = {}
+    for joint in document.root.iter("joint") if file.format == "mjcf" else ():
+        written = resolved(joint, "armature") if joint.get("name") in file.joint_lines else None
+        value = 0.0 if written is None else float(written.text)
+        if value and resolved_text(joint, "type", "hinge") not in ("hinge", "slide"):
+            raise Unsupported(
+                f"line {document.lines[joint]}: {describe(joint)} has an armature about several axes, which Drake does not know"
+            )
+        if value and document.root.find("actuator") is not None:
+            raise Unsupported(
+                f"line {document.lines[joint]}: {describe(joint)} has an armature beside actuators, to which Drake may give it too"
+            )
+        if value:
+            found[str(joint.get("name"))] = value
+    return found
+
+
+def refuse(file: ModelFile) -> None:
+    """Raises Unsupported for what Drake cannot hold, and what nobody can supply."""
+    if file.constraints:
+        shown = "; ".join(f"line {one.line}: {one.kind} constraint {one.name!r}" for one in file.constraints)
+        raise Unsupported(f"Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them: {shown}")
+    if file.unexpressed:
+        raise Unsupported("; ".join(f"line {one.line}: {one.what}, which the harness cannot supply" for one in file.unexpressed))
+
+
+@contextmanager
+def refused_warnings() -> Iterator[None]:
+    """Raises Unsupported with the warnings that Drake's parser gives meanwhile, but for those about what is supplied."""
+    handler, logger = _Keeping(), logging.getLogger("drake")
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+    refused = [text for text in handler.texts if not any(re.search(known, text) for known in _SUPPLIED)]
+    if refused:
+        raise Unsupported("Drake's parser: " + "; ".join(dict.fromkeys(map(_shortened, refused))))
+
+
+def _shortened(text: str) -> str:
+    """A warning without the places of Drake's own sources."""
+    located = re.search(r":(\d+): warning: (.*)", text, re.DOTALL)
+    line, said = located.groups() if located else ("", text)
+    said = re.sub(r"Failure at \S+ in ", "", " ".join(said.split()))
+    return f"line {line}: {said}" if line else said
+
+
+class _Keeping(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.texts.append(record.getMessage())

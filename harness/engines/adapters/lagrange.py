@@ -1,0 +1,66 @@
+"""The harness's own float64 kernel of the equations of motion, judged like any other engine.
+
+It imports nothing of the equations: the mechanism that it is handed brings the evaluator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines import EQUATIONS, Terms
+from harness.models.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.equations.mechanism import Mechanism
+
+
+class LagrangeModel:
+    """A mechanism's float64 evaluator."""
+
+    takes_time = True
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._kernel, self._derivatives = mechanism.float64(), mechanism.derivatives()
+
+    def loaded(self) -> None:
+        return None
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        return self._kernel.accelerations(q, v, tau, time)
+
+    def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        return self._derivatives.forward(q, v, tau, time)
+
+    def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array, time: Array | None = None) -> Array:
+        return self._derivatives.inverse(q, v, qdd, time)
+
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """See ``harness.engines.interface``."""
+        terms = self._kernel.terms(q, v, np.zeros_like(v))
+        return np.asarray(terms["velocity"] + terms["gravity"])
+
+    def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
+        """See ``harness.engines.interface``."""
+        terms = self._kernel.terms(q, v, np.zeros_like(v))
+        return np.asarray(np.einsum("nij,nj->ni", terms["mass"], qdd) + terms["velocity"] + terms["gravity"] - terms["passive"])
+
+
+class LagrangeEngine:
+    requires = ("heyoka", "heyoka")
+    formats = (EQUATIONS,)
+    factorises_mass_matrix = True
+
+    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> LagrangeModel:
+        if isinstance(source, ModelFile):
+            raise TypeError("lagrange takes equations, not a model file")
+        return LagrangeModel(source)
+
+
+ENGINE = LagrangeEngine()

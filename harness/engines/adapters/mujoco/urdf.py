@@ -1,0 +1,214 @@
+"""URDF elements that MuJoCo's reader passes over, supplied to its ``MjSpec`` before compilation; MuJoCo then computes them.
+
+The reader gives bodies, joints, inertias, ``<dynamics damping>``, and couples a joint that mimics another to it. From the same file
+are added: springs in joints and between points (as tendons), reflected inertias, a ball joint at the root, and Drake's ball
+constraints (as connected sites, soft as MuJoCo's defaults have it). The harness gives gravity, switches off joint limits, and takes
+out what the file's decoration has become. MuJoCo's compiler refuses a moving body without mass or with a principal inertia of zero,
+which a URDF may have and whose least substitute a light mechanism feels: such a body is compiled with the least that it accepts,
+and then has its own mass and inertia written back.
+
+Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming, section Model editing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from harness.arrays import Array
+from harness.engines import Unsupported
+from harness.engines.adapters.mujoco.versions import coefficients
+from harness.files.constraints import PointConstraint
+from harness.models.formats import LEAST
+from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
+from harness.models.xml import Document, describe, literal_tag, parse_document
+
+# mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
+LEAST_OF_SIX = 1e-14
+# A principal inertia is zero where it is no more than the rounding of the largest.
+ROUNDING = 8 * 2.0**-53
+_WITHOUT_DECORATION = "[s.delete(part) for part in [*s.geoms, *s.meshes, *s.materials, *s.textures]]"
+
+
+def _text(value: Any) -> str:
+    import mujoco
+
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, float):
+        return "float('nan')" if math.isnan(value) else repr(value).removesuffix(".0")
+    return f"mujoco.{value}" if isinstance(value, mujoco.mjtJoint | mujoco.mjtEq | mujoco.mjtObj) else repr(value)
+
+
+def _set(target: str, values: Mapping[str, Any]) -> str:
+    return "; ".join(f"{target}.{name} = {_text(value)}" for name, value in values.items())
+
+
+def _add(target: str, part: str, values: Mapping[str, Any]) -> str:
+    return f"{target}.add_{part}({', '.join(f'{name}={_text(value)}' for name, value in values.items())})"
+
+
+def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple[Any, str]:
+    """The compiled ``mujoco.MjModel``, and Python text that makes it, ``m``, of the ``mujoco.MjSpec`` that the reader gives, ``s``.
+
+    ``joints`` are those that the caller asks accelerations of.
+
+    Raises:
+        Unsupported: the file holds what the reader takes otherwise than other readers, or the reader refuses it.
+    """
+    import mujoco
+
+    document = parse_document(file.path, file.text, ROOT_TAGS["urdf"])
+    refused = sorted((document.lines[element], f"{describe(element)} {why}") for element, why in _ignored(document.root, joints))
+    if refused:
+        raise Unsupported("MuJoCo's URDF reader: " + "; ".join(f"line {line}: {what}" for line, what in refused))
+    try:
+        spec = mujoco.MjSpec.from_string(file.text)
+        edits, written_back = _changes(spec, file, document, gravity)
+        decoration = [_WITHOUT_DECORATION] if [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures] else []
+        constants = ["mujoco.mj_setConst(m, mujoco.MjData(m))"] if written_back else []
+        building = "; ".join([*decoration, *edits, "m = s.compile()", *written_back, *constants])
+        names: dict[str, Any] = {"mujoco": mujoco, "s": spec}
+        # The very text that a reproducer prints: what it shows is what was done.
+        exec(building, names)
+    except ValueError as error:
+        raise Unsupported(f"MuJoCo's URDF reader refuses it: {' '.join(str(error).split())}") from error
+    return names["m"], building
+
+
+def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[etree._Element, str]]:
+    carried = {joint.find("child").get("link"): joint for joint in root.iterfind("joint")}
+    if "world" in carried:
+        yield carried["world"], "carries the link 'world', which MuJoCo takes for the world itself; give it another name"
+    for joint in root.iterfind("joint"):
+        if joint.get("type") == "planar":
+            yield joint, "is planar, for which MuJoCo makes three joints of other names; write them out"
+        if joint.find("mimic") is not None and joint.get("name") not in joints:
+            yield joint, "mimics another, of which MuJoCo makes an equality constraint, and that is soft"
+        if joint.get("type") == "floating":
+            above: etree._Element | None = joint
+            while above is not None:
+                origin = above.find("origin")
+                if origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split()):
+                    where = "" if above is joint else f" behind {describe(above)}"
+                    yield joint, f"floats from another origin than the world's{where}, from which MuJoCo counts its position; remove it"
+                    break
+                above = carried.get(above.find("parent").get("link"))
+
+
+def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> tuple[list[str], list[str]]:
+    """Statements that change the spec ``s``, and those that then write masses and inertias back into the model ``m``."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit
+    # What is left of the constraints are those of the file.
+    unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if file.constraints else (flags.mjDSBL_CONSTRAINT,)
+    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
+    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": sum(int(flag) for flag in off)})]
+    root_of_ball = None
+    if file.ball_joint is not None:
+        (joint,) = (element for element in document.root.iterchildren("*") if literal_tag(element) == "drake:joint")
+        root_of_ball = str(joint.find("child").get("link"))
+        edits.append(_add(f"s.body({root_of_ball!r})", "joint", {"name": file.ball_joint, "type": mujoco.mjtJoint.mjJNT_BALL}))
+    written_back: dict[str, list[str]] = {}
+    for body in spec.bodies:
+        if body.explicitinertial and body.name != "world":
+            orientation = _orientation(document, body.name)
+            compiled, own = _accepted_inertia(body, orientation, moves=bool(body.joints) or body.name == root_of_ball)
+            edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
+            written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
+    fixed_to = {joint.find("parent").get("link") for joint in document.root.iterfind("joint[@type='fixed']")}
+    if file.constraints or fixed_to & set(written_back):
+        # Links fused into such a body would be indistinguishable from it, and constraints are scaled by what each link weighs.
+        edits.append(_set("s.compiler", {"fusestatic": False}))
+    for armature in file.armatures:
+        edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))
+    for number, element in enumerate(file.force_elements):
+        if isinstance(element, JointSpring):
+            spring = {"stiffness": coefficients(element.stiffness), "springref": element.reference}
+            edits.append(_set(f"s.joint({element.joint!r})", spring))
+        elif isinstance(element, PointSpring):
+            edits += tendon_of(element, f"spring {number}")
+    if len(spec.equalities) < len(file.mimics):
+        named = ", ".join(f"line {one.line}: joint {one.joint!r}" for one in file.mimics)
+        raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} passes over <mimic>: {named}")
+    # The reader names the coupling of a joint that mimics another by nothing.
+    edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]
+    for constraint in file.constraints:
+        if isinstance(constraint, PointConstraint):
+            edits += _connect(constraint)
+    return edits, [statement for statements in written_back.values() for statement in statements]
+
+
+def tendon_of(spring: PointSpring, name: str) -> Iterator[str]:
+    """Statements that make a spring between points a tendon of the spec ``s``."""
+    sites = (f"{name} A", f"{name} B")
+    for site, (body, point) in zip(sites, spring.ends, strict=True):
+        yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point)})
+    values = {
+        "name": name,
+        "stiffness": coefficients(spring.stiffness),
+        "damping": coefficients(spring.damping),
+        "springlength": [spring.free_length] * 2,
+    }
+    yield f"t = {_add('s', 'tendon', values)}"
+    yield from (f"t.wrap_site({site!r})" for site in sites)
+
+
+def _connect(constraint: PointConstraint) -> Iterator[str]:
+    import mujoco
+
+    sites = (f"{constraint.name} A", f"{constraint.name} B")
+    for site, end in zip(sites, constraint.ends, strict=True):
+        yield _add(f"s.body({end.body!r})", "site", {"name": site, "pos": list(end.point)})
+    values = {
+        "name": constraint.name,
+        "type": mujoco.mjtEq.mjEQ_CONNECT,
+        "objtype": mujoco.mjtObj.mjOBJ_SITE,
+        "name1": sites[0],
+        "name2": sites[1],
+    }
+    yield _add("s", "equality", values)
+
+
+def _orientation(document: Document, link: str) -> Array:
+    """Quaternion of a link's inertial frame in the link's, as the file has it; older readers leave that of the principal axes."""
+    import mujoco
+
+    quaternion = np.empty(4)
+    origins = (origin for one in document.root.iterfind("link") if one.get("name") == link for origin in one.iterfind("inertial/origin"))
+    turns = [float(word) for origin in origins for word in origin.get("rpy", "0 0 0").split()] or [0.0] * 3
+    mujoco.mju_euler2Quat(quaternion, np.array(turns), "XYZ")
+    return quaternion
+
+
+def _accepted_inertia(body: Any, file_orientation: Array, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:
+    """What a body is compiled with whose matrix MuJoCo refuses, and what the file gives a moving one that has too little.
+
+    The former are attributes in the spec, with principal inertias; the latter, numbers of the compiled body to be written back.
+    """
+    import mujoco
+
+    mass = float(body.mass)
+    xx, yy, zz, xy, xz, yz = (0.0 if np.isnan(body.fullinertia[0]) else float(number) for number in body.fullinertia)
+    moments, axes, rounding = np.array([xx, yy, zz]), np.eye(3), 0.0
+    if xy or xz or yz:
+        moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        rounding = ROUNDING * float(moments.max())
+    if moments.min() >= LEAST_OF_SIX and not (moves and mass < LEAST):
+        return {}, {}
+    own = [0.0 if moment <= rounding else moment for moment in moments.tolist()]
+    # The rounding of the axes must not make the two larger moments differ by more than the least one.
+    compiled = [max(moment, LEAST, rounding) if moves else moment for moment in own]
+    turn, quaternion = np.empty(4), np.empty(4)
+    mujoco.mju_mat2Quat(turn, (axes * np.sign(np.linalg.det(axes))).ravel())
+    mujoco.mju_mulQuat(quaternion, file_orientation, turn)
+    written = {"iquat": quaternion.tolist()} if (quaternion != body.iquat).any() else {}
+    least_mass = {"mass": LEAST} if moves and mass < LEAST else {}
+    written_back = {"mass[0]": mass} if least_mass else {}
+    written_back |= {f"inertia[{axis}]": moment for axis, moment in enumerate(own) if moment != compiled[axis]}
+    return {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **written}, written_back

@@ -1,0 +1,127 @@
+"""What differs between the versions of MuJoCo that the harness knows, from 3.3 on.
+
+Source: MuJoCo's changelog, and the versions themselves.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from harness.arrays import Array
+from harness.engines import NotOffered, Unsupported
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.xml import parse_document
+
+# The first version, as ``mj_version`` counts, that knows all that the harness lets stand in a model.
+_KNOWS_ALL = 400
+# The first version whose steps are those that ``steps`` declares: RK4 of 3.13 turns free bodies by another rule.
+_DECLARES_STEPS = 400
+# Stages that were switched off together, as "passive", before each had a flag, and the attribute of what they compute.
+_FLAGS = {"spring": "stiffness", "damper": "damping"}
+
+
+def batch(model: Any, count: int) -> Any:
+    """A ``mujoco.batch.Batch`` of ``count`` states on one thread; for versions without that module, the same by a loop."""
+    import mujoco
+
+    try:
+        import mujoco.batch
+    except ModuleNotFoundError:
+        return _Loop(model, count)
+    return mujoco.batch.Batch(model, nsim=count, nthread=1)
+
+
+def coefficients(linear: float) -> Any:
+    """A stiffness or damping as ``MjSpec`` takes it: the coefficients of a polynomial, and a number before it had these."""
+    import mujoco
+
+    takes_number = isinstance(mujoco.MjSpec().worldbody.add_body().add_joint().stiffness, float)
+    return linear if takes_number else [linear, 0.0, 0.0]
+
+
+def read_mjcf(file: ModelFile) -> Any:
+    """The ``MjModel`` of an MJCF. Versions that have no flags for springs and dampers read it without, where it has none to switch off.
+
+    Raises:
+        Unsupported: the file has an element or attribute that this version does not know, and newer ones do.
+        ValueError: MuJoCo refuses it.
+    """
+    import mujoco
+
+    try:
+        return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
+    except ValueError as error:
+        if mujoco.mj_version() < _KNOWS_ALL and "unrecognized" in str(error):
+            raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} reads no such file: {' '.join(str(error).split())}") from error
+        raise
+
+
+def require_declared_steps() -> None:
+    """Raises NotOffered where the rules that are declared for integrators are not of this version."""
+    import mujoco
+
+    if mujoco.mj_version() < _DECLARES_STEPS:
+        raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
+
+
+def flag(stage: str) -> int:
+    """The bit that switches springs or dampers off, "spring" or "damper"; where they have none, that of both together."""
+    import mujoco
+
+    flags = mujoco.mjtDisableBit
+    return int(getattr(flags, f"mjDSBL_{stage.upper()}", None) or flags.mjDSBL_PASSIVE)
+
+
+def _without_unknown_flags(file: ModelFile) -> str:
+    import mujoco
+
+    unknown = {flag: what for flag, what in _FLAGS.items() if not hasattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}")}
+    if not unknown:
+        return file.text
+    root = parse_document(file.path, file.text, ROOT_TAGS["mjcf"]).root
+    for flag, what in unknown.items():
+        if not any(what in element.attrib for element in root.iter("*")):
+            for element in root.iterfind("option/flag"):
+                element.attrib.pop(flag, None)
+    return str(etree.tostring(root, encoding="unicode"))
+
+
+def fill_mass_matrix(model: Any, data: Any, mass: Array) -> None:
+    """Write M, (nv, nv), into ``mass``: ``mj_fullM``, which took the sparse matrix before it took the data."""
+    import mujoco
+
+    try:
+        mujoco.mj_fullM(model, data, mass)
+    except TypeError:
+        mujoco.mj_fullM(model, mass, data.qM)
+
+
+class _Loop:
+    """``mj_forward`` at one state after another, behind the two methods of a batch that the harness calls."""
+
+    def __init__(self, model: Any, count: int) -> None:
+        import mujoco
+
+        self.nsim = count
+        self._model, self._data = model, mujoco.MjData(model)
+        self._fields: dict[str, Array] = {}
+
+    def bind(self, name: str) -> Array:
+        """The field of ``MjData`` of every state, (count, size)."""
+        if name not in self._fields:
+            self._fields[name] = np.tile(getattr(self._data, name), (self.nsim, 1))
+        return self._fields[name]
+
+    def forward(self) -> None:
+        import mujoco
+
+        answers = self.bind("qacc")
+        inputs = [(getattr(self._data, name), values) for name, values in self._fields.items() if name != "qacc"]
+        for state, answer in enumerate(answers):
+            for field, values in inputs:
+                field[:] = values[state]
+            mujoco.mj_forward(self._model, self._data)
+            answer[:] = self._data.qacc

@@ -1,0 +1,143 @@
+"""The interpreter of an environment, one for each process that asks it, and the models it holds.
+
+No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import subprocess
+import weakref
+from collections.abc import Mapping, Sequence
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any
+
+from harness.arrays import Array
+from harness.engines.elsewhere.transport import dumps, loads
+from harness.environments.folders import Environment
+from harness.workers.program import is_worker
+
+# Never imported here: it is a program of the environment's interpreter.
+_SERVER = Path(__file__).with_name("server.py")
+# They would put packages before those of the environment.
+_LEFT_OUT = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV")
+
+
+class EngineDied(Exception):
+    """The interpreter of an environment ended; the message says how."""
+
+
+class Interpreter:
+    """A process of an environment's own Python. What it writes to standard output and error goes to this process's standard error.
+
+    Attributes:
+        seconds: that it has spent on answers, without the way there and back.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self.seconds = 0.0
+        self._environment = environment
+        self._forgotten: list[int] = []
+        self._connection, theirs = Pipe()
+        variables = {name: value for name, value in os.environ.items() if name not in _LEFT_OUT}
+        with theirs:
+            self._process = subprocess.Popen(
+                [environment.interpreter, "-P", "-s", _SERVER, str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=[theirs.fileno()],
+                env=variables,
+            )
+
+    def load(self, path: Path, module: str, name: str, arguments: Sequence[Any]) -> DistantModel:
+        """See ``server.Server.load``; raises what the engine file's ``load`` raises."""
+        number, attributes, methods = self._ask("load", str(path), module, name, arguments)
+        return DistantModel(self, number, attributes, methods)
+
+    def evaluate(self, path: Path, module: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
+        """See ``server.Server.evaluate``; raises what the method raises."""
+        return self._ask("evaluate", str(path), module, name, method, arguments)
+
+    def call(self, number: int, method: str, *arguments: Any) -> Any:
+        """What a method of a model returns, or raises.
+
+        Raises:
+            EngineDied: in a process that is no worker. A worker dies as the interpreter did, and the harness names its death.
+        """
+        if self._forgotten:
+            forgotten, self._forgotten = self._forgotten, []
+            self._ask("forget", forgotten)
+        return self._ask("call", number, method, arguments)
+
+    def forget(self, number: int) -> None:
+        """Have the model dropped before the next call; this may run while another call is under way."""
+        self._forgotten.append(number)
+
+    def _ask(self, *request: Any) -> Any:
+        try:
+            self._connection.send_bytes(dumps(request))
+            is_value, answer, seconds = loads(self._connection.recv_bytes())
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            self._die()
+        self.seconds += seconds
+        if is_value:
+            return answer
+        raise answer
+
+    def _die(self) -> None:
+        status = self._process.wait()
+        _RUNNING.clear()
+        if is_worker() and status < 0:
+            # As the default would have it: a handler in this process would survive it.
+            signal.signal(-status, signal.SIG_DFL) if -status not in (signal.SIGKILL, signal.SIGSTOP) else None
+            os.kill(os.getpid(), -status)
+        if is_worker():
+            os._exit(status)
+        raise EngineDied(f"{self._environment.name} ended its process with status {status}")
+
+
+# By folder: another cache directory has other environments of the same names.
+_RUNNING: dict[Path, Interpreter] = {}
+
+
+def interpreter_of(environment: Environment) -> Interpreter:
+    """The interpreter of an environment in this process, started at the first call."""
+    folder = environment.folder
+    if folder not in _RUNNING:
+        _RUNNING[folder] = Interpreter(environment)
+    return _RUNNING[folder]
+
+
+class DistantModel:
+    """A model in an environment's interpreter: a ``harness.engines.Model`` that offers what its engine file offers."""
+
+    def __init__(self, interpreter: Interpreter, number: int, attributes: Mapping[str, Any], methods: Sequence[str]) -> None:
+        self._interpreter, self._number = interpreter, number
+        self._attributes, self._methods = attributes, methods
+        weakref.finalize(self, interpreter.forget, number)
+
+    def loaded(self) -> Any:
+        return self._interpreter.call(self._number, "loaded")
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Any:
+        return self._interpreter.call(self._number, "forward_dynamics", q, v, tau)
+
+    def clock(self) -> float:
+        """See ``harness.engines.Model``."""
+        return self._interpreter.seconds
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        return self._interpreter.call(self._number, method, *arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name in self._attributes:
+            return self._attributes[name]
+        if name in self._methods:
+            # Bound to this object: who holds the method alone must not have the model forgotten.
+            return functools.partial(self._call, name)
+        raise AttributeError(f"the model of {self._interpreter} offers no {name}")

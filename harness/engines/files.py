@@ -1,0 +1,236 @@
+"""Engine files: found by name, described as plain data, and loaded."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import functools
+import importlib
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.engines.elsewhere.engine import EngineElsewhere
+from harness.environments.folders import environment_of, find_environments, split_name
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.version import version_of
+from harness.workers import Outcome, Task, Workers
+
+if TYPE_CHECKING:
+    from harness.engines import Engine
+
+EQUATIONS = "equations"
+FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
+# Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
+LOADING_SECONDS = 600.0
+_PACKAGE = Path(__file__).resolve().parents[1]
+# Of an engine that is a folder, the file that defines it.
+_FOLDER = "__init__.py"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineFile:
+    """An engine as plain data: what its file says, and where its program is.
+
+    Attributes:
+        requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
+        version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
+        oldest, companions: as of ``Engine``.
+        optional: as of ``Engine``.
+        elsewhere: whether it is run in an environment of its own.
+        outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
+    """
+
+    requires: tuple[str, str]
+    formats: tuple[str, ...]
+    version: str | None = None
+    oldest: Mapping[str, str] = field(default_factory=dict)
+    companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    optional: bool = False
+    elsewhere: bool = False
+    outcome: Outcome
+
+    def too_old(self, version: str, model_format: str = "") -> str:
+        """Why a version of the program cannot be asked about a format, or about any; "" where it can, as the newest, "", can."""
+        from packaging.version import Version
+
+        known = [Version(oldest) for name, oldest in self.oldest.items() if model_format in ("", name)]
+        if not version or not known or Version(version) >= min(known):
+            return ""
+        return f"{self.requires[1]} {version} is older than {min(known)}, the oldest whose {model_format or 'readers'} the harness knows"
+
+    def requirements(self, version: str) -> list[str]:
+        """What a version of the program needs beside what it requires itself; "" is the newest, which needs nothing."""
+        # Imported late: an environment's interpreter imports this module and has no such package.
+        from packaging.specifiers import SpecifierSet
+
+        return [one for versions, those in self.companions.items() if version and version in SpecifierSet(versions) for one in those]
+
+
+def engine_paths(library: Library) -> dict[str, Path]:
+    """Every engine file by name, sorted: those of the harness and those of the library, which win."""
+    found: dict[str, Path] = {}
+    for folder in library.engine_folders():
+        found |= {path.stem: path for path in folder.glob("*.py") if not path.stem.startswith("_")}
+        found |= {path.parent.name: path for path in folder.glob(f"*/{_FOLDER}")}
+    return dict(sorted(found.items()))
+
+
+def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mapping[str, EngineFile]:
+    """Every engine by name, sorted, those of other versions as ``engine@version``; ``engine_files`` returns the same from then on.
+
+    A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
+    The harness's own are loaded here.
+    """
+    _is_importable.cache_clear()
+    paths = engine_paths(library)
+    tasks = {name: Task(name, _describe, (library, name)) for name in paths}
+    outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
+    if foreign := [task for name, task in tasks.items() if name not in outcomes]:
+        made = workers()
+        with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
+            outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
+    files = {}
+    for name, path in paths.items():
+        described = outcomes[name].value or {"requires": ("", ""), "formats": _spelt_formats(path)}
+        files[name] = EngineFile(**described, outcome=outcomes[name])
+    for environment in find_environments():
+        # The newest comes last.
+        if (file := files.get(environment.engine)) is not None and file.requires[1] == environment.distribution:
+            files[environment.name] = replace(file, version=environment.version, elsewhere=True)
+            if file.version is None or file.elsewhere:
+                files[environment.engine] = files[environment.name]
+    _DESCRIBED[library.engines] = dict(sorted(files.items()))
+    return _DESCRIBED[library.engines]
+
+
+_DESCRIBED: dict[Path, Mapping[str, EngineFile]] = {}
+
+
+def engine_files(library: Library) -> Mapping[str, EngineFile]:
+    """Every engine of a library by name, as ``describe_engines`` found it in this process."""
+    if library.engines not in _DESCRIBED:
+        describe_engines(library, Workers)
+    return _DESCRIBED[library.engines]
+
+
+def _is_own(path: Path) -> bool:
+    return path.is_relative_to(_PACKAGE)
+
+
+def _module_name(path: Path) -> str:
+    own = path.parent if path.name == _FOLDER else path.with_suffix("")
+    return ".".join([_PACKAGE.name, *own.relative_to(_PACKAGE).parts])
+
+
+def _describe(library: Library, name: str, note: object = None) -> dict[str, Any]:
+    """What an ``EngineFile`` says of a file itself, as a task for ``harness.workers``; raises as ``load_engine``."""
+    engine = _load_file(library, name)
+    return {
+        "requires": (engine.requires[0], engine.requires[1]),
+        "formats": tuple(dict.fromkeys(engine.formats)),
+        "version": installed_version(engine),
+        "optional": bool(getattr(engine, "optional", False)),
+        "oldest": dict(getattr(engine, "oldest", {})),
+        "companions": {versions: tuple(those) for versions, those in getattr(engine, "companions", {}).items()},
+    }
+
+
+def _spelt_formats(path: Path) -> tuple[str, ...]:
+    """The formats that an engine file spells out, read without running it; those of all model files where it spells out none."""
+    with contextlib.suppress(OSError, ValueError, TypeError, SyntaxError):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "formats":
+                return tuple(name for name in FORMATS if name in ast.literal_eval(node.value)) or tuple(MODEL_SUFFIXES)
+    return tuple(MODEL_SUFFIXES)
+
+
+def load_engine(library: Library, name: str) -> Engine:
+    """The engine called ``name``; a library's own engine wins over the harness's. Only worker processes load one of a library.
+
+    ``engine@version`` is run by the environment of that version, and so is an engine that is not installed beside the harness, by that
+    of the newest.
+
+    Raises:
+        InvalidInput: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+        InvalidRequest: there is no such engine, or no environment of that version.
+    """
+    name, version = split_name(name)
+    engine = _load_file(library, name)
+    if version or (installed_version(engine) is None and find_environments(name)):
+        path = _path_of(library, name)
+        return EngineElsewhere(engine, path, _module_name(path) if _is_own(path) else "", environment_of(name, version))
+    return engine
+
+
+def _load_file(library: Library, name: str) -> Engine:
+    path = _path_of(library, name)
+    module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
+    engine: Engine | None = getattr(module, "ENGINE", None)
+    if problem := _problem_of(engine):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
+        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
+    assert engine is not None
+    return engine
+
+
+def _path_of(library: Library, name: str) -> Path:
+    """The file of the engine called ``name``, without a look at the others: each question to an engine comes here.
+
+    Raises:
+        InvalidRequest: there is none.
+    """
+    if name.isidentifier() and not name.startswith("_"):
+        for folder in reversed(library.engine_folders()):
+            for path in (folder / f"{name}.py", folder / name / _FOLDER):
+                if path.is_file():
+                    return path
+    paths = engine_paths(library)
+    if name not in paths:
+        raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
+    return paths[name]
+
+
+def _problem_of(engine: Any) -> str:
+    """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
+    if engine is None:
+        return "defines no ENGINE"
+    requires, formats = getattr(engine, "requires", None), getattr(engine, "formats", None)
+    if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
+        return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
+    if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
+        return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
+    return "" if callable(getattr(engine, "load", None)) else "ENGINE has no method load"
+
+
+def runs_elsewhere(engine: Engine) -> bool:
+    """True where the engine's models are loaded by the interpreter of an environment."""
+    return isinstance(engine, EngineElsewhere)
+
+
+def installed_version(engine: Engine) -> str | None:
+    """Version of the program behind an engine, without importing it; None where it is not installed."""
+    if isinstance(engine, EngineElsewhere):
+        return engine.environment.version
+    module, distribution = engine.requires
+    try:
+        return version_of(distribution) if _is_importable(module) else None
+    except ModuleNotFoundError:
+        return None
+
+
+@functools.cache
+def _is_importable(module: str) -> bool:
+    """Whether the search path holds a module, as when engines were last described; no package is imported for what is in it."""
+    package, *parts = module.split(".")
+    found = importlib.util.find_spec(package)
+    for part in parts:
+        places = found and found.submodule_search_locations
+        found = PathFinder.find_spec(f"{package}.{part}", places) if places else None
+        package = f"{package}.{part}"
+    return found is not None

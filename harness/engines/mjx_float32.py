@@ -1,7 +1,0 @@
-"""MuJoCo XLA in float32, which is what JAX computes in by default; see ``harness.engines._mjx``."""
-
-from __future__ import annotations
-
-from harness.engines._mjx import MjxEngine
-
-ENGINE = MjxEngine(in_float64=False)
