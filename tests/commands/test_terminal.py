@@ -55,7 +55,7 @@ MEASURED = bench.Benchmark(
             family="", method="", sizes=[1, 2], seconds_per_state=[1e-6, 2e-6], backward_errors=[1.0, 1.0], exponent=1.0, expected=""
         ))
     ],
-    truths=[hostile(bench.Truth(system="", start={EVIL: [0.5]}, horizon=2.0, trusted=2.0, error=1e-15, precision="", seconds=1.0))],
+    truths=[hostile(bench.MotionTruth(system="", start={EVIL: [0.5]}, horizon=2.0, trusted=2.0, error=1e-15, precision="", seconds=1.0))],
     drifts=[
         hostile(bench.Drift(
             system="", integrator="", step=0.1, steps=10, seconds=1.0, largest=1.0, growth=1.0, verdict="", expected=""
