@@ -108,14 +108,14 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
         say("", f"finding: {finding.method} on {finding.system}: {finding.statement}")
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
     print_titled("derivatives by q and v", tables.derivatives(summary.benchmark.derivatives).without("remark"))
-    print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary))
-    print_titled("true motion", tables.truths(summary).without("cost", "start"))
+    print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary.benchmark.growth))
+    print_titled("true motion", tables.truths(summary.benchmark.truths).without("cost", "start"))
     gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]
     gap = () if any(one is not None for one in gaps) else ("constraints open by",)
     print_titled("motion", tables.best_motions(summary).without(*gap))
     print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time", *gap))
     print_titled("stationary action", tables.paths(summary.benchmark.stationarity))
-    print_titled("figures of the text", tables.figures(summary))
+    print_titled("figures of the text", tables.figures(summary.benchmark.figures))
     for kind in tables.KINDS:
         print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
     for text, places in summary.explanations(["as expected", "differs"]).items():

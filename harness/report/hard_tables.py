@@ -11,35 +11,27 @@ from statistics import median
 
 from harness.report.hard_cases import Family, HardSummary, growth_text
 from harness.results.atlas import HardRow, Parting, StableStep
-from harness.results.table import Cell, Column, Table, error_text, seconds_text
+from harness.results.table import Cell, Column, Table, TableOf, error_text, seconds_text
 from harness.verdict import gravest
+
+_rows = TableOf(
+    HardRow,
+    "family subject marked_verdict worst digits_lost condition growth digits_growth theory counts balls seconds",
+    "Each subject along each family",
+)
 
 
 def rows_of(hard: HardSummary) -> Table:
     """One row per family and subject."""
-    return Table.of(
-        [row for family in hard.families for row in family.rows.values()],
-        {
-            "family": "family",
-            "subject": "subject",
-            "verdict": lambda row: Cell(row.verdict, tone=f"{row.verdict} {'expected' if row.as_expected else 'surprise'}"),
-            Column("largest backward error", "error"): "worst",
-            Column("digits lost", "error"): lambda row: _largest(row, "digits_lost"),
-            Column("kappa_s", "error"): lambda row: _largest(row, "condition"),
-            Column("slope", "rounded"): "growth",
-            Column("slope of digits", "rounded"): "digits_growth",
-            "theory": _theory,
-            "points": _counts,
-            "truth in balls": lambda row: f"{100 * row.share_in_balls:.0f} %",
-            Column("time", "seconds"): "seconds",
-        },
-        "Each subject along each family",
-    )
+    return _rows(row for family in hard.families for row in family.rows.values())
 
 
 def verdicts(hard: HardSummary) -> Table:
     """Family by subject: how many points have which verdict."""
-    rows = [[family.name, *(_counts(family.rows.get(subject)) for subject in hard.subjects)] for family in hard.families]
+    rows = [
+        [family.name, *(row.counts if (row := family.rows.get(subject)) else "not run" for subject in hard.subjects)]
+        for family in hard.families
+    ]
     return Table(["family", *hard.subjects], rows, "Points of each verdict")
 
 
@@ -104,22 +96,6 @@ def stable_steps(hard: HardSummary) -> Table:
 def _gravest(measured: Iterable[Parting | StableStep]) -> Cell:
     verdict = gravest(one.verdict for one in measured)
     return Cell(verdict, tone=verdict)
-
-
-def _largest(row: HardRow, number: str) -> float | None:
-    return max((value for point in row.points if (value := getattr(point, number)) is not None), default=None)
-
-
-def _theory(row: HardRow) -> str:
-    slopes = [(row.theory_growth, "slope"), (row.theory_digits_growth, "of digits")]
-    return ", ".join([row.theory_verdict, *(f"{what} {slope:g}" for slope, what in slopes if slope is not None)])
-
-
-def _counts(row: HardRow | None) -> str:
-    if row is None:
-        return "not run"
-    counts = ", ".join(f"{verdict} {count}" for verdict, count in sorted(row.verdicts.items()))
-    return counts if row.as_expected else f"{counts} (not as expected)"
 
 
 def _matrix_row(family: Family, hard: HardSummary, anchor: str) -> list[Cell]:

@@ -114,8 +114,8 @@ def _volatile(summary: Summary) -> Iterator[str]:
 def _stable_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
     yield "## Speed against error"
     yield _troubles(benchmark)
-    yield benchmark_tables.findings(benchmark).without("finding").markdown()
-    yield benchmark_tables.figures(benchmark).without("computed", "true motion").markdown()
+    yield benchmark_tables.findings(benchmark.benchmark.findings).without("finding").markdown()
+    yield benchmark_tables.figures(benchmark.benchmark.figures).without("computed", "true motion").markdown()
     # Measured orders vary from run to run.
     yield benchmark_tables.orders(benchmark, lambda order: Cell(order.verdict)).markdown()
 
@@ -131,7 +131,7 @@ def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
     yield _bullets(f"{markdown_line(f'{one.method} on {one.system}: {one.statement}')}" for one in benchmark.benchmark.findings)
     reasons = benchmark.explanations(["as expected", "differs"])
     yield _bullets(f"{markdown_line(text)} ({markdown_cell('; '.join(places))})" for text, places in reasons.items())
-    yield benchmark_tables.growth(benchmark).without("bodies").markdown()
+    yield benchmark_tables.growth(benchmark.benchmark.growth).without("bodies").markdown()
 
 
 def _stable_hard(hard: HardSummary) -> Iterator[str]:

@@ -16,8 +16,19 @@ from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
 from harness.results.records import ACCELERATIONS, Record, Records, Run
-from harness.results.table import Cell, Column, Table, counted, error_text
-from harness.results.trend import MEDIAN, PERCENTILE_99, WORST, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
+from harness.results.table import Cell, Table, counted, error_text
+from harness.results.trend import (
+    MEDIAN,
+    PERCENTILE_99,
+    TREND_CHANGES,
+    WORST,
+    ChangedCell,
+    Trend,
+    comparable,
+    readings_of_records,
+    subject_of,
+    trends,
+)
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
@@ -252,19 +263,7 @@ def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
 
 def trend_changes_table(changes: Iterable[ChangedCell]) -> Table:
     """A row for each change of a trend, the largest first."""
-    return Table.of(
-        sorted(changes, key=lambda one: -abs(one.by)),
-        {
-            "system": "system",
-            "subject": "subject",
-            "number": "number",
-            Column("before", "error"): "before",
-            Column("now", "error"): "now",
-            Column("nights before", "count"): "nights",
-            "found by": "found_by",
-        },
-        "Changed in the trend",
-    )
+    return TREND_CHANGES(sorted(changes, key=lambda one: -abs(one.by)))
 
 
 def _verdict_cell(records: Sequence[Record]) -> Cell:

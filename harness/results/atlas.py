@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from harness.results.records import ACCELERATIONS
 from harness.results.study_result import StudyResult
+from harness.results.table import Cell, Column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,13 +83,13 @@ class HardRow:
 
     case: str
     title: str
-    subject: str
+    subject: Annotated[str, Column("subject")]
     knob: str
     unit: str
     points: list[HardPoint]
     verdict: str
-    growth: float | None = None
-    digits_growth: float | None = None
+    growth: Annotated[float | None, Column("slope", "rounded")] = None
+    digits_growth: Annotated[float | None, Column("slope of digits", "rounded")] = None
     theory_verdict: str = "agrees"
     theory_growth: float | None = None
     theory_digits_growth: float | None = None
@@ -96,11 +98,11 @@ class HardRow:
     problems: list[str] = field(default_factory=list)
     reasons: list[HardReason] = field(default_factory=list)
     crashed: bool = False
-    seconds: float = 0.0
+    seconds: Annotated[float, Column("time", "seconds")] = 0.0
     quantity: str = ACCELERATIONS
 
     @property
-    def family(self) -> str:
+    def family(self) -> Annotated[str, Column("family")]:
         """The case, and the quantity where it is not the usual one."""
         return self.case if self.quantity == ACCELERATIONS else f"{self.case}, {self.quantity}"
 
@@ -120,9 +122,41 @@ class HardRow:
         return sum(point.in_balls for point in self.points) / max(1, sum(point.states for point in self.points))
 
     @property
-    def worst(self) -> float | None:
+    def worst(self) -> Annotated[float | None, Column("largest backward error", "error")]:
         """Largest backward error along the family."""
         return max((point.backward_error for point in self.points if point.backward_error is not None), default=None)
+
+    @property
+    def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:
+        """The verdict, marked where it is not as expected."""
+        return Cell(self.verdict, tone=f"{self.verdict} {'expected' if self.as_expected else 'surprise'}")
+
+    @property
+    def digits_lost(self) -> Annotated[float | None, Column("digits lost", "error")]:
+        """Most digits lost along the family."""
+        return max((point.digits_lost for point in self.points if point.digits_lost is not None), default=None)
+
+    @property
+    def condition(self) -> Annotated[float | None, Column("kappa_s", "error")]:
+        """Largest condition number along the family."""
+        return max((point.condition for point in self.points if point.condition is not None), default=None)
+
+    @property
+    def theory(self) -> Annotated[str, Column("theory")]:
+        """The expectation of theory in words."""
+        slopes = [(self.theory_growth, "slope"), (self.theory_digits_growth, "of digits")]
+        return ", ".join([self.theory_verdict, *(f"{what} {slope:g}" for slope, what in slopes if slope is not None)])
+
+    @property
+    def counts(self) -> Annotated[str, Column("points")]:
+        """The points of each verdict in words."""
+        counts = ", ".join(f"{verdict} {count}" for verdict, count in sorted(self.verdicts.items()))
+        return counts if self.as_expected else f"{counts} (not as expected)"
+
+    @property
+    def balls(self) -> Annotated[str, Column("truth in balls")]:
+        """``share_in_balls`` in percent."""
+        return f"{100 * self.share_in_balls:.0f} %"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,10 @@ to the size of the motion, and a number that is not finite stands for a run that
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from harness.results.study_result import StudyResult
+from harness.results.table import Cell, Column, counted
 
 # How energy may wander over a long run, from the best to the worst.
 DRIFTS = ("bounded", "random walk", "secular")
@@ -35,21 +37,26 @@ class AccelerationCost:
         failed: whether there is none although the method claims to do the system.
     """
 
-    system: str
-    method: str
-    threads: int = 1
-    states: int
-    seconds_per_state: float | None
-    fastest: float | None = None
-    slowest: float | None = None
+    system: Annotated[str, Column("system")]
+    method: Annotated[str, Column("method")]
+    threads: Annotated[int, Column("threads", "count")] = 1
+    states: Annotated[int, Column("states", "count")]
+    seconds_per_state: Annotated[float | None, Column("time per state", "seconds")]
+    fastest: Annotated[float | None, Column("fastest", "seconds")] = None
+    slowest: Annotated[float | None, Column("slowest", "seconds")] = None
     repetitions: int = 0
-    backward_error: float | None = None
-    median_backward_error: float | None = None
-    relative_error: float | None = None
-    from_rigid: float | None = None
-    note: str = ""
-    loop: str = ""
+    backward_error: Annotated[float | None, Column("worst backward error", "error")] = None
+    median_backward_error: Annotated[float | None, Column("median backward error", "error")] = None
+    relative_error: Annotated[float | None, Column("worst relative error", "relative")] = None
+    from_rigid: Annotated[float | None, Column("distance from rigid", "relative")] = None
+    note: Annotated[str, Column("remark")] = ""
+    loop: Annotated[str, Column("loop over states")] = ""
     failed: bool = False
+
+    @property
+    def timed(self) -> Annotated[str, Column("timed", "plain")]:
+        """The repetitions in words."""
+        return counted(self.repetitions, "time")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +69,9 @@ class QuantityCost(AccelerationCost):
         states: number of states that were asked for at once; 0 where there is no cost. Errors are over the same states for each number.
     """
 
-    quantity: str
+    quantity: Annotated[str, Column("quantity")]
+    method: Annotated[str, Column("subject")]
+    states: Annotated[int, Column("states at once", "count")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,19 +88,34 @@ class DerivativeCost:
         loop, note, failed: as of ``AccelerationCost``.
     """
 
-    system: str
-    method: str
-    of: str
+    system: Annotated[str, Column("system")]
+    method: Annotated[str, Column("method")]
+    of: Annotated[str, Column("of")]
     steps: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
     worst_errors: list[float] = field(default_factory=list)
-    best_step: float | None = None
-    error: float | None = None
+    best_step: Annotated[float | None, Column("best step", "given")] = None
+    error: Annotated[float | None, Column("relative error there", "relative")] = None
     states: list[int] = field(default_factory=list)
     seconds_per_state: list[float] = field(default_factory=list)
-    loop: str = ""
-    note: str = ""
+    loop: Annotated[str, Column("loop over states")] = ""
+    note: Annotated[str, Column("remark")] = ""
     failed: bool = False
+
+    @property
+    def first_seconds(self) -> Annotated[float | None, Column("time of one state", "seconds")]:
+        """Seconds per state for the fewest states at once."""
+        return next(iter(self.seconds_per_state), None)
+
+    @property
+    def last_seconds(self) -> Annotated[float | None, Column("time per state of most", "seconds")]:
+        """Seconds per state for the most states at once."""
+        return next(reversed(self.seconds_per_state), None)
+
+    @property
+    def most_states(self) -> Annotated[int, Column("most states at once", "count")]:
+        """Largest number of states that were asked for at once."""
+        return max(self.states, default=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,9 +137,9 @@ class EngineFinding:
         reproducer: three lines in the engine's own Python API that print its answer there beside the certified one.
     """
 
-    system: str
-    method: str
-    statement: str
+    system: Annotated[str, Column("system")]
+    method: Annotated[str, Column("method")]
+    statement: Annotated[str, Column("finding")]
     backward_error: float | None = None
     reproducer: str
 
@@ -132,13 +156,23 @@ class Growth:
         expected: the highest exponent the algorithm allows, as text for the reader: "1", "up to 3".
     """
 
-    family: str
-    method: str
+    family: Annotated[str, Column("family")]
+    method: Annotated[str, Column("method")]
     sizes: list[int]
     seconds_per_state: list[float | None]
     backward_errors: list[float | None]
-    exponent: float | None
+    exponent: Annotated[float | None, Column("exponent", "rounded")]
     expected: str
+
+    @property
+    def bodies(self) -> Annotated[str, Column("bodies")]:
+        """The sizes in words."""
+        return ", ".join(map(str, self.sizes))
+
+    @property
+    def theory(self) -> Annotated[str | None, Column("expected", "plain")]:
+        """``expected``; None where nothing is."""
+        return self.expected or None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,13 +189,18 @@ class MotionTruth:
         seconds: cost of the reference.
     """
 
-    system: str
+    system: Annotated[str, Column("system")]
     start: dict[str, list[float]]
-    horizon: float
-    trusted: float
-    error: float
-    precision: str
-    seconds: float
+    horizon: Annotated[float, Column("length", "given", "s")]
+    trusted: Annotated[float, Column("trusted", "figure", "s")]
+    error: Annotated[float, Column("error", "error")]
+    precision: Annotated[str, Column("the two runs")]
+    seconds: Annotated[float, Column("cost", "seconds")]
+
+    @property
+    def begins(self) -> Annotated[str, Column("start")]:
+        """The start to four digits."""
+        return "; ".join(f"{name} = [{', '.join(map('{:.4g}'.format, part))}]" for name, part in self.start.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,17 +219,29 @@ class MotionCost:
     """
 
     system: str
-    integrator: str
+    integrator: Annotated[str, Column("integrator")]
     step: float | None
     tolerance: float | None
-    steps: int = 0
-    evaluations: int = 0
-    seconds: float = 0.0
-    state_error: float | None = None
-    energy_error: float | None = None
-    gap: float | None = None
+    steps: Annotated[int, Column("steps", "count")] = 0
+    evaluations: Annotated[int, Column("evaluations", "count")] = 0
+    seconds: Annotated[float, Column("time", "seconds")] = 0.0
+    state_error: Annotated[float | None, Column("error of the end state", "relative")] = None
+    energy_error: Annotated[float | None, Column("error of the energy balance", "relative")] = None
+    gap: Annotated[float | None, Column("constraints open by", "error")] = None
     duration: float | None = None
-    note: str = ""
+    note: Annotated[str, Column("remark")] = ""
+
+    @property
+    def setting(self) -> Annotated[str | None, Column("step or tolerance", "plain")]:
+        """The step or the tolerance, as text."""
+        if self.step is not None:
+            return f"{self.step:g} s"
+        return None if self.tolerance is None else f"{self.tolerance:.0e}"
+
+    @property
+    def cost(self) -> Annotated[float | None, Column("time per second of motion", "seconds")]:
+        """Wall time [s] per second of motion; None where it did not run."""
+        return self.seconds / self.duration if self.duration else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,21 +282,31 @@ class Drift:
         verdict: "bounded", "random walk" or "secular"; expected: the same, or "" where theory is silent.
     """
 
-    system: str
-    integrator: str
-    step: float
-    steps: int
-    seconds: float
-    largest: float
-    growth: float | None
+    system: Annotated[str, Column("system")]
+    integrator: Annotated[str, Column("integrator")]
+    step: Annotated[float, Column("step", "given", "s")]
+    steps: Annotated[int, Column("steps", "count")]
+    seconds: Annotated[float, Column("time", "seconds")]
+    largest: Annotated[float, Column("largest error", "relative")]
+    growth: Annotated[float | None, Column("grows as time to the", "rounded")]
     verdict: str
     expected: str
-    gap: float | None = None
+    gap: Annotated[float | None, Column("constraints open by", "error")] = None
 
     @property
     def as_expected(self) -> bool:
         """True where the energy drifts no faster than theory says."""
         return self.expected not in DRIFTS or self.verdict not in DRIFTS or DRIFTS.index(self.verdict) <= DRIFTS.index(self.expected)
+
+    @property
+    def energy(self) -> Annotated[Cell, Column("energy is")]:
+        """The verdict, marked where it is not as expected."""
+        return Cell(self.verdict, tone="" if self.as_expected else "disagrees")
+
+    @property
+    def theory(self) -> Annotated[str, Column("expected")]:
+        """``expected``; a dash where theory is silent."""
+        return self.expected or "-"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,12 +319,12 @@ class Stationarity:
         first_variation: |dS/d eps| at eps = 0, relative to the largest term in it.
     """
 
-    system: str
-    path: str
-    step: float
-    residual: float
-    slope: float | None
-    first_variation: float
+    system: Annotated[str, Column("system")]
+    path: Annotated[str, Column("path")]
+    step: Annotated[float, Column("step", "given", "s")]
+    residual: Annotated[float, Column("residual of the discrete Euler-Lagrange equations", "error")]
+    slope: Annotated[float | None, Column("S changes as ε to the", "rounded")]
+    first_variation: Annotated[float, Column("first variation", "error")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,19 +338,26 @@ class Figure:
         remark: what to say where it does not.
     """
 
-    system: str
-    what: str
-    unit: str
-    printed: float
-    computed: float
-    truth: float
+    system: Annotated[str, Column("system")]
+    what: Annotated[str, Column("what")]
+    unit: Annotated[str, Column("unit")]
+    printed: Annotated[float, Column("printed", "given")]
+    computed: Annotated[float, Column("computed", "figure")]
+    truth: Annotated[float, Column("true motion", "figure")]
     reproduced: bool
-    remark: str = ""
+    remark: Annotated[str, Column("remark")] = ""
 
     @property
     def as_expected(self) -> bool:
         """True for the printed number, and for another one that a remark explains."""
         return self.reproduced or bool(self.remark)
+
+    @property
+    def verdict(self) -> Annotated[Cell, Column("reproduced")]:
+        """Yes or no, marked where it is no."""
+        if self.reproduced:
+            return Cell("yes", tone="agrees")
+        return Cell("no", tone="unstable" if self.remark else "disagrees")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from harness.results.study_result import StudyResult
-from harness.results.table import error_text
+from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
 
 # The least relative change of accelerations that is one: less is rounding.
@@ -131,9 +131,9 @@ class SubjectRecord:
     call: str
     verdict: str
     explained: bool
-    backward_error: float | None = None
-    relative_error: float | None = None
-    left: float | None = None
+    backward_error: Annotated[float | None, Column("backward error", "error")] = None
+    relative_error: Annotated[float | None, Column("relative error", "relative")] = None
+    left: Annotated[float | None, Column("after readings", "error")] = None
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
     message: str = ""
@@ -141,15 +141,15 @@ class SubjectRecord:
     lost_digits: str = ""
 
     @property
-    def subject(self) -> str:
+    def subject(self) -> Annotated[str, Column("subject")]:
         return f"{self.engine}/{self.format}"
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> Annotated[str, Column("called")]:
         return "aided" if self.aided else "plain"
 
     @property
-    def dominating(self) -> str:
+    def dominating(self) -> Annotated[str, Column("largest reading")]:
         """The reading that moves qdd most; "" for none."""
         known = [reading for reading in self.readings if reading.alone]
         return max(known, key=lambda reading: reading.alone or 0.0).name if known else ""
@@ -176,6 +176,20 @@ class SubjectRecord:
         if not self.lost_digits:
             return "explained"
         return "explained, digits lost" if self.readings else "lost digits"
+
+    @property
+    def tone(self) -> str:
+        """The looks of the outcome: explained as one that agrees; a refusal, lost digits and what is undecided as what they are."""
+        if not self.explained:
+            return "disagrees surprise"
+        if self.lost_digits:
+            return f"{Verdict.UNSTABLE} expected"
+        return "agrees expected" if self.verdict == Verdict.DISAGREES else f"{self.verdict} expected"
+
+    @property
+    def marked_outcome(self) -> Annotated[Cell, Column("verdict")]:
+        """The outcome with its looks."""
+        return Cell(self.outcome, tone=self.tone)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,43 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from harness.results.comparison import FilesComparison, PairRecord, SubjectRecord
-from harness.results.table import Cell, Column, Table, counted
+from harness.results.table import Cell, Column, Table, TableOf, counted
 from harness.verdict import AGREEMENT, Verdict
 
-
-def subjects_table(subjects: Sequence[SubjectRecord]) -> Table:
-    """A row for each subject of a file."""
-    return Table.of(
-        subjects,
-        {
-            "subject": "subject",
-            "called": "kind",
-            "verdict": _verdict_cell,
-            Column("backward error", "error"): "backward_error",
-            Column("relative error", "relative"): "relative_error",
-            Column("after readings", "error"): "left",
-            "largest reading": "dominating",
-        },
-        "Engines against the certified accelerations of the file; errors in data roundoffs, of which "
-        f"up to {AGREEMENT:g} agree; the largest over all states.",
-    )
-
-
-def _verdict_cell(subject: SubjectRecord) -> Cell:
-    return Cell(subject.outcome, tone=_tone(subject))
-
-
-def _tone(subject: SubjectRecord) -> str:
-    """An explained answer looks like one that agrees; a refusal, lost digits and what is undecided look like what they are."""
-    if not subject.explained:
-        return "disagrees surprise"
-    if subject.lost_digits:
-        return f"{Verdict.UNSTABLE} expected"
-    return "agrees expected" if subject.verdict == Verdict.DISAGREES else f"{subject.verdict} expected"
+subjects_table = TableOf(
+    SubjectRecord,
+    "subject kind marked_outcome backward_error relative_error left dominating",
+    f"Engines against the certified accelerations of the file; errors in data roundoffs, of which up to {AGREEMENT:g} agree; the largest "
+    "over all states.",
+)
 
 
 def short_names(found: FilesComparison) -> dict[str, str]:
@@ -72,7 +48,7 @@ def survey_table(found: FilesComparison, pages: Mapping[str, str]) -> Table:
 def _survey_cell(subject: SubjectRecord, page: str) -> Cell:
     size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
     notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(f"{subject.outcome}{size}", notes, _tone(subject), link=page)
+    return Cell(f"{subject.outcome}{size}", notes, subject.tone, link=page)
 
 
 def pair_table(pair: PairRecord) -> Table:

@@ -46,7 +46,7 @@ def cost_of(measured: AccelerationCost | MotionCost) -> float | None:
     """Seconds per state, or per second of motion; None where nothing was timed."""
     if isinstance(measured, AccelerationCost):
         return measured.seconds_per_state
-    return measured.seconds / measured.duration if measured.duration else None
+    return measured.cost
 
 
 def error_of(measured: AccelerationCost | MotionCost) -> float | None:

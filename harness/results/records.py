@@ -10,9 +10,9 @@ from collections import UserList
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Annotated, Any
 
-from harness.results.table import Cell, Column, Table, printable
+from harness.results.table import Cell, Column, Table, TableOf, printable
 from harness.verdict import AGREEMENT, Verdict
 
 # Of a record that names none.
@@ -78,17 +78,17 @@ class Record:
         ValueError: ``verdict`` or ``expected`` is no verdict.
     """
 
-    system: str
-    subject: str
-    states: int
+    system: Annotated[str, Column("system")]
+    subject: Annotated[str, Column("subject")]
+    states: Annotated[int, Column("states", "count")]
     verdict: str
-    expected: str
-    backward_error: float | None
-    relative_error: float | None
+    expected: Annotated[str, Column("expected")]
+    backward_error: Annotated[float | None, Column("worst backward error", "error")]
+    relative_error: Annotated[float | None, Column("relative error there", "relative")]
     worst_state: dict[str, list[float]] | None
-    seconds_per_state: float | None
+    seconds_per_state: Annotated[float | None, Column("time per state", "seconds")]
     message: str
-    median_backward_error: float | None = None
+    median_backward_error: Annotated[float | None, Column("median backward error", "error")] = None
     distribution: dict[str, int] = field(default_factory=dict)
     verdict_counts: dict[str, int] = field(default_factory=dict)
     expected_backward_error: float = math.inf
@@ -99,14 +99,14 @@ class Record:
     origins: dict[str, int] = field(default_factory=dict)
     granted: int = 0
     in_balls: int = 0
-    fastest_seconds_per_state: float | None = None
-    componentwise_error: float | None = None
-    percentile_99_backward_error: float | None = None
+    fastest_seconds_per_state: Annotated[float | None, Column("fastest", "seconds")] = None
+    componentwise_error: Annotated[float | None, Column("componentwise there", "error")] = None
+    percentile_99_backward_error: Annotated[float | None, Column("99 % backward error", "error")] = None
     unstable_share: float = 0.0
     expected_median_backward_error: float = math.inf
     expected_share: float = 1.0
     failed: bool = False
-    quantity: str = ACCELERATIONS
+    quantity: Annotated[str, Column("quantity")] = ACCELERATIONS
     median_bounds: list[float] = field(default_factory=list)
     percentile_99_bounds: list[float] = field(default_factory=list)
     features: list[str] = field(default_factory=list)
@@ -170,6 +170,26 @@ class Record:
             lines += _shown(self.representative.state, self.representative.replay)
         return "\n  ".join(map(printable, lines))
 
+    @property
+    def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:
+        """The verdict, and the expected one where it is another."""
+        if self.as_expected:
+            text = self.verdict if self.verdict == Verdict.AGREES else f"{self.verdict} (as expected)"
+            return Cell(text, tone=f"{self.verdict} expected")
+        return Cell(f"{self.verdict} (expected {self.expected})", tone=f"{self.verdict} surprise")
+
+    @property
+    def counts(self) -> Annotated[str, Column("states by verdict")]:
+        """The counts of verdicts in words."""
+        return ", ".join(f"{name} {count}" for name, count in sorted(self.verdict_counts.items()))
+
+
+_TABLE = TableOf(
+    Record,
+    "system subject quantity states marked_verdict expected backward_error componentwise_error median_backward_error "
+    "percentile_99_backward_error relative_error seconds_per_state fastest_seconds_per_state counts",
+)
+
 
 def _shown(state: Mapping[str, list[float]] | None, replay: str) -> list[str]:
     """A state and the command that computes it again, a line each."""
@@ -202,25 +222,8 @@ class Records(UserList[Record]):
     def table(self) -> Table:
         """One row per record; the quantity has a column where it is not the usual one in all of them."""
         several = any(record.quantity != ACCELERATIONS for record in self)
-        return Table.of(
-            self,
-            {
-                "system": "system",
-                "subject": "subject",
-                **({"quantity": "quantity"} if several else {}),
-                Column("states", "count"): "states",
-                "verdict": _verdict_cell,
-                "expected": "expected",
-                Column("worst backward error", "error"): "backward_error",
-                Column("componentwise there", "error"): "componentwise_error",
-                Column("median backward error", "error"): "median_backward_error",
-                Column("99 % backward error", "error"): "percentile_99_backward_error",
-                Column("relative error there", "relative"): "relative_error",
-                Column("time per state", "seconds"): "seconds_per_state",
-                Column("fastest", "seconds"): "fastest_seconds_per_state",
-                "states by verdict": lambda record: ", ".join(f"{name} {count}" for name, count in sorted(record.verdict_counts.items())),
-            },
-        )
+        table = _TABLE(self)
+        return table if several else table.without("quantity")
 
     def brief(self) -> Table:
         """The columns that fit a terminal."""
@@ -241,13 +244,6 @@ class Records(UserList[Record]):
 def _range(counts: Sequence[int]) -> str:
     low, high = min(counts), max(counts)
     return f"{low:,}" if low == high else f"{low:,} to {high:,}"
-
-
-def _verdict_cell(record: Record) -> Cell:
-    if record.as_expected:
-        text = record.verdict if record.verdict == Verdict.AGREES else f"{record.verdict} (as expected)"
-        return Cell(text, tone=f"{record.verdict} expected")
-    return Cell(f"{record.verdict} (expected {record.expected})", tone=f"{record.verdict} surprise")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 import re
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 from harness.results.change_points import Chart
 from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
-from harness.results.table import Column, Table
+from harness.results.table import Column, TableOf
 from harness.results.trend import WORST, readings_of_records, subject_of
 from harness.verdict import SEVERITY
 
@@ -41,12 +41,22 @@ class RunChange:
         is_worse: whether it counts against the second run. A cost and a worst error alone do not, nor does what was not asked.
     """
 
-    system: str
-    subject: str
+    system: Annotated[str, Column("system")]
+    subject: Annotated[str, Column("subject")]
     what: str
-    before: str
-    now: str
+    before: Annotated[str, Column("before")]
+    now: Annotated[str, Column("now")]
     is_worse: bool = False
+
+    @property
+    def marked(self) -> Annotated[TableCell, Column("what")]:
+        """``what``, marked where it is worse."""
+        return TableCell(self.what, tone="surprise" if self.is_worse else "")
+
+    @property
+    def worse(self) -> Annotated[str, Column("worse")]:
+        """ "worse" or nothing."""
+        return "worse" if self.is_worse else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,18 +83,7 @@ def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: boo
     return sorted([*found, *numbers], key=lambda one: (one.system, one.subject))
 
 
-def changes_between(changes: Iterable[RunChange]) -> Table:
-    """A row for each change."""
-
-    def what(one: RunChange) -> TableCell:
-        return TableCell(one.what, tone="surprise" if one.is_worse else "")
-
-    def worse(one: RunChange) -> str:
-        return "worse" if one.is_worse else ""
-
-    columns: dict[Column | str, str | Callable[[Any], object]]
-    columns = {"system": "system", "subject": "subject", "what": what, "before": "before", "now": "now", "worse": worse}
-    return Table.of(changes, columns, "Changes")
+changes_between = TableOf(RunChange, "system subject marked before now worse", "Changes")
 
 
 def _key(record: Record) -> Key:

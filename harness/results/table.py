@@ -1,6 +1,7 @@
 """One table for every medium: terminal, Markdown and HTML, each with its own escaping; and how numbers are written.
 
-A cell holds plain data. Its column says what kind of number that is.
+A cell holds plain data. Its column says what kind of number that is. A record declares the column of a field, or of a property, where
+it declares its type: ``seconds: Annotated[float, Column("time", "seconds")]``. A ``TableOf`` names the fields that a table has.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
@@ -157,6 +158,16 @@ class Table:
         """The other columns."""
         return self.only(*(head.title for head in self.heads if head.title not in titles))
 
+    def with_column(self, column: Column | str, cells: Sequence[object], before: str) -> Table:
+        """A further column of these cells, which stands before the one of a title.
+
+        Raises:
+            ValueError: there is no such column.
+        """
+        place = [head.title for head in self.heads].index(before)
+        rows = [[*row[:place], cell, *row[place:]] for row, cell in zip(self.rows, cells, strict=True)]
+        return Table([*self.heads[:place], column, *self.heads[place:]], rows, self.caption, self.style)
+
     def texts(self) -> list[list[str]]:
         """The rows as text, with a comma before each note."""
         return [[", ".join(_lines(head, cell)) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
@@ -217,6 +228,38 @@ class Table:
         is_matrix = "matrix" in self.style.split()
         scopes = ["row" if is_matrix and place == 0 else "" for place in range(len(row))]
         return "".join(_html_cell(scope, head, cell) for scope, head, cell in zip(scopes, self.heads, row, strict=True))
+
+
+Row = TypeVar("Row")
+
+
+def columns_of(kind: type) -> Mapping[str, Column]:
+    """Columns that a class of records declares, by the name of the field or property."""
+    hints = get_type_hints(kind, include_extras=True)
+    for name, one in ((name, one) for base in reversed(kind.__mro__) for name, one in vars(base).items() if isinstance(one, property)):
+        # The types of other properties need not be known at run time.
+        if "Column(" in str(one.fget.__annotations__.get("return")):
+            hints[name] = get_type_hints(one.fget, include_extras=True)["return"]
+    annotated = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
+    return {name: column for name, (_, *about) in annotated.items() for column in about if isinstance(column, Column)}
+
+
+@dataclass(frozen=True)
+class TableOf(Generic[Row]):
+    """Table of records of one class.
+
+    Attributes:
+        kind: of the records, which declares the columns. names: of its fields and properties that are shown, in this order.
+        caption: as of ``Table``.
+    """
+
+    kind: type[Row]
+    names: str
+    caption: str = ""
+
+    def __call__(self, records: Iterable[Row]) -> Table:
+        columns = columns_of(self.kind)
+        return Table.of(records, {columns[name]: name for name in self.names.split()}, self.caption)
 
 
 def markdown_line(text: str) -> str:

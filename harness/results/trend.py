@@ -10,13 +10,14 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 from harness.results.benchmark import Benchmark
 from harness.results.change_points import Chart, NightValue
 from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
 from harness.results.records import Record, Run
+from harness.results.table import Column, TableOf
 
 # A change of an error by less than so many data roundoffs is none: half an ulp of an input moves the answer by one.
 LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16
@@ -43,16 +44,19 @@ class ChangedCell:
         run: how many nights in a row had to show it.
     """
 
-    system: str
-    subject: str
-    number: str
-    before: float
-    now: float
+    system: Annotated[str, Column("system")]
+    subject: Annotated[str, Column("subject")]
+    number: Annotated[str, Column("number")]
+    before: Annotated[float, Column("before", "error")]
+    now: Annotated[float, Column("now", "error")]
     by: float
-    nights: int
+    nights: Annotated[int, Column("nights before", "count")]
     place: int
-    found_by: str
+    found_by: Annotated[str, Column("found by")]
     run: int = 1
+
+
+TREND_CHANGES = TableOf(ChangedCell, "system subject number before now nights found_by", "Changed in the trend")
 
 
 @dataclass(frozen=True, kw_only=True)

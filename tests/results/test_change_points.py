@@ -60,7 +60,7 @@ def errors_of(name: str, subject: str, count: int, seed: int) -> np.ndarray:
 def recorded() -> list[np.ndarray]:
     """Backward errors of two engines on three mechanisms."""
     names = ("double_pendulum", "cart_pendulum", "collar")
-    return [name.errors(subject, 4000, 0) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
+    return [errors_of(name, subject, 4000, 0) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
 
 
 def resampled(recorded: list[np.ndarray], states: int, nights: int, cells: int, seed: int = 0) -> Iterator[dict[str, np.ndarray]]:
@@ -91,7 +91,7 @@ def test_quiet_nights_of_one_seed_show_no_change(recorded: list[np.ndarray]) -> 
 def test_nights_that_were_really_sampled_show_no_change() -> None:
     names = ("double_pendulum", "collar")
     pairs = [(name, subject) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
-    nights = [readings({f"{name} {subject}": name.errors(subject, 1000, seed) for name, subject in pairs}) for seed in range(NIGHTS)]
+    nights = [readings({f"{name} {subject}": errors_of(name, subject, 1000, seed) for name, subject in pairs}) for seed in range(NIGHTS)]
     assert changes(nights) == []
 
 
