@@ -179,6 +179,11 @@ class Library:
         """The name of a system as that of a file in which something of it is kept."""
         return name
 
+    @property
+    def folder(self) -> str:
+        """The name of a folder in which something of its systems is kept."""
+        return self.name
+
     def validated_models(self, name: str) -> dict[str, Path]:
         """{model format: path} of the files that are validated as models of a system; those that are missing too."""
         return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}

@@ -3,13 +3,23 @@
 A cross-check, an atlas, a benchmark, a search, a diagnosis and a fault campaign are each a ``Study``. What is asked next
 depends on what was answered: ``tasks`` gives what can run by now, ``take`` the parts that an outcome completes, ``result`` all
 of them.
+
+A study is mostly written as ``Inquiries``: a generator for each mechanism, file or case, in which a question and what is made of its
+answer stand in one place. Several generators are under way at once; where a process dies, the task that it ran has an outcome that
+says so, and all others go on::
+
+    def inquiry(self, name: str) -> Inquiry[None]:
+        outcome = yield from ask(derive, self.library, name, affinity=name)
+        mechanism = outcome.value
+        ...
+        yield Part(name, record)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, TypeVar
 
 from harness.errors import InvalidInput
 from harness.workers import Outcome, Task, Workers
@@ -55,35 +65,76 @@ def run_study(study: Study, workers: Workers) -> Iterator[Part]:
         yield from study.take(outcome)
 
 
-class Rounds:
-    """The bookkeeping that studies share: their tasks, each with the method that takes its outcome, and what failed.
+_Found = TypeVar("_Found")
+# A generator that yields tasks, to be sent their outcomes in the same order, and parts as they are complete; it asks before its first
+# part.
+Inquiry = Generator[Sequence[Task] | Part, Sequence[Outcome], _Found]
 
-    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``. Tasks that a method puts into ``_next`` run
-    at once; those of a round run when all before are done.
+
+def ask(function: Callable[..., Any], *arguments: Any, affinity: Hashable | None = None) -> Inquiry[Outcome]:
+    """The outcome of one task, ``function(*arguments, note)``; of an ``affinity`` as of ``Task``."""
+    (outcome,) = yield [Task(None, function, arguments, affinity)]
+    return outcome
+
+
+@dataclass(eq=False)
+class _UnderWay:
+    """An inquiry with the outcomes that it waits for."""
+
+    inquiry: Inquiry[None]
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    awaited: int = 0
+
+
+class Inquiries:
+    """A study that is made of generators, as many under way as workers have time for; also what failed in it.
+
+    ``inquiries`` gives rounds of generators. Those of a round begin together, once all of the round before have ended.
     """
 
     def __init__(self) -> None:
         self.problems: list[Exception] = []
         self.crashed = False
         self._next: list[Task] = []
-        self._under_way = 0
-        self._rounds = self.rounds()
+        self._open = 0
+        self._rounds = self.inquiries()
 
-    def rounds(self) -> Iterator[Sequence[Task]]:
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         """The rounds in order, each made when the one before is complete."""
         yield from ()
 
     def tasks(self) -> Sequence[Task]:
+        while not self._next and not self._open and (coming := next(self._rounds, None)) is not None:
+            for inquiry in coming:
+                self._open += 1
+                for part in self._go_on(_UnderWay(inquiry)):
+                    raise AssertionError(f"{part.label} is complete before anything was asked")
         work, self._next = self._next, []
-        if not work and not self._under_way:
-            work = list(next((coming for coming in self._rounds if coming), ()))
-        self._under_way += len(work)
         return work
 
     def take(self, outcome: Outcome) -> Iterable[Part]:
-        self._under_way -= 1
-        method, *where = outcome.task.key
-        return method(outcome, *where) or ()
+        under_way, place = outcome.task.key
+        under_way.outcomes[place] = outcome
+        if len(under_way.outcomes) == under_way.awaited:
+            yield from self._go_on(under_way)
+
+    def _go_on(self, under_way: _UnderWay) -> Iterator[Part]:
+        """Send what has come, and give out what is asked next; no task at all is answered at once."""
+        outcomes = [under_way.outcomes[place] for place in sorted(under_way.outcomes)]
+        under_way.outcomes, under_way.awaited = {}, 0
+        try:
+            coming = under_way.inquiry.send(outcomes) if outcomes else next(under_way.inquiry)
+            while isinstance(coming, Part) or not coming:
+                if isinstance(coming, Part):
+                    yield coming
+                    coming = next(under_way.inquiry)
+                else:
+                    coming = under_way.inquiry.send(())
+        except StopIteration:
+            self._open -= 1
+            return
+        under_way.awaited = len(coming)
+        self._next += [replace(task, key=(under_way, place)) for place, task in enumerate(coming)]
 
     def failure(self, outcome: Outcome) -> str:
         """Why a task gave no value, "" where it did; invalid input is added to ``problems``, a death is remembered."""
@@ -99,6 +150,34 @@ class Rounds:
         """Add a problem that is not known yet."""
         if str(problem) not in map(str, self.problems):
             self.problems.append(problem)
+
+
+class Rounds(Inquiries):
+    """The bookkeeping of studies with a method for each kind of task.
+
+    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``. Tasks that a method puts into ``_next`` run
+    at once; those of a round run when all before are done.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._tasks_in_rounds = self.rounds()
+
+    def rounds(self) -> Iterator[Sequence[Task]]:
+        """The rounds in order, each made when the one before is complete."""
+        yield from ()
+
+    def tasks(self) -> Sequence[Task]:
+        work, self._next = self._next, []
+        if not work and not self._open:
+            work = list(next((coming for coming in self._tasks_in_rounds if coming), ()))
+        self._open += len(work)
+        return work
+
+    def take(self, outcome: Outcome) -> Iterable[Part]:
+        self._open -= 1
+        method, *where = outcome.task.key
+        return method(outcome, *where) or ()
 
 
 def is_out_of_memory(exception: BaseException | None) -> bool:

@@ -192,13 +192,13 @@ def _checked(
     settings: Settings, workers: int | None, time_limit: float, quantities: Sequence[str] = (ACCELERATIONS,)
 ) -> Iterator[tuple[list[CrossCheck], Workers]]:
     """The complete cross-check of each quantity, and the workers that ran them."""
-    from harness.crosscheck.quantities import cross_check_of
+    from harness.crosscheck.run import CrossCheck
     from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
     describe_engines(settings.library, lambda: Workers(workers, time_limit=time_limit))
-    studies = [cross_check_of(name, settings, audits=False) for name in quantities]
+    studies = [CrossCheck(settings, [name], audits=False) for name in quantities]
     with Workers(workers, time_limit=time_limit) as pool:
         for study in studies:
             for _ in run_study(study, pool):

@@ -48,8 +48,8 @@ def command(
     """
     from harness.certify.quantities import require_quantity
     from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
-    from harness.crosscheck.quantities import cross_check_of
     from harness.crosscheck.quantity_judge import refuse_robots
+    from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
     from harness.diagnosis.pattern import infer_from_records
@@ -74,7 +74,7 @@ def command(
         library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
     )
     bracket.begin(states, "diagnose")
-    study = cross_check_of(quantity, settings)
+    study = CrossCheck(settings, [quantity])
     found = bracket.complete(study)
     found.records.sort(key=lambda record: record.subject)
     causes = causes_of(bracket, study, quantity, **({} if evaluations is None else {"evaluations": evaluations}))

@@ -116,6 +116,11 @@ class RobotLibrary(CallersLibrary):
     def label(self, name: str) -> str:
         return Path(name).name
 
+    @property
+    def folder(self) -> str:
+        """That of the files: their names together are longer than a file system takes."""
+        return self.systems.resolve().name or "files"
+
     def validated_models(self, name: str) -> dict[str, Path]:
         """None: a robot's file holds much that a model of a mechanism may not, and each engine reads it by itself."""
         return {}

@@ -1,22 +1,16 @@
-"""What a cross-check holds of a system and of each subject on it while their tasks are under way, and how it asks for more."""
+"""What a cross-check holds of a system and of each subject on it while it is compared."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from harness.crosscheck.judgement import Evidence
-from harness.crosscheck.settings import Settings
 from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
 from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.models.model_file import ModelFile
 from harness.results.records import ACCELERATIONS
-from harness.study import Part, Rounds
-from harness.workers import Outcome, Task
 
 
 @dataclass(kw_only=True)
@@ -25,14 +19,12 @@ class Pair(Evidence):
 
     Attributes:
         quantity: what it is asked for.
-        pending: number of tasks that are still to answer for it.
-        componentwise: the componentwise backward error at the worst state; None until it is asked for, NaN where it is not known.
+        componentwise: the componentwise backward error at the worst state; None where it was not measured.
     """
 
     subject: Subject
     quantity: str = ACCELERATIONS
     assignment: Assignment | None = None
-    pending: int = 0
     componentwise: float | None = None
 
     @property
@@ -56,48 +48,21 @@ def answering(pairs: Iterable[Pair]) -> list[Pair]:
 
 @dataclass
 class System:
-    """A system, or a variant of its models, while it is compared."""
+    """A system, or a variant of its models, while it is compared.
+
+    Attributes:
+        models: by format, those that a subject reads; why not, where one cannot be used.
+        seconds: per certified state of each batch. compilation_seconds: of the certified kernel; None before the first batch.
+    """
 
     name: str
     pairs: dict[str, Pair]
     mechanism: Mechanism | None = None
     models: dict[str, ModelFile | str] = field(default_factory=dict)
-    batches: Iterator[States] = field(default_factory=lambda: iter(()))
     seconds: list[float] = field(default_factory=list)
     compilation_seconds: float | None = None
 
-
-class Asking(Rounds, ABC):
-    """Tasks that answer for several pairs of one system, and what failed.
-
-    Attributes:
-        faults: what failed in the harness itself, each with its system.
-        crashes: (system, what of it died, ran out of time or cannot be loaded): a subject, the format of a model, or None for the
-            system itself.
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        super().__init__()
-        self.settings = settings
-        self.faults: list[str] = []
-        self.crashes: set[tuple[str, str | None]] = set()
-        self._systems: dict[str, System] = {}
-
-    def _ask(
-        self, taker: Callable[..., None], system: System, pairs: Pairs, function: Callable[..., Any], *arguments: Any, about: Any = None
-    ) -> None:
-        """Ask for the next round one task that answers for ``pairs``; ``taker(outcome, system, pairs, about)`` takes its outcome."""
-        if pairs:
-            for pair in pairs:
-                pair.pending += 1
-            self._next.append(Task((self._answered, system.name, taker, pairs, about), function, arguments, system.name))
-
-    def _answered(self, outcome: Outcome, name: str, taker: Callable[..., None], pairs: Pairs, about: Any) -> Iterator[Part]:
-        for pair in pairs:
-            pair.pending -= 1
-        taker(outcome, self._systems[name], pairs, about)
-        yield from self._completed(self._systems[name])
-
-    @abstractmethod
-    def _completed(self, system: System) -> Iterator[Part]:
-        """The parts that are complete once all tasks of a pair have answered."""
+    def fail(self, failure: str) -> None:
+        """Nothing of it can be asked, for a file cannot be used."""
+        for pair in self.pairs.values():
+            pair.fail(failure, refused=True)

@@ -1,81 +1,240 @@
 """The cross-check: every subject of every system at the same states as the truth.
 
-Of each system first the equations and the model files are loaded; then one batch of states is certified and every subject
-asked there; then come the other batches, the search by hypothesis, and the superfluous parts of the models. All of it runs
-on worker processes. Whatever goes wrong with one system, model or engine costs the records that depend on it and nothing
-else: where a process dies, the subject that was being asked is set aside, and the others are asked again without it.
+``CrossCheck._compared`` is the whole way of one system: its files are loaded, one batch of states is certified and every subject asked
+there; then come what models hold after loading, the search by hypothesis, the superfluous parts of the models, the other batches, and
+the records. All of it runs on worker processes. Whatever goes wrong with one system, model or engine costs the records that depend on
+it and nothing else: where a process dies, the subject that was being asked is set aside, and the others are asked again without it.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-
-from msgspec import structs
+from typing import Any
 
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
-from harness.crosscheck.expected import AGREES, Expectations
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.explanation import explain
-from harness.crosscheck.judgement import LARGEST, judge
-from harness.crosscheck.loading import Loading
+from harness.crosscheck.judgement import LARGEST
+from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
 from harness.crosscheck.progress import Pair, Pairs, System, answering
-from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.quantities import compare_quantities
+from harness.crosscheck.quantity_explanation import explain_difference
+from harness.crosscheck.recording import record_of
+from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
-from harness.crosscheck.static_audit import find_differences, judge_differences
-from harness.engines import EQUATIONS, engine_files, is_native
-from harness.equations.mechanism import Mechanism
+from harness.crosscheck.static_audit import find_differences, judge_differences, load_expected_differences
+from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
-from harness.results.hard_states import replay_command
-from harness.results.records import Record, SystemCard
-from harness.study import Part, is_out_of_memory
+from harness.results.records import ACCELERATIONS
+from harness.study import Inquiries, Inquiry, Part, ask, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
-from harness.workers import Outcome
+from harness.workers import Outcome, Task
 
 
-class CrossCheck(Loading):
-    """One cross-check of a library, system by system and subject by subject; a ``harness.study.Study``.
+class CrossCheck(Inquiries):
+    """One cross-check of a library in one or several quantities, system by system and subject by subject; a ``harness.study.Study``.
 
     A variant of models is compared as a system of its own, whose mechanism and states are those of the system it is named after.
+    ``audits``: whether what engines hold after loading is compared where accelerations are not, with which it always is. ``without``:
+    (system, subject) that are not asked.
 
-    Raises as ``Loading``.
+    Attributes:
+        names: of the systems and variants. subjects: those asked for.
+        faults: what failed in the harness itself, each with its system.
+        crashes: (system, what of it died, ran out of time or cannot be loaded): a subject, the format of a model, or None for the
+            system itself.
+
+    Raises:
+        InvalidInput: the library or its expected verdicts cannot be used at all; from ``take``, a stand-in cannot.
+        InvalidRequest: a system or subject that does not exist.
     """
 
-    title = "cross-check"
-
-    def __init__(self, settings: Settings) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        quantities: Sequence[str] = (ACCELERATIONS,),
+        audits: bool = True,
+        without: Collection[tuple[str, str]] = (),
+    ) -> None:
+        super().__init__()
+        library = settings.library
+        self.settings, self.quantities = settings, tuple(quantities)
+        self.title = "cross-check" if self._moves else quantities[0] if len(quantities) == 1 else "further quantities"
+        self.faults: list[str] = []
+        self.crashes: set[tuple[str, str | None]] = set()
+        self.names = chosen_names(settings)
+        self.subjects = select_subjects(library, settings.subjects)
+        self._expectations = {name: load_expectations(library, name) for name in (ACCELERATIONS, *quantities)}
+        self._expected_differences = load_expected_differences(library)
+        self._audits = settings.state is None and (audits or self._moves)
         self._found = CrossCheckResult()
-        super().__init__(settings)
+        if not settings.names:
+            for orphan in orphans(library):
+                self.report(orphan)
+        self._systems = [System(name, {pair.key: pair for pair in self._pairs_of(name, without)}) for name in self.names]
+        self.steps = sum(len(system.pairs) for system in self._systems)
+        if not self.steps:
+            formats = " and ".join(library.formats_of(self.names[0]))
+            raise InvalidRequest(
+                f"{self.names[0]} has a model in {formats} alone, which {', '.join(map(str, self.subjects))} does not read"
+            )
+        for subject in self.subjects:
+            if failure := self.failure(engine_files(library)[subject.engine].outcome):
+                for system in self._systems:
+                    for pair in (pair for pair in system.pairs.values() if pair.subject == subject):
+                        pair.fail(failure)
+                        self.crashes.add((system.name, str(subject)))
+
+    @property
+    def _moves(self) -> bool:
+        """True where accelerations are compared, by which states are searched for and parts of models found superfluous."""
+        return ACCELERATIONS in self.quantities
+
+    def subjects_of(self, name: str) -> list[Subject]:
+        """The subjects that are asked of a system or of a variant."""
+        return asked_of(self.settings.library, name, self.subjects, more=self.settings.stand_ins)
+
+    def _pairs_of(self, name: str, without: Collection[tuple[str, str]]) -> list[Pair]:
+        asked = [subject for subject in self.subjects_of(name) if (name, str(subject)) not in without]
+        return [Pair(subject=subject, quantity=quantity) for quantity in self.quantities for subject in asked]
 
     def result(self) -> CrossCheckResult:
         return self._found
 
-    # Comparing: a batch of states is certified once, and every subject is asked there. Each batch asks for the next one, so that
-    # of a long sample one batch is held at a time.
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._compared(system) for system in self._systems]
 
-    def _compare(self, system: System, states: States, pairs: Pairs) -> None:
-        self._ask(self._compared, system, pairs, compare_all, [pair.assignment for pair in pairs], states, about=states)
+    def _compared(self, system: System) -> Inquiry[None]:
+        """The cross-check of one system, from its files to its records."""
+        settings, library, seed = self.settings, self.settings.library, self.settings.seed
+        # A variant is there for what readers make of it, as any state shows.
+        searched = settings.searched if self._moves and not library.is_variant(system.name) else 0
+        sampled = settings.states - searched
+        yield from self._load(system, 0 if settings.state is not None else sampled)
+        batches: Iterator[States] = iter(())
+        if (mechanism := system.mechanism) is not None:
+            try:
+                batches = batches_of(settings, system, mechanism, sampled)
+                for pair in system.pairs.values():
+                    assign(settings, self._expectations[ACCELERATIONS], system, mechanism, pair)
+            except InvalidInput as error:
+                self.report(error)
+                system.fail(str(error))
 
-    def _compared(self, outcome: Outcome, system: System, pairs: Pairs, states: States) -> None:
-        if not self._is_answered(outcome, system, pairs, "the reference", states):
-            self._compare(system, states, answering(pairs))
+        stand_ins = [pair.assignment for pair in answering(system.pairs.values()) if pair.subject.format in settings.stand_ins]
+        if stand_ins:
+            outcome = yield from ask(tasks.accept, stand_ins, affinity=system.name)
+            if isinstance(outcome.exception, InvalidInput):
+                raise outcome.exception
+            # Whatever else an engine does there it does again, and it costs its own record.
+
+        # A batch is certified once, and every subject is asked there. Of a long sample one batch is held at a time.
+        for number, states in enumerate(batches):
+            if not answering(system.pairs.values()):
+                break
+            yield from self._asked_at(system, states)
+            if number:
+                continue
+            pairs = answering(system.pairs.values())
+            # What engines hold after loading, which their accelerations need not feel. The replay of a state is about that state alone.
+            readers, natives = (readers_among(library, pairs), natives_among(library, pairs)) if settings.state is None else ([], [])
+            if self._audits and len(readers) > 1:
+                found = yield from self._together(system, readers, "the static audit", find_differences)
+                if found is not None:
+                    complete = not settings.subjects and not settings.stand_ins
+                    expected = self._expected_differences.get(system.name, [])
+                    self._found.differs += judge_differences(found, system.name, expected, complete)
+
+            # Hypothesis looks for the state at which each subject does worst.
+            folder = settings.examples and settings.examples.absolute() / library.folder / library.label(system.name)
+            for group in led_together(library, pairs) if searched else []:
+                found = yield from self._together(system, group, "the search", hypothesis_search.search, searched, seed, folder)
+                for pair in group if found is not None else []:
+                    if isinstance(one := found.get(str(pair.subject)), Answers):
+                        self._take(pair, one)
+                    elif one is not None:
+                        pair.found = one
+                        pair.add(one.states, one.comparison)
+
+            for pair in natives if self._moves else []:
+                outcome = yield from ask(tasks.find_superfluous, pair.assignment, affinity=system.name)
+                # The subject's answers are judged without it: whatever ends the search costs no verdict, and a death no exit status.
+                if failure := str(outcome.crash) if outcome.crash is not None else self.failure(outcome):
+                    pair.remarks.append(f"The search for superfluous parts was not finished: {failure}.")
+                    continue
+                # A file of the harness holds nothing superfluous; somebody else's may.
+                fails = library == Library.built_in() and pair.subject.format not in settings.stand_ins
+                parts = [replace(part, system=system.name, fails=fails) for part in outcome.value]
+                # Engines that read the same file find the same parts.
+                self._found.superfluous += [part for part in parts if part not in self._found.superfluous]
+
+        for pair in list(system.pairs.values()):
+            yield from self._explain(system, pair)
+            record = record_of(settings, self._expectations[pair.quantity], system.name, pair)
+            record = replace(record, features=asked_features(system, pair))
+            del system.pairs[pair.key]
+            self._found.records.append(record)
+            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
+        # What there is to say of a mechanism stands with its system.
+        if self._moves and mechanism is not None and mechanism.name == library.label(system.name):
+            self._found.systems.append(describe_system(mechanism, system.seconds, system.compilation_seconds))
+
+    def _load(self, system: System, sampled: int) -> Inquiry[None]:
+        """The mechanism of a system, with the points of its sample in the cache, and the models that its subjects read."""
+        library, name, stand_ins = self.settings.library, system.name, self.settings.stand_ins
+        expectations = self._expectations[ACCELERATIONS]
+        # Before anything that takes long: a file that was named and cannot be used ends the run.
+        for model_format, path in stand_ins.items():
+            outcome = yield from ask(tasks.read, path, model_format, affinity=name)
+            if failure := self._failure_of(system, model_format, outcome, path):
+                raise self.problems[-1]
+            system.models[model_format] = outcome.value
+        subjects = [pair.subject for pair in system.pairs.values()]
+        paths = {
+            model_format: path
+            for model_format, path in library.validated_models(name).items()
+            if model_format not in stand_ins
+            and any(one.format == model_format and not why_no_model(self.settings, expectations, name, one) for one in subjects)
+        }
+        wanted = [Task(None, tasks.derive_and_sample, (library, name, sampled, self.settings.seed), name)]
+        derived, *read = yield [*wanted, *(Task(None, tasks.read, (path, form), name) for form, path in paths.items())]
+        if failure := self._failure_of(system, None, derived, library.system_path(name)):
+            system.fail(failure)
+        system.mechanism = derived.value
+        for (model_format, path), outcome in zip(paths.items(), read, strict=True):
+            system.models[model_format] = self._failure_of(system, model_format, outcome, path) or outcome.value
+
+    def _failure_of(self, system: System, what: str | None, outcome: Outcome, path: Any) -> str:
+        """Why a file could not be loaded; whatever it makes the harness do, it is the file that has to be mended."""
+        failure = self.failure(outcome)
+        if outcome.crash is not None:
+            self.crashes.add((system.name, what))
+        if failure and not isinstance(outcome.exception, InvalidInput):
+            self.report(InvalidInput(path, None, failure))
+        return failure
+
+    def _asked_at(self, system: System, states: States) -> Inquiry[None]:
+        """Ask every subject at a batch of states, and take what it answers."""
+        pairs = answering(system.pairs.values())
+        if self._moves:
+            found = yield from self._together(system, pairs, "the reference", compare_all, states)
+        else:
+            found = yield from self._together(system, pairs, "the reference", compare_quantities, states)
+        if found is None:
             return
-        seconds, compilation_seconds, answers = outcome.value
+        seconds, compilation_seconds, answers = found
         for pair in pairs:
-            self._take(pair, answers[pair.key], states)
-        if not system.seconds:
-            self._go_on(system)
+            if pair.key in answers:
+                self._take(pair, answers[pair.key], states)
         system.seconds.append(seconds)
         system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
-        following = next(system.batches, None)
-        if following is not None:
-            self._compare(system, following, answering(pairs))
 
     def _take(self, pair: Pair, answers: Answers, states: States | None = None) -> None:
         if answers.problem is not None:
@@ -90,187 +249,53 @@ class CrossCheck(Loading):
             pair.seconds += answers.seconds
             pair.from_rigid += [answers.from_rigid] if len(answers.from_rigid) else []
 
-    def _go_on(self, system: System) -> None:
-        """After the first batch: everything else, for the subjects that answered."""
-        pairs = answering(system.pairs.values())
-        self._hold(system, [pair for pair in pairs if pair.subject.format != EQUATIONS])
-        if self._searched_of(system):
-            for group in self._led_together(pairs):
-                self._search(system, group)
-        for pair in pairs:
-            # The replay of one state is about that state alone, and what a file needs is what its native engine feels.
-            # Other versions of it may feel less, and tell nothing of the file.
-            is_sought = not self.settings.library.is_of_robots and self.settings.state is None and pair.subject.format != EQUATIONS
-            is_elsewhere = engine_files(self.settings.library)[pair.subject.engine].elsewhere
-            if is_sought and is_native(self.settings.library, pair.subject) and not is_elsewhere:
-                self._ask(self._examined, system, [pair], tasks.find_superfluous, pair.assignment)
+    def _together(self, system: System, pairs: Pairs, what: str, function: Callable[..., Any], *rest: Any) -> Inquiry[Any]:
+        """The value of one task for several pairs; without those that it dies of, which fail. None where nobody is left.
 
-    # Holding: what engines hold after loading, which their accelerations need not feel.
-
-    def _hold(self, system: System, readers: Pairs) -> None:
-        # What other versions read otherwise, and optional engines, is told by ``harness upgrade`` and by their answers.
-        readers = [pair for pair in readers if not engine_files(self.settings.library)[pair.subject.engine].elsewhere]
-        # The replay of one state is about that state alone.
-        if self.settings.state is None and len(readers) > 1:
-            self._ask(self._held, system, readers, find_differences, [pair.assignment for pair in readers])
-
-    def _held(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        if self._is_answered(outcome, system, pairs, "the static audit"):
-            complete = not self.settings.subjects and not self.settings.stand_ins
-            expected = self.expected_differences.get(system.name, [])
-            self._found.differs += judge_differences(outcome.value, system.name, expected, complete)
-        else:
-            self._hold(system, answering(pairs))
-
-    # Searching: hypothesis looks for the state at which each subject does worst.
-
-    def _led_together(self, pairs: Pairs) -> list[Pairs]:
-        """The subjects of each search: those beside the harness together, and each that has an environment alone.
-
-        A search goes on where any of its subjects does badly. So the environments of a machine change no states of the others.
+        Where its process dies, the culprit is the one that the task's note names, and the state it died at is looked for. Where there is
+        none, all fail.
         """
-        files = engine_files(self.settings.library)
-        apart = [pair for pair in pairs if files[pair.subject.engine].elsewhere]
-        beside = [pair for pair in pairs if not files[pair.subject.engine].elsewhere]
-        return [*([beside] if beside else []), *([pair] for pair in apart)]
+        while pairs:
+            outcome = yield from ask(function, [pair.assignment for pair in pairs], *rest, affinity=system.name)
+            failure = self.failure(outcome)
+            if not failure:
+                return outcome.value
+            note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
+            culprit = system.pairs.get(note.get("subject", ""))
+            if outcome.crash is not None:
+                self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
+            if culprit is None:
+                if is_out_of_memory(outcome.exception):
+                    self.report(InvalidRequest(f"{system.name}: {what} failed: {failure}"))
+                elif outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
+                    self.faults.append(f"{system.name}: {what} failed: {failure}")
+                for pair in pairs:
+                    pair.fail(f"{what} failed: {failure}")
+                return None
+            culprit.fail(failure)
+            known = [States.at(**note["states"])] if "states" in note else [one for one in rest if isinstance(one, States)]
+            if known and culprit.failed_at is None:
+                outcome = yield from ask(ask_one_by_one, culprit.assignment, known[0], affinity=system.name)
+                if outcome.crash is not None and outcome.crash.note:
+                    culprit.failed_at = json.loads(outcome.crash.note)
+            pairs = answering(pairs)
+        return None
 
-    def _search(self, system: System, pairs: Pairs) -> None:
-        library = self.settings.library
-        folder = self.settings.examples and self.settings.examples.absolute() / library.name / library.label(system.name)
-        assignments = [pair.assignment for pair in pairs]
-        self._ask(
-            self._searched, system, pairs, hypothesis_search.search, assignments, self._searched_of(system), self.settings.seed, folder
-        )
-
-    def _searched(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        if self._is_answered(outcome, system, pairs, "the search"):
-            for pair in pairs:
-                found = outcome.value[str(pair.subject)]
-                if isinstance(found, Answers):
-                    self._take(pair, found)
-                else:
-                    pair.found = found
-                    pair.add(found.states, found.comparison)
-        else:
-            self._search(system, answering(pairs))
-
-    def _examined(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        [pair] = pairs
-        # The subject's answers are judged without it: whatever ends the search costs no verdict, and a death no exit status.
-        if failure := str(outcome.crash) if outcome.crash is not None else self.failure(outcome):
-            pair.remarks.append(f"The search for superfluous parts was not finished: {failure}.")
-        else:
-            # A file of the harness holds nothing superfluous; somebody else's may.
-            fails = self.settings.library == Library.built_in() and pair.subject.format not in self.settings.stand_ins
-            parts = [replace(part, system=system.name, fails=fails) for part in outcome.value]
-            # Engines that read the same file find the same parts.
-            self._found.superfluous += [part for part in parts if part not in self._found.superfluous]
-
-    # Lost digits: whether they are no such thing.
-
-    def _explained(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        [pair] = pairs
-        if failure := self.failure(outcome):
-            pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
-        pair.explained = "" if outcome.value is None else outcome.value.sentence
-
-    # Where a process dies: the subject that was being asked is set aside.
-
-    def _is_answered(self, outcome: Outcome, system: System, pairs: Pairs, what: str, states: States | None = None) -> bool:
-        """True if a task gave a value; where its process died, the culprit and the state it died at are noted."""
-        failure = self.failure(outcome)
-        if not failure:
-            return True
-        note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
-        culprit = system.pairs.get(note.get("subject", ""))
-        if outcome.crash is not None:
-            self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))
-        if culprit is None:
-            if is_out_of_memory(outcome.exception):
-                self.report(InvalidRequest(f"{system.name}: {what} failed: {failure}"))
-            elif outcome.crash is None and not isinstance(outcome.exception, InvalidInput):
-                self.faults.append(f"{system.name}: {what} failed: {failure}")
-            for pair in pairs:
-                pair.fail(f"{what} failed: {failure}")
-            return False
-        culprit.fail(failure)
-        states = States.at(**note["states"]) if "states" in note else states
-        if states is not None and culprit.failed_at is None:
-            self._ask(self._replayed, system, [culprit], ask_one_by_one, culprit.assignment, states)
-        return False
-
-    def _replayed(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        if outcome.crash is not None and outcome.crash.note:
-            pairs[0].failed_at = json.loads(outcome.crash.note)
-
-    # A side task, which changes no verdict: the componentwise backward error at the worst state that any task has found.
-
-    def _measure(self, system: System, pair: Pair) -> bool:
-        """Ask for it where there is an error and it was not asked for; True if it was not."""
-        if pair.componentwise is not None or pair.failure or pair.shown is None or math.isnan(pair.shown[1].backward_error[LARGEST]):
-            return False
-        pair.componentwise = math.nan
-        state = pair.shown[0][[LARGEST]]
-        beyond = 0.0 if self.settings.componentwise else AGREEMENT
-        self._ask(self._measured, system, [pair], tasks.measure_componentwise, pair.assignment, state, beyond)
-        return True
-
-    def _measured(self, outcome: Outcome, system: System, pairs: Pairs, about: None) -> None:
-        if outcome.value is not None:
-            pairs[0].componentwise = outcome.value
-
-    # Records.
-
-    def _completed(self, system: System) -> Iterator[Part]:
-        """Records of the pairs that have all they wait for, and forget them; with the last one goes the system."""
-        for pair in [pair for pair in system.pairs.values() if not pair.pending]:
-            if pair.verdict == Verdict.UNSTABLE and pair.explained is None:
-                self._ask(self._explained, system, [pair], explain, pair.assignment, self.settings.seed)
-                continue
-            if self._measure(system, pair):
-                continue
-            del system.pairs[pair.key]
-            record = replace(self._record(system.name, pair), features=asked_features(system, pair))
-            self._found.records.append(record)
-            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
-        if not system.pairs and system.mechanism is not None:
-            # What there is to say of a mechanism stands with its system.
-            if system.mechanism.name == self.settings.library.label(system.name):
-                self._found.systems += self._described(system, system.mechanism)
-            system.mechanism = None
-
-    def _described(self, system: System, mechanism: Mechanism) -> list[SystemCard]:
-        return [describe_system(mechanism, system.seconds, system.compilation_seconds)]
-
-    def _expectations_of(self, pair: Pair) -> Expectations:
-        return self.expectations
-
-    def _replay_options_of(self, pair: Pair) -> Sequence[str]:
-        return self.settings.replay_options
-
-    def _record(self, name: str, pair: Pair) -> Record:
-        """The record of a pair, with what was expected of it and how to see it again."""
-        expectation = self._expectations_of(pair).of(self.settings.library.label(name), pair.subject)
-        if expectation is AGREES and pair.unsupported and engine_files(self.settings.library)[pair.subject.engine].elsewhere:
-            # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
-            expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
-        record = judge(name, str(pair.subject), pair, expectation)
-        few = self.settings.state is not None or self.settings.states < DEFAULT_STATES
-        if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
-            # So few states need not meet the one that the expectation is about.
-            record = judge(name, str(pair.subject), pair, AGREES)
-
-        options = self._replay_options_of(pair)
-
-        def replay(state: dict[str, list[float]]) -> str:
-            return replay_command(name, record.subject, state, options)
-
-        if record.worst_state is not None:
-            again = replay(record.worst_state)
-        else:
-            command = ["harness", "check", name, "--subject", record.subject, *options]
-            again = shlex.join([*command, "--states", str(self.settings.states), "--seed", str(self.settings.seed)])
-        shown = record.representative and replace(record.representative, replay=replay(record.representative.state))
-        origins = record.origins if self.settings.state is None else {}
-        componentwise = None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise
-        return replace(record, replay=again, representative=shown, origins=origins, componentwise_error=componentwise)
+    def _explain(self, system: System, pair: Pair) -> Inquiry[None]:
+        """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
+        moves = pair.quantity == ACCELERATIONS
+        if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
+            if moves:
+                outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
+            else:
+                wanted = pair.quantity, system.name, pair.assignment, self.settings.seed
+                outcome = yield from ask(explain_difference, *wanted, affinity=system.name)
+            if failure := self.failure(outcome):
+                pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
+            pair.explained = "" if outcome.value is None else outcome.value.sentence
+        # It changes no verdict: at the worst state that any task has found.
+        if moves and not pair.failure and pair.shown is not None and not math.isnan(pair.shown[1].backward_error[LARGEST]):
+            beyond = 0.0 if self.settings.componentwise else AGREEMENT
+            state = pair.shown[0][[LARGEST]]
+            outcome = yield from ask(tasks.measure_componentwise, pair.assignment, state, beyond, affinity=system.name)
+            pair.componentwise = outcome.value

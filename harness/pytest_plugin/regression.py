@@ -184,7 +184,7 @@ class _Regression:
 
     def _check_of(self, item: CrossCheckItem) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that an item belongs to, and its records to come."""
-        from harness.crosscheck.quantities import cross_check_of
+        from harness.crosscheck.run import CrossCheck
         from harness.crosscheck.settings import Settings
         from harness.study import run_study
 
@@ -202,7 +202,7 @@ class _Regression:
             for _, coming in self._checks.values():
                 for part in coming:
                     self._take(part)
-            check = cross_check_of(item.quantity, settings, audits=item.quantity == self.quantities[0])
+            check = CrossCheck(settings, [item.quantity], audits=item.quantity == self.quantities[0])
             self._checks[group] = check, run_study(check, self._workers("check"))
         return self._checks[group]
 

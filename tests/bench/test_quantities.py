@@ -18,6 +18,7 @@ from harness.bench.thoroughness import THOROUGHNESS
 from harness.certify.quantities import find_quantities
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.quantities import compare_quantities
+from harness.crosscheck.quantity_judge import asked_for
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Assignment, load_audited
 from harness.engines import Subject
@@ -47,10 +48,10 @@ def costs(quantity: str, asked: Sequence[Subject] = SUBJECTS) -> list[QuantityCo
 @pytest.mark.parametrize("quantity", QUANTITIES_TESTED)
 def test_each_number_of_states_has_a_cost_and_the_errors_of_the_cross_check(quantity: str) -> None:
     found = [cost for cost in costs(quantity) if cost.seconds_per_state is not None]
-    asked = [(subject, Assignment.of(LIBRARY, NAME, subject)) for subject in SUBJECTS]
+    asked = [asked_for(quantity, NAME, Assignment.of(LIBRARY, NAME, subject)) for subject in SUBJECTS]
     states = generic_sample(scene().mechanism, max(COUNTS), SEED)[:JUDGED]
-    _, _, answers = compare_quantities(NAME, [(str(one), quantity, assignment) for one, assignment in asked], states, lambda text: None)
-    checked = {key: answer.comparison for key, answer in answers.items() if answer.comparison is not None}
+    _, _, answers = compare_quantities(asked, states, lambda text: None)
+    checked = {key.removesuffix(f" {quantity}"): one.comparison for key, one in answers.items() if one.comparison is not None}
     assert [(cost.method, cost.states) for cost in found] == [(key, count) for key in checked for count in COUNTS]
     for cost in found:
         errors, relative = (checked[cost.method].known(name) for name in ("backward_error", "relative_error"))

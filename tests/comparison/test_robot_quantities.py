@@ -12,7 +12,7 @@ from support import InThisProcess, completed
 from harness.certify.quantities import Quantity, find_quantities, generalised_forces, motion
 from harness.comparison.callers import mujoco
 from harness.comparison.robot_library import RobotLibrary
-from harness.crosscheck.quantities import QuantityCheck
+from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
@@ -25,7 +25,7 @@ QUANTITIES = [value for module in (generalised_forces, motion) for value in vars
 def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Record]:
     library = RobotLibrary.of([str(file)])
     subjects = [f"{engine}/{library.formats_of(str(file))[0]}" for engine in ("mujoco", "pinocchio")]
-    study = QuantityCheck(Settings(library=library, states=8, subjects=subjects, examples=None), quantities)
+    study = CrossCheck(Settings(library=library, states=8, subjects=subjects, examples=None), [quantity.name for quantity in quantities])
     result: CrossCheckResult = completed(study, InThisProcess())
     return {(record.subject, record.quantity): record for record in result.records}
 

@@ -10,10 +10,9 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed, harness, make_library
 
-from harness.certify.quantities import find_quantities
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.quantities import QuantityCheck
 from harness.crosscheck.quantity_truth import declared_model
+from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines import NotOffered
 from harness.errors import InvalidInput
@@ -62,8 +61,8 @@ link = "https://example.org"
 """
 
 
-def checked(library: Library, **options: Any) -> tuple[dict[str, Record], QuantityCheck]:
-    study = QuantityCheck(Settings(library=library, states=20, examples=None, **options), [find_quantities()["reactions"]])
+def checked(library: Library, **options: Any) -> tuple[dict[str, Record], CrossCheck]:
+    study = CrossCheck(Settings(library=library, states=20, examples=None, **options), ["reactions"])
     result: CrossCheckResult = completed(study, InThisProcess())
     assert len(result.records) == study.steps
     return {record.subject: record for record in result.records}, study

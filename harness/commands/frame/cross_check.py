@@ -27,12 +27,12 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
     all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected.
     """
-    from harness.crosscheck.quantities import cross_check_of
+    from harness.crosscheck.run import CrossCheck
     from harness.results.cross_check import CrossCheckResult
 
     study: CrossCheck | None = None
     for name in quantities:
-        study = _followed(bracket, study, cross_check_of(name, settings, audits=ACCELERATIONS not in quantities))
+        study = _followed(bracket, study, CrossCheck(settings, [name], audits=ACCELERATIONS not in quantities))
     assert study is not None
     if brief and (few := _brief(settings, study)) is not None:
         study = _followed(bracket, study, few)
@@ -64,7 +64,7 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     """The cross-check of all quick quantities but accelerations, after that of these, of the subjects whose accelerations are sound."""
     from harness.certify.quantities import find_quantities
-    from harness.crosscheck.quantities import QuantityCheck
+    from harness.crosscheck.run import CrossCheck
 
     if settings.state is not None or settings.library.is_of_robots:
         return None
@@ -75,8 +75,8 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     if not names:
         return None
     few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))
-    quick = [quantity for quantity in find_quantities().values() if quantity.is_quick]
-    return QuantityCheck(few, quick, audits=False, without=wrong)
+    quick = [quantity.name for quantity in find_quantities().values() if quantity.is_quick]
+    return CrossCheck(few, quick, audits=False, without=wrong)
 
 
 def _has_suspected_file(study: CrossCheck, system: str, wrong: Collection[tuple[str, str]]) -> bool:

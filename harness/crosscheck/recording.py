@@ -1,0 +1,54 @@
+"""The record of a pair: what it answered, what was expected of it, and how to see it again."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import replace
+
+from msgspec import structs
+
+from harness.crosscheck.expected import AGREES, Expectations
+from harness.crosscheck.judgement import judge
+from harness.crosscheck.progress import Pair
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.engines import engine_files
+from harness.results.hard_states import replay_command
+from harness.results.records import ACCELERATIONS, Record
+from harness.verdict import Verdict
+
+# Begins the message of a subject whose engine does not claim to compute a quantity.
+NOT_OFFERED = "not offered: "
+
+
+def record_of(settings: Settings, expectations: Expectations, name: str, pair: Pair) -> Record:
+    """The record of a pair of system ``name``, with the expectations of its quantity."""
+    expectation = expectations.of(settings.library.label(name), pair.subject)
+    if expectation is AGREES and pair.unsupported and engine_files(settings.library)[pair.subject.engine].elsewhere:
+        # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
+    record = judge(name, str(pair.subject), pair, expectation)
+    few = settings.state is not None or settings.states < DEFAULT_STATES
+    if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
+        # So few states need not meet the one that the expectation is about.
+        record = judge(name, str(pair.subject), pair, AGREES)
+    if pair.unsupported and record.message.startswith(NOT_OFFERED):
+        # What nobody claims to compute needs no entry that excuses it.
+        reason = record.message.removeprefix(NOT_OFFERED)
+        record = replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=reason)
+
+    options = [*settings.replay_options, *([] if pair.quantity == ACCELERATIONS else ["--quantity", pair.quantity])]
+    if record.worst_state is not None:
+        again = replay_command(name, record.subject, record.worst_state, options)
+    else:
+        command = ["harness", "check", name, "--subject", record.subject, *options]
+        again = shlex.join([*command, "--states", str(settings.states), "--seed", str(settings.seed)])
+    shown = record.representative
+    return replace(
+        record,
+        quantity=pair.quantity,
+        replay=again,
+        representative=shown and replace(shown, replay=replay_command(name, record.subject, shown.state, options)),
+        origins=record.origins if settings.state is None else {},
+        componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
+    )
