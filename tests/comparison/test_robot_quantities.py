@@ -48,3 +48,12 @@ def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(mujoco._Quantities, "gravity", lambda self, q: -right(self, q))
     record = checked(ARM, [find_quantities()["gravity"]])["mujoco/urdf", "gravity"]
     assert record.verdict == "disagrees" and "gravity force on joint" in record.message
+
+
+def test_files_whose_names_together_are_longer_than_a_file_system_takes(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{'arm' * 40}_{number}.urdf" for number in range(3)]
+    for path in paths:
+        path.write_text(ARM.read_text())
+    settings = Settings(library=RobotLibrary.of(map(str, paths)), states=8, subjects=["pinocchio/urdf"], examples=tmp_path / "examples")
+    result: CrossCheckResult = completed(CrossCheck(settings), InThisProcess())
+    assert {record.verdict for record in result.records} == {"agrees"}, [record.message for record in result.records]
