@@ -41,7 +41,11 @@ LONG = "long_name_" * 25
 
 def hostile(template: Any, *, but: tuple[str, ...] = (), name: str = EVIL) -> Any:
     """A copy of a result with ``name`` in each of its texts, but for those that are not free."""
-    return replace(template, **{part.name: name for part in fields(template) if part.type == "str" and part.name not in but})
+    return replace(template, **{part.name: name for part in fields(template) if _is_text(part.type) and part.name not in but})
+
+
+def _is_text(kind: Any) -> bool:
+    return str(kind) == "str" or str(kind).startswith("Annotated[str, ")
 
 
 MEASURED = bench.Benchmark(
