@@ -1,7 +1,7 @@
 """Processes that run tasks and survive an engine which aborts, hangs or exhausts memory.
 
-``Workers`` is all that callers need. May use ``errors`` and what is beside it; the standard library, and Dask where a
-scheduler is named.
+``Workers`` is all that callers need. May use ``errors`` and what is beside it; the standard library, and Dask, which is
+an extra, where a scheduler is named.
 
 Start with ``tasks``. ``local`` starts processes on this machine and talks to them through pipes and unlinked files,
 ``program`` is what such a process runs, ``cluster`` hands tasks to a Dask cluster.
@@ -48,7 +48,7 @@ class Workers:
     _pool: LocalPool | Cluster | None = field(default=None, init=False, repr=False)
 
     def __enter__(self) -> Workers:
-        """Raises ``InvalidRequest`` where the scheduler does not answer."""
+        """Raises ``InvalidRequest`` where the scheduler does not answer, or Dask is not installed."""
         if self.scheduler is None:
             self._pool = LocalPool(self.count or os.cpu_count() or 1, self.time_limit)
         else:

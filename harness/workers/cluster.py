@@ -33,6 +33,7 @@ PATIENCE_SECONDS = 120.0
 CONNECT_SECONDS = 10.0
 # A thread of a worker of the cluster: the worker's address, and a number.
 Seat = tuple[str, int]
+INSTALL = "install the extra for clusters: pip install 'rigid-body-harness[cluster]', or '.[cluster]' in a clone"
 LOST = "lost its worker of the cluster, and another one when it was asked again"
 
 
@@ -49,13 +50,15 @@ class Cluster:
     """A connection to a scheduler, and a local process for each thread of its workers.
 
     Raises:
-        InvalidRequest: no scheduler answers, or it does not accept the certificates.
+        InvalidRequest: no scheduler answers, it does not accept the certificates, or Dask is not installed.
     """
 
     def __init__(self, scheduler: Scheduler, time_limit: float) -> None:
-        from distributed import Client
-        from distributed.security import Security
-
+        try:
+            from distributed import Client
+            from distributed.security import Security
+        except ModuleNotFoundError as error:
+            raise InvalidRequest(f"--scheduler asks for a Dask cluster, and {error.name} is not installed; {INSTALL}") from error
         self._time_limit = time_limit
         self._session = secrets.token_hex(16)
         self._owners: dict[Hashable, Seat] = {}

@@ -474,3 +474,9 @@ def test_workers_listen_on_no_socket_and_leave_no_folder(tmp_path: Path, monkeyp
         for process in processes:
             assert not [link for link in Path(f"/proc/{process}/fd").iterdir() if "socket:" in str(link.readlink())]
         assert not list(tmp_path.iterdir())
+
+
+def test_a_scheduler_without_dask_is_refused_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InvalidRequest, match=r"--scheduler asks for a Dask cluster, and distributed is not installed.*\[cluster\]"):
+        Workers(scheduler=Scheduler("tcp://127.0.0.1:1")).__enter__()
