@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import quantities_option, time_limit_option
+from harness.commands.frame.options import quantities_option, takes, time_limit_option
 from harness.commands.frame.terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
@@ -17,30 +18,36 @@ if TYPE_CHECKING:
     from harness.results.benchmark import AccelerationCost
 
 
+@dataclass(frozen=True, kw_only=True)
+class BenchOptions:
+    """Measurements that are asked for."""
+
+    names: Annotated[tuple[str, ...], click.argument("names", nargs=-1, metavar="[NAME|FILE]...")]
+    methods: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--methods",
+            multiple=True,
+            metavar="NAME",
+            help="Only this way of computing accelerations or motion, or this subject of other quantities; repeatable. "
+            "harness list methods and harness list integrators have them.",
+        ),
+    ]
+    quantities: Annotated[tuple[str, ...], quantities_option("accelerations")]
+    motion: Annotated[bool, click.option("--motion", is_flag=True, help="Measure integrators too.")]
+    derivatives: Annotated[
+        bool, click.option("--derivatives", is_flag=True, help="Measure derivatives by q and v too, finite differences over their steps.")
+    ]
+    profile: Annotated[
+        str, click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
+    ]
+
+
 @click.command("bench")
-@click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
-@click.option(
-    "--methods",
-    multiple=True,
-    metavar="NAME",
-    help="Only this way of computing accelerations or motion, or this subject of other quantities; repeatable. "
-    "harness list methods and harness list integrators have them.",
-)
-@quantities_option("accelerations")
-@click.option("--motion", is_flag=True, help="Measure integrators too.")
-@click.option("--derivatives", is_flag=True, help="Measure derivatives by q and v too, finite differences over their steps.")
-@click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
+@takes(BenchOptions)
 @time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True, floating_base=True)
-def command(
-    bracket: Bracket,
-    names: tuple[str, ...],
-    methods: tuple[str, ...],
-    quantities: tuple[str, ...],
-    motion: bool,
-    derivatives: bool,
-    profile: str,
-) -> None:
+def command(bracket: Bracket, asked: BenchOptions) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
@@ -62,22 +69,13 @@ def command(
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
 
-    bracket.choose_library(names)
-    settings = BenchmarkSettings(
-        library=bracket.library,
-        names=names,
-        methods=methods,
-        quantities=quantities,
-        motion=motion,
-        derivatives=derivatives,
-        profile=profile,
-        seed=bracket.seed,
-    )
+    bracket.choose_library(asked.names)
+    settings = BenchmarkSettings(library=bracket.library, seed=bracket.seed, **vars(asked))
     study = BenchmarkStudy(settings)
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     # The report is that of a library of mechanisms, whose page a robot would take the place of.
     kept = None if bracket.library.is_of_robots else Benchmark
-    run, measured = bracket.begin(settings.thoroughness.states, profile, kept), study.result()
+    run, measured = bracket.begin(settings.thoroughness.states, asked.profile, kept), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
     _print_benchmark(summary)

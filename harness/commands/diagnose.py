@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import causes_of
-from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option
+from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option, takes
 from harness.commands.frame.robots import find_differing_lines
 from harness.results.records import ACCELERATIONS
 
 
+@dataclass(frozen=True, kw_only=True)
+class DiagnoseOptions:
+    """Diagnosis that is asked for."""
+
+    name: Annotated[str, click.argument("name", metavar="NAME|FILE")]
+    stand_ins: Annotated[Mapping[str, Path], stand_in_options]
+    subjects: Annotated[tuple[str, ...], subjects_option]
+    quantity: Annotated[str, quantity_option]
+    states: Annotated[int, states_option]
+    evaluations: Annotated[
+        int | None,
+        click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default."),
+    ]
+
+
 @click.command("diagnose")
-@click.argument("name", metavar="NAME|FILE")
-@stand_in_options
-@subjects_option
-@quantity_option
-@states_option
-@click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default.")
+@takes(DiagnoseOptions)
 @computing(time_limit=60.0, floating_base=True)
-def command(
-    bracket: Bracket,
-    name: str,
-    stand_ins: Mapping[str, Path],
-    subjects: tuple[str, ...],
-    quantity: str,
-    states: int,
-    evaluations: int | None,
-) -> None:
+def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """Explain why a check of NAME is red.
 
     Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
@@ -56,29 +60,35 @@ def command(
     from harness.errors import InvalidInput, InvalidRequest
     from harness.verdict import Verdict
 
-    require_quantity(quantity)
-    bracket.choose_library([name])
-    if quantity != ACCELERATIONS:
-        refuse_robots(bracket.library, quantity)
-        if evaluations is not None:
+    require_quantity(asked.quantity)
+    bracket.choose_library([asked.name])
+    if asked.quantity != ACCELERATIONS:
+        refuse_robots(bracket.library, asked.quantity)
+        if asked.evaluations is not None:
             raise InvalidRequest("--evaluations counts changed models of a diagnosis of accelerations; leave it out")
-    if evaluations is not None and bracket.library.is_of_robots:
+    if asked.evaluations is not None and bracket.library.is_of_robots:
         raise InvalidRequest("--evaluations counts changed models, of which the diagnosis of a robot's file makes none; leave it out")
-    if stand_ins and bracket.library.is_of_robots:
+    if asked.stand_ins and bracket.library.is_of_robots:
         # The file is the truth itself, and another file no model of it but a robot of its own.
-        if subjects:
+        if asked.subjects:
             raise InvalidRequest("--subject chooses engines, and none is asked where files are held against each other; leave it out")
-        bracket.begin(states, "diagnose")
-        find_differing_lines(bracket, name, stand_ins.values(), states)
+        bracket.begin(asked.states, "diagnose")
+        find_differing_lines(bracket, asked.name, asked.stand_ins.values(), asked.states)
     settings = Settings(
-        library=bracket.library, names=(name,), subjects=subjects, states=states, seed=bracket.seed, stand_ins=stand_ins, examples=None
+        library=bracket.library,
+        names=(asked.name,),
+        subjects=asked.subjects,
+        states=asked.states,
+        seed=bracket.seed,
+        stand_ins=asked.stand_ins,
+        examples=None,
     )
-    bracket.begin(states, "diagnose")
-    study = CrossCheck(settings, [quantity])
+    bracket.begin(asked.states, "diagnose")
+    study = CrossCheck(settings, [asked.quantity])
     found = bracket.complete(study)
     found.records.sort(key=lambda record: record.subject)
-    causes = causes_of(bracket, study, quantity, **({} if evaluations is None else {"evaluations": evaluations}))
-    held = find_differences(settings, name, bracket.pool) if causes else []
+    causes = causes_of(bracket, study, asked.quantity, **({} if asked.evaluations is None else {"evaluations": asked.evaluations}))
+    held = find_differences(settings, asked.name, bracket.pool) if causes else []
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
     print_table(found.records, bracket.run)
     print_superfluous(found.superfluous)
@@ -89,7 +99,7 @@ def command(
         print_diagnoses(causes, held)
     else:
         print_differs(found.differs)
-        say("", infer_from_records(found.records)[name].sentence)
+        say("", infer_from_records(found.records)[asked.name].sentence)
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]

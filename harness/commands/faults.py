@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 from click.core import ParameterSource
 
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import states_option, subjects_option
+from harness.commands.frame.options import states_option, subjects_option, takes
 from harness.commands.frame.terminal import print_caught, print_kinds, say
 
 if TYPE_CHECKING:
@@ -19,39 +20,52 @@ if TYPE_CHECKING:
 _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
 
 
+@dataclass(frozen=True, kw_only=True)
+class FaultOptions:
+    """Faults that are asked for."""
+
+    names: Annotated[tuple[str, ...], click.argument("names", nargs=-1, metavar="[NAME]...")]
+    kinds: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--kind", "kinds", multiple=True, metavar="KIND", help="Only this kind of fault; repeatable. harness list faults has them."
+        ),
+    ]
+    sizes: Annotated[
+        tuple[float, ...],
+        click.option(
+            "--size",
+            "sizes",
+            multiple=True,
+            type=click.FloatRange(min=0, max=1, min_open=True),
+            help="Relative size of a changed number; repeatable. Decades from 1e-12 to 1 by default.",
+        ),
+    ]
+    states: Annotated[int, states_option]
+    diagnoses: Annotated[
+        int,
+        click.option(
+            "--diagnoses",
+            type=click.IntRange(min=0),
+            default=4,
+            show_default=True,
+            help="Faults of each kind in each model that are diagnosed, spread evenly.",
+        ),
+    ]
+    every_diagnosis: Annotated[
+        bool, click.option("--every-diagnosis", is_flag=True, help="Diagnose every fault, which takes hours for the whole catalogue.")
+    ]
+    smallest: Annotated[
+        bool,
+        click.option("--smallest", is_flag=True, help="Only each number, and the smallest change of it that is caught, beside theory."),
+    ]
+    subjects: Annotated[tuple[str, ...], subjects_option]
+
+
 @click.command("faults")
-@click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--kind", "kinds", multiple=True, metavar="KIND", help="Only this kind of fault; repeatable. harness list faults has them.")
-@click.option(
-    "--size",
-    "sizes",
-    multiple=True,
-    type=click.FloatRange(min=0, max=1, min_open=True),
-    help="Relative size of a changed number; repeatable. Decades from 1e-12 to 1 by default.",
-)
-@states_option
-@click.option(
-    "--diagnoses",
-    type=click.IntRange(min=0),
-    default=4,
-    show_default=True,
-    help="Faults of each kind in each model that are diagnosed, spread evenly.",
-)
-@click.option("--every-diagnosis", is_flag=True, help="Diagnose every fault, which takes hours for the whole catalogue.")
-@click.option("--smallest", is_flag=True, help="Only each number, and the smallest change of it that is caught, beside theory.")
-@subjects_option
+@takes(FaultOptions)
 @computing(time_limit=36000.0, scheduler=True)
-def command(
-    bracket: Bracket,
-    names: tuple[str, ...],
-    kinds: tuple[str, ...],
-    sizes: tuple[float, ...],
-    states: int,
-    diagnoses: int,
-    every_diagnosis: bool,
-    smallest: bool,
-    subjects: tuple[str, ...],
-) -> None:
+def command(bracket: Bracket, asked: FaultOptions) -> None:
     """Plant faults in the models and count what is caught.
 
     Plants every kind of fault in the models of NAMEs, or of every mechanism, and prints what is caught and named.
@@ -70,23 +84,25 @@ def command(
     from harness.errors import InvalidRequest
     from harness.library import nearest
 
-    if subjects and not smallest:
+    if asked.subjects and not asked.smallest:
         raise InvalidRequest("--subject belongs to --smallest; a campaign plants its faults for every subject that reads the file")
     source = click.get_current_context().get_parameter_source
     given = [option for name, option in _OF_A_CAMPAIGN.items() if source(name) is not ParameterSource.DEFAULT]
-    if given and smallest:
+    if given and asked.smallest:
         raise InvalidRequest(f"--smallest plants no faults of a campaign and takes no {' or '.join(given)}; drop one or the other")
-    for kind in kinds:
+    for kind in asked.kinds:
         if kind not in kinds_of_faults():
             raise InvalidRequest(f"no fault is of kind {kind!r}; {nearest(kind, kinds_of_faults())}; see harness list faults")
     study: CampaignStudy | SmallestStudy
-    if smallest:
-        study = SmallestStudy(bracket.library, names, subjects, states, bracket.seed)
+    if asked.smallest:
+        study = SmallestStudy(bracket.library, asked.names, asked.subjects, asked.states, bracket.seed)
     else:
-        diagnosed = None if every_diagnosis else diagnoses
-        settings = CampaignSettings(kinds=kinds, sizes=sorted(sizes) or SIZES, states=states, seed=bracket.seed, diagnosed=diagnosed)
-        study = CampaignStudy(bracket.library, names, settings)
-    bracket.begin(states, "faults")
+        diagnosed = None if asked.every_diagnosis else asked.diagnoses
+        settings = CampaignSettings(
+            kinds=asked.kinds, sizes=sorted(asked.sizes) or SIZES, states=asked.states, seed=bracket.seed, diagnosed=diagnosed
+        )
+        study = CampaignStudy(bracket.library, asked.names, settings)
+    bracket.begin(asked.states, "faults")
 
     def document() -> dict[str, Any]:
         rows = study.result()
@@ -101,7 +117,7 @@ def command(
             print_caught(rows)
         else:
             print_kinds(by_kind(rows))
-    elif study.steps and not study.problems and not study.crashed and not smallest:
+    elif study.steps and not study.problems and not study.crashed and not asked.smallest:
         say("no faults: mistakes of these kinds can be made nowhere in the models")
     _print_left_out(study.left_out)
     if isinstance(study, CampaignStudy):

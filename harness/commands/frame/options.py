@@ -6,7 +6,7 @@ import functools
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn, get_args, get_origin, get_type_hints
 
 import click
 
@@ -35,6 +35,25 @@ def report_own_fault() -> NoReturn:
     report = "report it where you have the harness from, with the lines above, the command and what `harness list` prints"
     say(f"harness: {blame}; please {report}", err=True)
     sys.exit(INTERNAL)
+
+
+def takes(asked: type[Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command its own options and arguments as one argument ``asked``, a dataclass.
+
+    Each field declares its option where it declares its type: ``motion: Annotated[bool, click.option("--motion", is_flag=True)]``.
+    """
+    hints = get_type_hints(asked, include_extras=True)
+    declared = {name: get_args(hint)[1] for name, hint in hints.items() if get_origin(hint) is Annotated}
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def wrapper(*arguments: Any, **given: Any) -> Any:
+            own = {name: given.pop(name) for name in declared}
+            return command(*arguments, asked=asked(**own), **given)
+
+        return functools.reduce(lambda decorated, option: option(decorated), reversed(declared.values()), wrapper)
+
+    return decorate
 
 
 _PEM_FILE = click.Path(exists=True, dir_okay=False)
