@@ -5,13 +5,16 @@ from __future__ import annotations
 import gc
 import math
 import os
+import shutil
 import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import HealthCheck, settings
+from rooms import PACKAGE, REPOSITORY
 
 from harness.certify.machine_code import loop
 from harness.equations.machine_code import machine_code_directory
@@ -66,6 +69,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     os.environ |= {"HEYOKA_CACHE_DIR": str(machine_code_directory()), "HARNESS_CACHE": str(folder / "cache")}
     # Before there are processes that would all compile them.
     loop("evaluate"), loop("follow", "closing")
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A folder with a copy of the package and its settings."""
+    shutil.copytree(PACKAGE, tmp_path / "harness", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(REPOSITORY / "pyproject.toml", tmp_path)
+    for folder in ("mjcf", "urdf"):
+        (tmp_path / folder).symlink_to(REPOSITORY / folder)
+    return tmp_path
 
 
 @pytest.fixture

@@ -7,10 +7,7 @@ import functools
 import graphlib
 import importlib
 import io
-import os
 import re
-import shutil
-import subprocess
 import sys
 import tokenize
 import tomllib
@@ -19,13 +16,12 @@ from pathlib import Path
 
 import grimp
 import pytest
+from rooms import PACKAGE, REPOSITORY, python
 from support import make_library
 
 import harness
 from harness.library import ENTRY_POINTS
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-PACKAGE = REPOSITORY / "harness"
 ROOMS = sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.glob("*.py")))
 # The systems are a library's folder, which is searched and never imported.
 PACKAGES = [room for room in ROOMS if room != "systems"]
@@ -45,21 +41,6 @@ def imports() -> dict[str, set[str]]:
     """What each module of the package imports of the package, imports for type checkers left out."""
     graph = grimp.build_graph("harness", exclude_type_checking_imports=True, cache_dir=None)
     return {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
-
-
-@pytest.fixture
-def copied(tmp_path: Path) -> Path:
-    """A folder with a copy of the package and its settings."""
-    shutil.copytree(PACKAGE, tmp_path / "harness", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(REPOSITORY / "pyproject.toml", tmp_path)
-    return tmp_path
-
-
-def python(program: str, folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run ``program`` with the package that lies in ``folder``."""
-    variables = os.environ | {"PYTHONPATH": str(folder)} | environment
-    command = [sys.executable, "-c", program, *arguments]
-    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=120, check=False)
 
 
 # What imports what
