@@ -78,7 +78,7 @@ def test_every_contract_is_kept() -> None:
             "certify.compare",
             "harness.report.charts -> harness.certify.compare",
         ),
-        ("No cycle of imports", "certify.reference", "certify.compare", ".reference -> .compare"),
+        ("No cycle of imports", "certify.certified", "certify.compare", ".certified -> .compare"),
     ],
 )
 def test_a_planted_import_is_refused_by_name(copied: Path, contract: str, module: str, imported: str, named: str) -> None:
@@ -239,7 +239,7 @@ def test_a_stale_name_is_found() -> None:
 FILL = """
 import sys
 from harness.crosscheck.superfluous import superfluous
-from harness.crosscheck.tasks import Assignment
+from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject
 from harness.library import Library
 

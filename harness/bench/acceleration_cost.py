@@ -21,11 +21,11 @@ from harness.bench.findings import Judged, findings
 from harness.bench.methods import Method
 from harness.certify.certified import Flags
 from harness.certify.compare import Comparison, compare
+from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.crosscheck.truth import Truth
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library
@@ -58,7 +58,7 @@ def acceleration_costs(
         try:
             prepared = method.prepare(scene, states[: method.most_states])
             times = measure(prepared.compute, MINIMUM_COUNT, minimum_seconds)
-            rigid = Truth(mechanism, method.linear_velocity_in_body and bool(mechanism.charts_in_body))
+            rigid = AccelerationTruth(mechanism, method.linear_velocity_in_body and bool(mechanism.charts_in_body))
             reference = references.of(prepared.truth or rigid, method.most_states)
             one = Judged(method, prepared, reference, compare(reference, prepared.accelerations()))
             cost = _cost(mechanism.name, one, times)
@@ -80,9 +80,9 @@ class References:
 
     def __init__(self, states: States) -> None:
         self._states = states
-        self._found: dict[Truth, Reference] = {}
+        self._found: dict[AccelerationTruth, Reference] = {}
 
-    def of(self, truth: Truth, most_states: int | None) -> Reference:
+    def of(self, truth: AccelerationTruth, most_states: int | None) -> Reference:
         """The truth at the states, or at the first so many of them."""
         if truth not in self._found:
             self._found[truth] = truth.kernel.evaluate(self._states)

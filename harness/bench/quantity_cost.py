@@ -17,9 +17,9 @@ from harness.certify.certified import Certified
 from harness.certify.compare import compare
 from harness.certify.quantities import Quantity, Truth
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.quantity_truth import truth_of
+from harness.crosscheck.assignment import Assignment, load_audited, truth_of
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Assignment, Note, load_audited
+from harness.crosscheck.tasks import Note
 from harness.engines import Subject, Unsupported, load_engine, runs_elsewhere
 from harness.equations.states import States
 from harness.results.benchmark import QuantityCost
@@ -50,8 +50,8 @@ def quantity_costs(
     for subject in subjects:
         note(f"{mechanism.name}: {quantity.name} of {subject}")
         try:
-            assignment = Assignment(scene.library, subject, mechanism, scene.models.get(subject.format))
-            model, truth = load_audited(assignment), truth_of(quantity, mechanism.name, assignment)
+            assignment = Assignment(scene.library, subject, mechanism, scene.models.get(subject.format), quantity=quantity.name)
+            model, truth = load_audited(assignment), truth_of(assignment)
             if truth.key not in known:
                 known[truth.key] = truth.evaluate(states[:judged])
             certified = known[truth.key]

@@ -9,5 +9,5 @@ and ``reverse_mode`` give accelerations and derivatives in balls. ``componentwis
 whether one number explains the errors of all states; ``terms`` certifies each term by itself. ``robot_reference`` is the reference of
 a robot's file. ``manifold`` closes the states of a mechanism with constraints, by ``branch``, ``configurations``, whose loops
 are in ``closing``, and ``enclosure`` in balls; ``rank`` says what solving for their forces may lose.
-``quantity`` certifies and judges other outputs than accelerations, in blocks, of which ``quantities`` holds one a module.
+``quantity`` certifies the outputs of any program in blocks. ``quantities`` holds a module for each quantity that engines compute.
 """

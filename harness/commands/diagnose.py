@@ -52,7 +52,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """
     from harness.certify.quantities import require_quantity
     from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
-    from harness.crosscheck.quantity_judge import refuse_robots
+    from harness.crosscheck.assignment import refuse_robots
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences

@@ -28,7 +28,7 @@ from harness.engines import Subject, engine_files, known_subjects
 from harness.environments.folders import split_name
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.verdict import SEVERITY, Verdict
 
 Text = Annotated[str, msgspec.Meta(min_length=1)]
@@ -199,14 +199,14 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         "system": library.expectable_names(),
         "subject": list(map(str, known_subjects(library))),
         "verdict": SEVERITY,
-        "quantity": [ACCELERATIONS, *find_quantities()],
+        "quantity": find_quantities(),
     }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
     key = ("system", "subject", "quantity", "versions")
     entries = read_entries(library.expected_verdicts, Expectation, known, key, compared, TABLES)
     for entry in entries.values():
         _check_versions(library.expected_verdicts, entry)
-    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
+    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and not quantity_words(entry.quantity)]
     chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
     return Expectations(
         {(entry.system, entry.subject): entry for entry in chosen if not entry.versions}, [entry for entry in chosen if entry.versions]

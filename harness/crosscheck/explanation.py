@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.certify.gaps import beside_gaps, gaps_of
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.reference import Reference
-from harness.crosscheck.gaps import beside_gaps, gaps_of
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.crosscheck.perturbation import Column, Whitening, diagnostic_states, find_columns, numeric_candidates, watch
-from harness.crosscheck.tasks import Assignment, Note, load_audited, reference_kernel_of
+from harness.crosscheck.tasks import Note
 from harness.engines import accelerations, load_engine
 from harness.models.text import Watch, tag, written
 

@@ -1,7 +1,7 @@
 """The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
 
 Every joint stands at zero. ``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured.
-Constraints are not: what they leave open, and the accelerations under them, are compared at each state (``harness.crosscheck.gaps``).
+Constraints are not: what they leave open, and the accelerations under them, are compared at each state (``harness.certify.gaps``).
 """
 
 from __future__ import annotations

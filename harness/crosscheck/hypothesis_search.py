@@ -21,10 +21,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
 from harness.certify.compare import Comparison
 from harness.certify.sampling import strategy
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, Note, unloaded_judge_of
+from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -108,25 +110,26 @@ class _Panel:
         self.failures: dict[str, Exception] = {}
         self.kept = 0
         self.simplest: dict[str, States] = {}
-        self._judges = {str(assignment.subject): unloaded_judge_of(assignment) for assignment in assignments}
-        self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._judges}
+        self._asked = {str(assignment.subject): assignment for assignment in assignments}
+        self._truths = {subject: assignment.truth for subject, assignment in self._asked.items()}
+        self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._asked}
         self._worst: dict[str, tuple[float, Array]] = {}
         self._note = note
 
     @property
     def subjects(self) -> list[str]:
         """Those that have not left."""
-        return [subject for subject in self._judges if subject not in self.failures]
+        return [subject for subject in self._asked if subject not in self.failures]
 
     def judge(self, states: States) -> dict[str, Comparison]:
         """The judgement of each subject's answers at ``states``; each truth is certified once."""
         subjects = self.subjects if len(states) else []
-        certifying = {self._judges[subject].key: self._judges[subject].certify for subject in subjects}
-        truths = {key: certify(states) for key, certify in certifying.items()}
+        distinct = {self._truths[subject].key: self._truths[subject] for subject in subjects}
+        certified = {key: truth.evaluate(states) for key, truth in distinct.items()}
         comparisons: dict[str, Comparison] = {}
         for subject in subjects:
             try:
-                comparison = comparisons[subject] = self._ask(subject, states, truths[self._judges[subject].key])
+                comparison = comparisons[subject] = self._ask(subject, states, certified[self._truths[subject].key])
             except Exception as error:
                 self.failures[subject] = error
                 continue
@@ -137,9 +140,9 @@ class _Panel:
                 self._worst[subject] = float(score[index]), rows_of(states[index : index + 1])[0]
         return comparisons
 
-    def _ask(self, subject: str, states: States, truth: Any) -> Comparison:
+    def _ask(self, subject: str, states: States, certified: Certified) -> Comparison:
         self._note(note_of(subject, states))
-        return self._judges[subject].compare(truth, states)
+        return self._asked[subject].judge(states, certified)
 
     def worst(self, count: int) -> Array:
         """``count`` rows, (count, columns): the worst states of the subjects, in turn."""
@@ -156,7 +159,7 @@ class _Panel:
         index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
 
         def judge(states: States) -> Comparison:
-            return self._ask(subject, states, self._judges[subject].certify(states))
+            return self._ask(subject, states, self._truths[subject].evaluate(states))
 
         try:
             # The verdict is kept, however small the error becomes.

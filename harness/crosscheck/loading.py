@@ -6,11 +6,10 @@ import itertools
 from collections.abc import Iterator
 
 from harness.certify.sampling import sample_in_blocks
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import Expectations
 from harness.crosscheck.progress import Pair, Pairs, System
-from harness.crosscheck.quantity_judge import asked_for
 from harness.crosscheck.settings import Settings, stored_states
-from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject, engine_files, is_native
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -58,7 +57,7 @@ def assign(settings: Settings, expectations: Expectations, system: System, mecha
     elif file.elsewhere and (reason := file.too_old(file.version, pair.subject.format)):
         pair.fail(reason, unsupported=True)
     else:
-        pair.assignment = asked_for(pair.quantity, system.name, Assignment(settings.library, pair.subject, mechanism, model))
+        pair.assignment = Assignment(settings.library, pair.subject, mechanism, model, system.name, pair.quantity)
 
 
 def batches_of(settings: Settings, system: System, mechanism: Mechanism, sampled: int) -> Iterator[States]:

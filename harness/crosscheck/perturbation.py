@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.gaps import answers_with_gaps
 from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.gaps import answers_with_gaps
 from harness.engines import Engine, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.judgement import Evidence
-from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
 from harness.equations.mechanism import Mechanism
 from harness.models.model_file import ModelFile
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_words
 
 
 @dataclass(kw_only=True)
@@ -30,7 +30,7 @@ class Pair(Evidence):
     @property
     def key(self) -> str:
         """Its name among the pairs of its system."""
-        return str(self.subject) if self.quantity == ACCELERATIONS else f"{self.subject} {self.quantity}"
+        return " ".join([str(self.subject), *quantity_words(self.quantity)])
 
     def fail(self, failure: str, unsupported: bool = False, refused: bool = False) -> None:
         """The first failure is the one that is reported."""

@@ -15,10 +15,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.certified import Certified
 from harness.certify.compare import compare
-from harness.certify.quantities import Truth, find_quantities
+from harness.crosscheck.assignment import Assignment, declared_model
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, numeric_candidates
-from harness.crosscheck.quantity_truth import declared_model, truth_of
-from harness.crosscheck.tasks import Assignment, Note
+from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported, load_engine
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
@@ -54,7 +53,7 @@ class _Fit:
         return float(np.linalg.norm(residual + self.change(residual) * self.column))
 
 
-def explain_difference(name: str, system: str, assignment: Assignment, seed: int, note: Note) -> NumberExplained | None:
+def explain_difference(assignment: Assignment, seed: int, note: Note) -> NumberExplained | None:
     """The numbers that explain why the subject disagrees; None for a subject without a file, or where no single number does.
 
     Raises:
@@ -62,21 +61,20 @@ def explain_difference(name: str, system: str, assignment: Assignment, seed: int
     """
     if assignment.model is None:
         return None
-    truth = truth_of(find_quantities()[name], system, assignment)
-    search = _Search(assignment, assignment.model, truth, diagnostic_states(assignment.mechanism, seed, STATES))
+    search = _Search(assignment, assignment.model, diagnostic_states(assignment.mechanism, seed, STATES))
     found = [text for text, _ in zip(search.explanations(), range(NAMED), strict=False)]
     if not found:
         return None
-    declared = declared_model(assignment.library, system)
+    declared = declared_model(assignment.library, assignment.system or assignment.mechanism.name)
     rest = f"; so does {' or '.join(found[1:])}" if found[1:] else ""
-    return NumberExplained(f"{found[0]} makes the {name} those of the numbers in {declared.path.name}{rest}.")
+    return NumberExplained(f"{found[0]} makes the {assignment.quantity} those of the numbers in {declared.path.name}{rest}.")
 
 
 class _Search:
     """The answers of one subject to changed texts of its file."""
 
-    def __init__(self, assignment: Assignment, model: ModelFile, truth: Truth, states: States) -> None:
-        mechanism, engine = assignment.mechanism, load_engine(assignment.library, assignment.subject.engine)
+    def __init__(self, assignment: Assignment, model: ModelFile, states: States) -> None:
+        mechanism, truth, engine = assignment.mechanism, assignment.truth, load_engine(assignment.library, assignment.subject.engine)
 
         def answer(changed: ModelFile) -> Array:
             try:

@@ -12,13 +12,11 @@ from harness.crosscheck.expected import AGREES, Expectations
 from harness.crosscheck.judgement import judge
 from harness.crosscheck.progress import Pair
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.stages import NOT_OFFERED
 from harness.engines import engine_files
 from harness.results.hard_states import replay_command
-from harness.results.records import ACCELERATIONS, Record
+from harness.results.records import Record, quantity_options
 from harness.verdict import Verdict
-
-# Begins the message of a subject whose engine does not claim to compute a quantity.
-NOT_OFFERED = "not offered: "
 
 
 def record_of(settings: Settings, expectations: Expectations, name: str, pair: Pair) -> Record:
@@ -37,7 +35,7 @@ def record_of(settings: Settings, expectations: Expectations, name: str, pair: P
         reason = record.message.removeprefix(NOT_OFFERED)
         record = replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=reason)
 
-    options = [*settings.replay_options, *([] if pair.quantity == ACCELERATIONS else ["--quantity", pair.quantity])]
+    options = [*settings.replay_options, *quantity_options(pair.quantity)]
     if record.worst_state is not None:
         again = replay_command(name, record.subject, record.worst_state, options)
     else:

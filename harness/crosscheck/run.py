@@ -21,7 +21,6 @@ from harness.crosscheck.explanation import explain
 from harness.crosscheck.judgement import LARGEST
 from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
 from harness.crosscheck.progress import Pair, Pairs, System, answering
-from harness.crosscheck.quantities import compare_quantities
 from harness.crosscheck.quantity_explanation import explain_difference
 from harness.crosscheck.recording import record_of
 from harness.crosscheck.settings import Settings
@@ -223,10 +222,7 @@ class CrossCheck(Inquiries):
     def _asked_at(self, system: System, states: States) -> Inquiry[None]:
         """Ask every subject at a batch of states, and take what it answers."""
         pairs = answering(system.pairs.values())
-        if self._moves:
-            found = yield from self._together(system, pairs, "the reference", compare_all, states)
-        else:
-            found = yield from self._together(system, pairs, "the reference", compare_quantities, states)
+        found = yield from self._together(system, pairs, "the reference", compare_all, states)
         if found is None:
             return
         seconds, compilation_seconds, answers = found
@@ -288,8 +284,7 @@ class CrossCheck(Inquiries):
             if moves:
                 outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
             else:
-                wanted = pair.quantity, system.name, pair.assignment, self.settings.seed
-                outcome = yield from ask(explain_difference, *wanted, affinity=system.name)
+                outcome = yield from ask(explain_difference, pair.assignment, self.settings.seed, affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
             pair.explained = "" if outcome.value is None else outcome.value.sentence

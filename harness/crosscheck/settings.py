@@ -13,7 +13,7 @@ from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.hard_states import load_found, path_of
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_options
 
 DEFAULT_STATES = 1000
 # States of a run that hypothesis chooses; the rest is sampled in bulk.
@@ -50,8 +50,7 @@ class Settings:
         """The command that says all there is to say of why ``name``, or another system, is not as expected in a quantity."""
         chosen = [("--states", self.states, DEFAULT_STATES), ("--seed", self.seed, 0)]
         options = [str(word) for option, value, default in chosen if value != default for word in (option, value)]
-        asked = [] if quantity == ACCELERATIONS else ["--quantity", quantity]
-        return shlex.join(["harness", "diagnose", name, *self.replay_options, *asked, *options])
+        return shlex.join(["harness", "diagnose", name, *self.replay_options, *quantity_options(quantity), *options])
 
     def held_against(self, name: str) -> str:
         """What to do instead of letting a file stand in for a robot's own."""

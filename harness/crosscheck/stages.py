@@ -1,36 +1,36 @@
-"""The two stages of a cross-check, as a worker process runs them: ``prepare`` certifies states, ``ask`` evaluates one subject there.
+"""The comparison of a batch of states, as a worker process runs it.
 
-``compare_all`` is the way of every state from the sample to its verdicts: the truth is certified once, and every subject's
-answers are held against it. What was loaded or compiled stays in the process for the next task.
+``compare_all`` is the way of every state from the sample to its verdicts: ``Truths`` certifies each truth once, and ``ask`` holds the
+answers of each subject against it. What was loaded or compiled stays in the process for the next task.
 """
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import json
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Certified
 from harness.certify.compare import Comparison, compare
 from harness.certify.machine_code import loop
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.reference import Reference
-from harness.crosscheck.gaps import compare_with_gaps, gaps_of, remark_on
+from harness.certify.quantities import Truth
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.repeatability import precision_of, require_repeatable
-from harness.crosscheck.tasks import Assignment, Note, load_audited, may_lose_digits, rigid_truth_of, truth_of
-from harness.crosscheck.truth import Truth
-from harness.engines import Model, Unsupported, accelerations, load_engine, unit_roundoff
+from harness.crosscheck.tasks import Note
+from harness.engines import Model, NotOffered, Unsupported, load_engine, unit_roundoff
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.study import sentence
 from harness.verdict import Verdict
 
+# Begins the message of a subject whose engine does not claim to compute a quantity.
+NOT_OFFERED = "not offered: "
 # Timings of a batch: that many at least, and more until they take that long, up to the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
 # A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
@@ -66,60 +66,79 @@ class Answers:
         return cls(failure=str(error), unsupported=True) if isinstance(error, Unsupported) else cls(failure=sentence(error))
 
 
+class Truths:
+    """The truths at one batch of states, each certified once: two files of a mechanism mostly say the same.
+
+    Attributes:
+        seconds: per certified state, of the truth that takes longest. compilation_seconds: the same of compiling; 0 where this process
+            had compiled already.
+    """
+
+    def __init__(self, states: States) -> None:
+        self._states = states
+        self._known: dict[Hashable, Certified] = {}
+        self.seconds = self.compilation_seconds = 0.0
+
+    def of(self, truth: Truth) -> Certified:
+        """The values of a truth at the states; raises as ``Truth.evaluate``."""
+        if truth.key not in self._known:
+            # So that making or loading the loops, which all systems share, is not charged to this one.
+            loop("evaluate")
+            started = compiled = time.perf_counter()
+            if not truth.is_compiled:
+                truth.evaluate(self._states[:1])
+                compiled = time.perf_counter()
+            self._known[truth.key] = truth.evaluate(self._states)
+            self.seconds = max(self.seconds, (time.perf_counter() - compiled) / len(self._states))
+            self.compilation_seconds = max(self.compilation_seconds, compiled - started)
+        return self._known[truth.key]
+
+
 def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
-    """Seconds per certified state, seconds of compilation, and by subject what it answered at ``states``.
+    """Seconds per certified state, seconds of compilation, and by ``Assignment.title`` what was answered at ``states``.
 
-    All assignments are of one mechanism. The note names the subject that is being asked.
+    All assignments are of one mechanism. The note names the one that is being asked.
     """
-    truths = set()
+    truths, answers = Truths(states), dict[str, Answers]()
     for assignment in assignments:
-        # Who has none is told when asked.
-        with contextlib.suppress(Exception):
-            truths |= {truth_of(assignment), rigid_truth_of(assignment)}
-    references, seconds, compilation_seconds = prepare(truths, states)
-    answers = {}
+        if assignment.asked.is_default:
+            try:
+                truth = assignment.truth
+            except Exception as error:
+                answers[assignment.title] = Answers.missing(error)
+                continue
+            # Before anybody is asked, who would be blamed for a death.
+            for one in filter(None, (truth, truth.rigid)):
+                truths.of(one)
     for assignment in assignments:
-        note(json.dumps({"subject": str(assignment.subject)}))
-        answers[str(assignment.subject)] = ask(assignment, states, references)
-    return seconds, compilation_seconds, answers
+        if assignment.title not in answers:
+            note(json.dumps({"subject": assignment.title}))
+            answers[assignment.title] = ask(assignment, states, truths)
+    return truths.seconds, truths.compilation_seconds, answers
 
 
-def prepare(truths: Iterable[Truth], states: States) -> tuple[dict[Truth, Reference], float, float]:
-    """Every truth at ``states``, seconds per certified state, and seconds of compilation, of the one that takes longest.
-
-    Seconds of compilation are 0 where this process had compiled already.
-    """
-    # So that making or loading the loops, which all systems share, is not charged to this one.
-    loop("evaluate")
-    references, seconds, compilation_seconds = {}, 0.0, 0.0
-    for truth in truths:
-        known = truth.is_known
-        started = time.perf_counter()
-        truth.kernel.evaluate(states[:1])
-        compiled = time.perf_counter()
-        references[truth] = truth.kernel.evaluate(states)
-        seconds = max(seconds, (time.perf_counter() - compiled) / len(states))
-        compilation_seconds = max(compilation_seconds, 0.0 if known else compiled - started)
-    return references, seconds, compilation_seconds
-
-
-def ask(assignment: Assignment, states: States, references: Mapping[Truth, Reference]) -> Answers:
-    """The subject's accelerations at ``states``, timed, held against each other and compared with its truth there."""
+def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
+    """The subject's answers at ``states``, timed, held against each other and compared with the truth there."""
+    quantity = assignment.asked
     try:
-        truth = truth_of(assignment)
-        reference, model = references[truth], load_audited(assignment)
-        factorises = may_lose_digits(assignment, model)
-        answers, seconds = timed_accelerations(model, states)
-        require_repeatable(model, states, answers, reference, factorises)
-        gaps, mechanism = gaps_of(model, states), assignment.mechanism
-        comparison = compare_with_gaps(reference, mechanism, states, answers[0], gaps, factorises)
-        disagrees = (comparison.verdicts == Verdict.DISAGREES.value).any()
-        declared = declared_precision(assignment)
-        remark = declared or ((remark_on(mechanism, states, gaps) or precision_of(model, states, answers[0])) if disagrees else "")
-        if not truth.is_declared:
+        model = load_audited(assignment)
+        truth = assignment.truth
+        certified = truths.of(truth)
+        answers, seconds = timed_answers(truth, model, states, again=quantity.is_asked_again)
+        if quantity.is_asked_again:
+            require_repeatable(truth, model, states, answers, certified)
+        comparison = truth.judge(certified, states, answers[0], model)
+        remark = declared_precision(assignment) if quantity.is_default else ""
+        if not remark and (comparison.verdicts == Verdict.DISAGREES.value).any():
+            remark = truth.describe(certified, states, answers[0], model)
+            remark = remark or (precision_of(truth, model, states, answers[0]) if quantity.is_asked_again else "")
+        if truth.rigid is None:
             return Answers(comparison, seconds, remark=remark)
-        rigid = compare(references[rigid_truth_of(assignment)], answers[0])
+        rigid = compare(truths.of(truth.rigid), answers[0])
         return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
+    except NotOffered as error:
+        # Every engine claims to compute the default one.
+        return Answers.missing(error) if quantity.is_default else Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
     except Exception as error:
         return Answers.missing(error)
 
@@ -134,29 +153,28 @@ def declared_precision(assignment: Assignment) -> str:
     return f"computes in {name}: judged in data roundoffs of 2^-{bits}, at states rounded to {name}"
 
 
-def timed_accelerations(model: Model, states: States) -> tuple[list[Array], list[float]]:
-    """The accelerations at ``states``, (n, nv), of each call, and seconds per state of each timing."""
+def timed_answers(truth: Truth, model: Model, states: States, again: bool = True) -> tuple[list[Array], list[float]]:
+    """The answers at ``states`` of each call, and seconds per state of each timing; of one call without ``again``."""
     # What is compiled or allocated on first use is not charged to the engine.
-    accelerations(model, states[:1])
+    truth.answers(model, states[:1])
     clock = getattr(model, "clock", time.perf_counter)
     answers: list[Array] = []
     seconds: list[float] = []
     while len(seconds) <= MOST_TIMINGS:
         started = clock()
-        answer = accelerations(model, states)
+        answer = truth.answers(model, states)
         seconds.append(clock() - started)
         # An engine may return one array each time.
         answers.append(answer.copy())
-        if seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS):
+        is_enough = seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS)
+        if is_enough or not again:
             break
     return answers, [one / len(states) for one in seconds[1:] or seconds]
 
 
-@functools.singledispatch
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     """Ask for one state after the other, noting each, so that a crash names its state."""
-    model = load_audited(assignment)
+    load_audited(assignment)
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
-        one = states[index : index + 1]
-        accelerations(model, one)
+        assignment.answers(states[index : index + 1])

@@ -17,10 +17,11 @@ from typing import Annotated
 
 import msgspec
 
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import TABLES, Text, read_tables
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.held_quantities import OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS
-from harness.crosscheck.tasks import Assignment, Note, load_audited
+from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput

@@ -20,8 +20,8 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.gaps import gaps_of
 from harness.certify.sampling import random_sample
-from harness.crosscheck.gaps import gaps_of
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
 from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism
@@ -35,7 +35,7 @@ from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 
 if TYPE_CHECKING:
-    from harness.crosscheck.tasks import Assignment
+    from harness.crosscheck.assignment import Assignment
 
 # Changing a number by this much moves some acceleration by 3e-7 at least in every shipped model, or by exactly nothing.
 CHANGE = 1e-3

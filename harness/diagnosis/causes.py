@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from harness.certify.gaps import beside_gaps, gaps_of
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.gaps import beside_gaps, gaps_of
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.perturbation import diagnostic_states, watch
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment, factorises, reference_kernel_of
 from harness.diagnosis.meaning import errors_of_files
 from harness.diagnosis.model_side import EVALUATIONS, diagnose
 from harness.diagnosis.pattern import infer_from_records, subject_named
@@ -262,7 +262,8 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     mechanism, model, library = assignment.mechanism, assignment.model, assignment.library
     note("loading")
     engine = load_engine(library, assignment.subject.engine)
-    kernel = reference_kernel_of(assignment)
+    of_answers = acceleration_truth_of(assignment)
+    kernel = of_answers.kernel
     worst = [States.at(**state) for state in scope.worst_states]
     states = States.concatenate([diagnostic_states(mechanism, scope.seed), *worst])
     try:
@@ -276,12 +277,12 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
     positions = generic_sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
-    terms = compare_terms(TermTruth(kernel, positions), loaded, str(assignment.subject), factorises(assignment))
+    terms = compare_terms(TermTruth(kernel, positions), loaded, str(assignment.subject), of_answers.factorises)
     note("diagnosing the model")
     of_model = None
     if watched is not None:
         truth = beside_gaps(kernel.evaluate(states), mechanism, states, gaps_of(loaded, states))
-        of_model = diagnose(watched, truth, evaluations=scope.evaluations, tolerance=scope.tolerance, factorises=factorises(assignment))
+        of_model = diagnose(watched, truth, evaluations=scope.evaluations, tolerance=scope.tolerance, factorises=of_answers.factorises)
     note("diagnosing the textbook's side")
     path = library.system_path(mechanism.name)
     member = member_of(path)
@@ -291,7 +292,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
         answer,
         path if member is None else member[0],
         tolerance=scope.tolerance,
-        factorises=factorises(assignment),
+        factorises=of_answers.factorises,
         evaluations=int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS),
         parameters=len(mechanism.parameters),
     )

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.certify.compare import compare
+from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.sampling import sample
-from harness.crosscheck.truth import reference_kernel
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput

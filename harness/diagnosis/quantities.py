@@ -16,10 +16,10 @@ from harness.arrays import Array
 from harness.certify.certified import Flags
 from harness.certify.compare import errors_in_roundoffs
 from harness.certify.sampling import generic_sample
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.quantity_explanation import explain_difference
-from harness.crosscheck.quantity_judge import QuantityAssignment
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment, Note
+from harness.crosscheck.tasks import Note
 from harness.diagnosis.pattern import infer_from_records, subject_named
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING
 from harness.engines import Subject, subjects
@@ -118,10 +118,9 @@ def examine_quantity(
     Raises:
         InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
     """
-    plain = Assignment.of(library, name, subject, stand_in)
-    asked = QuantityAssignment(**vars(plain), system=name, quantity=quantity)
+    asked = replace(Assignment.of(library, name, subject, stand_in), quantity=quantity)
     note("comparing blocks")
-    batches = batches_at(generic_sample(plain.mechanism, POSITIONS, seed))
+    batches = batches_at(generic_sample(asked.mechanism, POSITIONS, seed))
     states = States.concatenate(list(batches.values()))
     certified, answers = asked.truth.evaluate(states), asked.answers(states)
     errors = np.where(certified.certified[:, None], errors_in_roundoffs(certified, answers), 0.0)
@@ -129,13 +128,13 @@ def examine_quantity(
     sentences = tuple(wrong_blocks(asked.truth.blocks, errors, kinds)) or (
         f"{quantity} agrees at the {len(states)} states of the diagnosis",
     )
-    if plain.model is None:
+    if asked.model is None:
         return QuantityDiagnosis(sentences, None, "")
     note("explaining by numbers of the file")
-    explained = explain_difference(quantity, name, plain, seed, note)
-    file = shown_path(plain.model.path)
+    explained = explain_difference(asked, seed, note)
+    file = shown_path(asked.model.path)
     of_file = f"{file}: no single number explains it" if explained is None else f"{file}: {explained.sentence}"
-    return QuantityDiagnosis(sentences, plain.model.path, of_file)
+    return QuantityDiagnosis(sentences, asked.model.path, of_file)
 
 
 def batches_at(states: States) -> dict[str, States]:

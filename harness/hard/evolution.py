@@ -19,8 +19,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.sampling import HUGE_ANGLES
-from harness.crosscheck import hypothesis_search, tasks
+from harness.crosscheck import hypothesis_search
+from harness.crosscheck.assignment import Assignment, judge_of
 from harness.crosscheck.hypothesis_search import note_of, objective
+from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -53,14 +55,12 @@ class Hunt:
     undecided: int
 
 
-def evolve(
-    assignment: tasks.Assignment, states: int, population: int, seed: int, note: tasks.Note = lambda text: None, decades: int = DECADES
-) -> Hunt:
+def evolve(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None, decades: int = DECADES) -> Hunt:
     """Maximise the backward error over at most ``states`` states, from a random start; ``decades`` as in ``StateSpace``.
 
     A strategy that has converged starts again elsewhere, with twice the population.
     """
-    judge = tasks.judge_of(assignment)
+    judge = judge_of(assignment)
     space = StateSpace(assignment.mechanism, decades)
     random = np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
@@ -84,7 +84,7 @@ def evolve(
     return Hunt(state, float(comparison.backward_error[0]), tried, undecided)
 
 
-def explore(assignment: tasks.Assignment, states: int, seed: int, note: tasks.Note) -> Hunt:
+def explore(assignment: Assignment, states: int, seed: int, note: Note) -> Hunt:
     """The same by hypothesis, whose draws hold the special values; see ``harness.crosscheck.hypothesis_search``."""
     found = hypothesis_search.explore(assignment, states, seed, note)
     state, comparison = _worst(found.states, found.comparison)

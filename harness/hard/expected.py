@@ -18,7 +18,7 @@ from pathlib import Path
 from harness.certify.quantities import find_quantities
 from harness.crosscheck.expected import Entry, Text, read_entries
 from harness.results.atlas import HardReason, HardRow
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.verdict import SEVERITY, Verdict
 
 PATH = Path(__file__).with_suffix(".toml")
@@ -46,9 +46,9 @@ def load_hard_expectations(
         InvalidInput: the file is malformed, or an entry names a case or subject that does not exist any more.
     """
     verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
-    known = {"case": cases, "subject": subjects, "verdict": verdicts, "quantity": [ACCELERATIONS, *find_quantities()]}
+    known = {"case": cases, "subject": subjects, "verdict": verdicts, "quantity": find_quantities()}
     entries = read_entries(path, HardExpectation, known, ("case", "subject", "quantity", "verdict"), _COMPARED)
-    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and entry.quantity == ACCELERATIONS]
+    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and not quantity_words(entry.quantity)]
     chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
     return {(entry.case, entry.subject, entry.verdict): entry for entry in chosen}
 

@@ -14,7 +14,6 @@ perturbations), 10.1 (scaled condition number and Cholesky).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,8 +23,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import compare, farthest_block
 from harness.certify.reference import Reference
-from harness.crosscheck import tasks
-from harness.crosscheck.quantity_judge import QuantityAssignment
+from harness.crosscheck.assignment import Assignment, frame_of, judge_of, reference_kernel_of
 from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.program import OUTPUTS, right_hand_side
 from harness.equations.states import States
@@ -66,15 +64,16 @@ def digits_lost(backward_error: float) -> float:
     return math.log10(backward_error) if backward_error > 1 else 0.0
 
 
-@functools.singledispatch
-def locate(assignment: tasks.Assignment, state: States) -> Loss:
+def locate(assignment: Assignment, state: States) -> Loss:
     """The loss of the subject at ``state``, which is one."""
-    kernel = tasks.reference_kernel_of(assignment)
-    reference, comparison = kernel.evaluate(state), tasks.judge_of(assignment)(state)
+    if not assignment.asked.is_default:
+        return _farthest(assignment, state)
+    kernel = reference_kernel_of(assignment)
+    reference, comparison = kernel.evaluate(state), judge_of(assignment)(state)
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
     if not math.isfinite(error):
         return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
-    equations = MechanismKernel(assignment.mechanism, tasks.frame_of(assignment))
+    equations = MechanismKernel(assignment.mechanism, frame_of(assignment))
     terms = equations.terms(state.q, state.v, state.tau)
     shares = rounding_shares(reference, terms)
     at_rest, under_load = (_at_rest(assignment, equations, state, terms, reference, load) for load in (1.0, LOAD))
@@ -108,8 +107,7 @@ def locate(assignment: tasks.Assignment, state: States) -> Loss:
     return Loss(term, statement, at_rest)
 
 
-@locate.register
-def _farthest(assignment: QuantityAssignment, state: States) -> Loss:
+def _farthest(assignment: Assignment, state: States) -> Loss:
     """Of another quantity: the block that is farthest off."""
     truth = assignment.truth
     certified, answers = truth.evaluate(state), assignment.answers(state)
@@ -134,7 +132,7 @@ def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[st
 
 
 def _at_rest(
-    assignment: tasks.Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
+    assignment: Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
 ) -> float | None:
     """The subject's error at rest under forces that make the answer ``load`` times as large, over ``load``.
 
@@ -145,6 +143,6 @@ def _at_rest(
     stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
     total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
-    reference = tasks.reference_kernel_of(assignment).evaluate(still)
-    error = tasks.judge_of(assignment)(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
+    reference = reference_kernel_of(assignment).evaluate(still)
+    error = judge_of(assignment)(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
     return float(error) if math.isfinite(error) else None

@@ -24,10 +24,10 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.parameter_columns import parameter_derivatives
+from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
 from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.tasks import Note
-from harness.crosscheck.truth import reference_kernel
 from harness.engines import (
     Engine,
     Subject,

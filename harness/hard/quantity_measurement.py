@@ -11,9 +11,8 @@ import time
 from dataclasses import replace
 
 from harness.certify.compare import compare, farthest_block
-from harness.certify.quantities import find_quantities
-from harness.crosscheck.quantity_truth import truth_of
-from harness.crosscheck.tasks import Assignment, Note
+from harness.crosscheck.assignment import Assignment, truth_of
+from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, Unsupported, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -61,9 +60,9 @@ def _point_of(case: HardCase, value: float, place: int, subject: Subject, quanti
         return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}")
     if case.configured is not None:
         loaded = case.configured(loaded, value)
-    assignment = Assignment(engines, subject, mechanism, read)
+    assignment = Assignment(engines, subject, mechanism, read, quantity=quantity)
     try:
-        truth = truth_of(find_quantities()[quantity], mechanism.name, assignment, declared)
+        truth = truth_of(assignment, declared)
         certified = truth.evaluate(states)
     except InvalidModel as error:
         return replace(about, reason=str(error))

@@ -9,11 +9,9 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
-from harness.crosscheck import tasks
-from harness.crosscheck.quantity_judge import quantity_of
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.equations.states import States
 from harness.models.text import compact
-from harness.results.records import ACCELERATIONS
 
 
 @runtime_checkable
@@ -28,16 +26,16 @@ class Reproducible(Protocol):
         """
 
 
-def reproduce(assignment: tasks.Assignment, state: States) -> str:
+def reproduce(assignment: Assignment, state: States) -> str:
     """The program for one state; "" where the subject's engine offers none, and for what are no accelerations.
 
     Raises:
-        InvalidModel: as ``harness.crosscheck.tasks.load_audited``.
+        InvalidModel: as ``harness.crosscheck.assignment.load_audited``.
     """
-    if quantity_of(assignment) != ACCELERATIONS:
+    if not assignment.asked.is_default:
         return ""
-    model = tasks.load_audited(assignment)
+    model = load_audited(assignment)
     if not isinstance(model, Reproducible) or assignment.model is None:
         return ""
-    certified = tasks.reference_kernel_of(assignment).evaluate(state).high[0]
+    certified = reference_kernel_of(assignment).evaluate(state).high[0]
     return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified)

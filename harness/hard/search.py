@@ -19,12 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from harness.certify.quantities import require_quantity
+from harness.certify.quantities import find_quantities, require_quantity
 from harness.crosscheck import tasks
+from harness.crosscheck.assignment import Assignment, judge_of, refuse_robots
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.hypothesis_search import note_of
-from harness.crosscheck.quantity_judge import asked_for, quantity_of, refuse_robots
 from harness.crosscheck.stages import ask_one_by_one
+from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.equations.states import States
@@ -34,7 +35,7 @@ from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_options
 from harness.results.search import FoundCase, SearchResult
 from harness.study import Part, Rounds
 from harness.verdict import SEVERITY, Verdict
@@ -99,7 +100,7 @@ class Search(Rounds):
         self.settings = settings
         (self.name,) = settings.library.select([settings.name])
         require_quantity(settings.quantity)
-        if settings.quantity != ACCELERATIONS:
+        if not find_quantities()[settings.quantity].is_default:
             refuse_robots(settings.library, settings.quantity)
         self._expectations = load_expectations(settings.library, settings.quantity)
         self._result = SearchResult(place=path_of(settings.library, self.name))
@@ -125,10 +126,10 @@ class Search(Rounds):
                 if one in formats
             ),
         ]
-        plain = [
-            tasks.Assignment(library, subject, self._loaded[MECHANISM], self._loaded.get(subject.format)) for subject in self._subjects
-        ]
-        assignments = {one.subject: asked_for(self.settings.quantity, self.name, one) for one in plain}
+        mechanism, about = self._loaded[MECHANISM], (self.name, self.settings.quantity)
+        assignments = {
+            subject: Assignment(library, subject, mechanism, self._loaded.get(subject.format), *about) for subject in self._subjects
+        }
         yield [
             Task((self._take_hunt, assignment, number), hunt, (assignment, states, population, self.settings.seed))
             for number, (states, population) in enumerate(self._hunts)
@@ -183,7 +184,7 @@ class Search(Rounds):
         if what == MECHANISM:
             yield Part(what, None)
 
-    def _take_hunt(self, outcome: Outcome, assignment: tasks.Assignment, number: int) -> Iterator[Part]:
+    def _take_hunt(self, outcome: Outcome, assignment: Assignment, number: int) -> Iterator[Part]:
         subject, result = assignment.subject, self._result
         states, population = self._hunts[number]
         yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
@@ -203,7 +204,7 @@ class Search(Rounds):
         error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
         result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
 
-    def _take_examination(self, outcome: Outcome, assignment: tasks.Assignment) -> Iterator[Part]:
+    def _take_examination(self, outcome: Outcome, assignment: Assignment) -> Iterator[Part]:
         yield Part(f"{assignment.subject} explained", None)
         if not self._has_failed(outcome, assignment.subject):
             self._found += outcome.value
@@ -217,7 +218,7 @@ class Search(Rounds):
             self._result.failures[str(subject)] = failure
         return bool(failure)
 
-    def _replayed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash) -> None:
+    def _replayed(self, outcome: Outcome, assignment: Assignment, crash: Crash) -> None:
         """The state at which the engine died; without one if it does not die again."""
         if outcome.crash is None or not outcome.crash.note:
             failure = f"{crash}; no single state repeats it: try a lower --budget"
@@ -227,7 +228,7 @@ class Search(Rounds):
             # Neither loading nor certifying asks the engine at that state.
             self._next.append(Task((self._programmed, assignment, crash, state), _program, (assignment, States.at(**state))))
 
-    def _programmed(self, outcome: Outcome, assignment: tasks.Assignment, crash: Crash, state: dict[str, list[float]]) -> None:
+    def _programmed(self, outcome: Outcome, assignment: Assignment, crash: Crash, state: dict[str, list[float]]) -> None:
         verdict = Verdict.ERROR.value
         found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
         self._found.append((found, outcome.value or ""))
@@ -237,7 +238,7 @@ class Search(Rounds):
         settings, result = self.settings, self._result
         if self._not_offered and not result.states:
             raise InvalidRequest(f"{self.name}, {settings.quantity}: " + "; ".join(dict.fromkeys(self._not_offered.values())))
-        options = [*settings.replay_options, *([] if settings.quantity == ACCELERATIONS else ["--quantity", settings.quantity])]
+        options = [*settings.replay_options, *quantity_options(settings.quantity)]
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.of(settings.library.label(self.name), one.subject)
@@ -259,9 +260,9 @@ class Search(Rounds):
                 result.not_stored = str(error)
 
 
-def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> list[tuple[FoundState, str]]:
+def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[FoundState, str]]:
     """Each state shrunk and explained, with its reproducer; of states with one verdict and term the worst."""
-    judge = tasks.judge_of(assignment)
+    judge = judge_of(assignment)
 
     def noted(batch: States) -> Any:
         note(note_of(str(assignment.subject), batch))
@@ -278,18 +279,18 @@ def examine(assignment: tasks.Assignment, states: States, note: tasks.Note) -> l
     return [(found, reproduce(assignment, States.at(**found.state))) for found in worst]
 
 
-def hunt(assignment: tasks.Assignment, states: int, population: int, seed: int, note: tasks.Note = lambda text: None) -> evolution.Hunt:
+def hunt(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None) -> evolution.Hunt:
     """One hunt of ``hunts``; population 0 is hypothesis."""
     if population:
         return evolution.evolve(assignment, states, population, seed, note, POPULATIONS[population])
     return evolution.explore(assignment, states, seed, note)
 
 
-def _found(assignment: tasks.Assignment, **seen: Any) -> FoundState:
+def _found(assignment: Assignment, **seen: Any) -> FoundState:
     """The stored form of what a subject answered at a state, with today's versions and date."""
     engine = load_engine(assignment.library, assignment.subject.engine)
     versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
-    today, quantity = datetime.now(UTC).date().isoformat(), quantity_of(assignment)
+    today, quantity = datetime.now(UTC).date().isoformat(), assignment.quantity
     return FoundState(subject=str(assignment.subject), quantity=quantity, versions=versions, date=today, **seen)
 
 
@@ -301,5 +302,5 @@ def _noted(crash: Crash) -> States:
     return States(nothing, nothing, nothing, np.empty(0))
 
 
-def _program(assignment: tasks.Assignment, state: States, note: tasks.Note) -> str:
+def _program(assignment: Assignment, state: States, note: Note) -> str:
     return reproduce(assignment, state)

@@ -16,9 +16,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.manifold import closed, distances
+from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import Reference
-from harness.crosscheck.tasks import Assignment, truth_of
-from harness.crosscheck.truth import reference_kernel
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.engines import EQUATIONS, Subject, constraint_laws, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -81,7 +81,7 @@ def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool)
         file = model_file(case.name, mechanism.name, subject.format)
         assert file is not None
         model = case.model_at(file, mechanism, value)
-        truth = truth_of(Assignment(engines, subject, at, model)).mechanism
+        truth = acceleration_truth_of(Assignment(engines, subject, at, model)).mechanism
         if case.opened is None:
             points.append((states, truth, None))
             continue

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from harness.crosscheck import tasks
+from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.tasks import Note
 from harness.engines import Subject, select_subjects
 from harness.equations.states import States
 from harness.hard.lost_digits import locate
@@ -43,14 +44,14 @@ def ranked(library: Library, records: Sequence[Record], workers: Workers, most: 
     return cases
 
 
-def state_loss(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
+def state_loss(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
     """In a sentence, which term of the equations loses the digits there."""
-    return locate(tasks.Assignment.of(library, system, subject), States.at(**state)).statement
+    return locate(Assignment.of(library, system, subject), States.at(**state)).statement
 
 
-def write_reproducer(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: tasks.Note) -> str:
+def write_reproducer(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
     """The program in the engine's own Python API; the engine is not asked at the state."""
-    return reproduce(tasks.Assignment.of(library, system, subject), States.at(**state))
+    return reproduce(Assignment.of(library, system, subject), States.at(**state))
 
 
 def _functions(case: RankedCase) -> list[Callable[..., str]]:

@@ -17,6 +17,18 @@ from harness.verdict import AGREEMENT, Verdict
 
 # Of a record that names none.
 ACCELERATIONS = "accelerations"
+
+
+def quantity_words(quantity: str) -> list[str]:
+    """The name of a quantity, none for the one that is meant where none is named."""
+    return [] if quantity == ACCELERATIONS else [quantity]
+
+
+def quantity_options(quantity: str) -> list[str]:
+    """The option of a command that asks for a quantity; none where it is asked for anyway."""
+    return [word for name in quantity_words(quantity) for word in ("--quantity", name)]
+
+
 _VERDICTS = [verdict.value for verdict in Verdict]
 
 
@@ -120,12 +132,12 @@ class Record:
     @property
     def asked(self) -> str:
         """The subject, and the quantity where it is not the usual one, for a reader."""
-        return self.subject if self.quantity == ACCELERATIONS else f"{self.subject}, {self.quantity}"
+        return ", ".join([self.subject, *quantity_words(self.quantity)])
 
     @property
     def title(self) -> str:
         """System and subject, and the quantity where it is not the usual one."""
-        return " ".join([self.system, self.subject, *([] if self.quantity == ACCELERATIONS else [self.quantity])])
+        return " ".join([self.system, self.subject, *quantity_words(self.quantity)])
 
     @property
     def as_expected(self) -> bool:
@@ -221,7 +233,7 @@ class Records(UserList[Record]):
 
     def table(self) -> Table:
         """One row per record; the quantity has a column where it is not the usual one in all of them."""
-        several = any(record.quantity != ACCELERATIONS for record in self)
+        several = any(quantity_words(record.quantity) for record in self)
         table = _TABLE(self)
         return table if several else table.without("quantity")
 

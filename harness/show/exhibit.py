@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import SOUND, differences, held_by, soundness
-from harness.crosscheck.tasks import Assignment, derive, read
+from harness.crosscheck.tasks import derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
 from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism

@@ -6,8 +6,8 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from harness.certify.sampling import generic_sample
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of, load_audited
 from harness.crosscheck.held import differences, held_by, written
-from harness.crosscheck.tasks import Assignment, load_audited, may_lose_digits, reference_kernel_of
 from harness.diagnosis.terms import TermTruth, compare_terms
 from harness.engines import HeldModel, Unsupported
 from harness.results.run_changes import READING, TERMS, RunChange
@@ -56,8 +56,8 @@ def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str
     for one in (before, after):
         note(f"terms of {one.subject}")
         model = load_audited(one)
-        truth = TermTruth(reference_kernel_of(one), states)
-        compared = compare_terms(truth, model, str(one.subject), may_lose_digits(one, model))
+        truth = acceleration_truth_of(one)
+        compared = compare_terms(TermTruth(truth.kernel, states), model, str(one.subject), truth.may_lose_digits(model))
         found.append({finding.term: finding for finding in compared.findings})
     for term in [term for term in found[0] if term in found[1]]:
         old, new = found[0][term], found[1][term]

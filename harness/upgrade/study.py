@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject, engine_files, subjects_of
 from harness.environments.folders import AT, split_name
 from harness.errors import InvalidRequest

@@ -16,9 +16,9 @@ from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy
+from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.truth import Truth
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.library import Library
@@ -125,7 +125,7 @@ def test_an_answer_to_another_problem_is_condemned() -> None:
     [soft] = select_methods(["mujoco batch, impedance 0.9"], CONSTRAINED)
 
     def held_against_rigid(scene: Scene, states: States) -> Prepared:
-        return replace(soft.prepare(scene, states), truth=Truth(scene.mechanism))
+        return replace(soft.prepare(scene, states), truth=AccelerationTruth(scene.mechanism))
 
     (right, wrong), [found] = measured(soft, replace(soft, name="planted", prepare=held_against_rigid))
     assert right.backward_error is not None and right.backward_error <= AGREEMENT

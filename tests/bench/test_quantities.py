@@ -17,10 +17,9 @@ from harness.bench.study import BenchmarkStudy
 from harness.bench.thoroughness import THOROUGHNESS
 from harness.certify.quantities import find_quantities
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.quantities import compare_quantities
-from harness.crosscheck.quantity_judge import asked_for
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Assignment, load_audited
+from harness.crosscheck.stages import compare_all
 from harness.engines import Subject
 from harness.errors import InvalidRequest
 from harness.library import Library
@@ -48,9 +47,9 @@ def costs(quantity: str, asked: Sequence[Subject] = SUBJECTS) -> list[QuantityCo
 @pytest.mark.parametrize("quantity", QUANTITIES_TESTED)
 def test_each_number_of_states_has_a_cost_and_the_errors_of_the_cross_check(quantity: str) -> None:
     found = [cost for cost in costs(quantity) if cost.seconds_per_state is not None]
-    asked = [asked_for(quantity, NAME, Assignment.of(LIBRARY, NAME, subject)) for subject in SUBJECTS]
+    asked = [replace(Assignment.of(LIBRARY, NAME, subject), quantity=quantity) for subject in SUBJECTS]
     states = generic_sample(scene().mechanism, max(COUNTS), SEED)[:JUDGED]
-    _, _, answers = compare_quantities(asked, states, lambda text: None)
+    _, _, answers = compare_all(asked, states, lambda text: None)
     checked = {key.removesuffix(f" {quantity}"): one.comparison for key, one in answers.items() if one.comparison is not None}
     assert [(cost.method, cost.states) for cost in found] == [(key, count) for key in checked for count in COUNTS]
     for cost in found:
@@ -129,7 +128,7 @@ def test_the_study_measures_the_quantities_that_are_named_and_no_accelerations()
     # The scene, and a task for each quantity.
     assert study.steps == 1 + len(QUANTITIES_TESTED)
     both = BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=(NAME,), quantities=("all",)))
-    assert both.methods["accelerations"] and both.steps == 2 + len(find_quantities())
+    assert both.methods["accelerations"] and both.steps == 1 + len(find_quantities())
     assert not BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=(NAME,))).methods[QUANTITIES]
 
 

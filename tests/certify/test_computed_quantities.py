@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,7 @@ from harness.certify.quantities import Quantity, Question, find_quantities, gene
 from harness.certify.quantities._file_truth import FileTruth
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample, sample
-from harness.crosscheck.quantity_truth import truth_of
-from harness.crosscheck.tasks import Assignment, load_audited
+from harness.crosscheck.assignment import Assignment, load_audited, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported
 from harness.equations.derivation import load_mechanism
 from harness.equations.energies import EnergyKernel
@@ -58,7 +58,7 @@ def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None
             continue
         for quantity in NAMES:
             try:
-                own = truth_of(find_quantities()[quantity], modelled_name, assignment)
+                own = truth_of(replace(assignment, quantity=quantity))
             except NotOffered:
                 assert quantity in ("inverse_dynamics", "power") and modelled_name not in TREES
                 continue

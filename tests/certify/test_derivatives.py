@@ -13,7 +13,6 @@ from catalogue import BUILT_IN, TREES
 from harness.arrays import Array
 from harness.certify.certified import Certified
 from harness.certify.compare import compare
-from harness.certify.quantities import find_quantities
 from harness.certify.quantities._derivative_mistakes import rotations
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics
 from harness.certify.sampling import generic_sample, sample
@@ -260,10 +259,9 @@ MISTAKES = [
 def test_a_mistake_is_seen_and_named(name: str, mistake: str, said: str, dynamics: Dynamics) -> None:
     truth, mechanism = truth_of(name, dynamics), load_mechanism(BUILT_IN, name)
     states, nv = generic_sample(mechanism, 6, SEED), mechanism.nv
-    certified, answers = truth.evaluate(states), truth.answers(loaded(name, Subject("lagrange", EQUATIONS)), states)
+    model = loaded(name, Subject("lagrange", EQUATIONS))
+    certified, answers = truth.evaluate(states), truth.answers(model, states)
     assert set(compare(certified, answers).verdicts.tolist()) == {"agrees"}
     wrong = planted(mistake, truth, states, answers.reshape(-1, 3, nv, nv)).reshape(answers.shape)
     assert set(compare(certified, wrong).verdicts.tolist()) == {"disagrees"}
-    describe = find_quantities()[dynamics.method].describe
-    assert describe is not None
-    assert said.format(dynamics.result) in describe(truth, states, certified, wrong)
+    assert said.format(dynamics.result) in truth.describe(certified, states, wrong, model)

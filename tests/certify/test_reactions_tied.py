@@ -14,10 +14,9 @@ from support import make_library
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.quantities import Truth, find_quantities
+from harness.certify.quantities import Truth
 from harness.certify.sampling import generic_sample, sample
-from harness.crosscheck.quantity_truth import truth_of
-from harness.crosscheck.tasks import Assignment
+from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
@@ -38,7 +37,7 @@ def asked(name: str, subject: Subject, text: str = "") -> tuple[Truth, Model]:
     """The truth of a subject's reactions, and its model, of another text where one is given."""
     mechanism, path = load_mechanism(BUILT_IN, name), BUILT_IN.model_path(name, subject.format)
     read = parse_model(path, text, subject.format) if text else read_model(path, subject.format)
-    truth = truth_of(find_quantities()["reactions"], name, Assignment(BUILT_IN, subject, mechanism, read))
+    truth = truth_of(Assignment(BUILT_IN, subject, mechanism, read, quantity="reactions"))
     return truth, load_engine(BUILT_IN, subject.engine).load(read, mechanism.joints, mechanism.gravity)
 
 
@@ -157,6 +156,6 @@ def test_a_declared_file_that_moves_otherwise_is_no_truth(tmp_path: Path) -> Non
     library = Library.at(root)
     mechanism, subject = load_mechanism(library, "four_bar"), Subject("mujoco", "urdf")
     read = read_model(library.model_path("four_bar", "urdf"), "urdf")
-    truth = truth_of(find_quantities()["reactions"], "four_bar", Assignment(library, subject, mechanism, read))
+    truth = truth_of(Assignment(library, subject, mechanism, read, quantity="reactions"))
     with pytest.raises(InvalidModel, match="data roundoffs from those of the energies"):
         truth.evaluate(generic_sample(mechanism, 4, SEED))

@@ -22,7 +22,7 @@ from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, term_errors
-from harness.crosscheck.tasks import Assignment, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN
 
+from harness.certify.gaps import beside_gaps, gaps_of, remark_on
 from harness.certify.sampling import generic_sample
 from harness.crosscheck import superfluous as superfluous_parts
-from harness.crosscheck.gaps import beside_gaps, gaps_of, remark_on
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of, truth_of
 from harness.crosscheck.stages import Answers, compare_all
 from harness.crosscheck.superfluous import superfluous
-from harness.crosscheck.tasks import Assignment, load_audited, reference_kernel_of, rigid_truth_of, truth_of
 from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.equations.states import States
@@ -45,9 +45,13 @@ def test_a_subject_agrees_with_its_own_truth(tmp_path: Path, subject: Subject) -
     assignment = four_bar(tmp_path, subject)
     truth, found = truth_of(assignment), asked(assignment)
     assert found.comparison is not None and set(found.comparison.verdicts) == {"agrees"}, found.failure
-    assert truth.is_declared == (subject == MUJOCO) and (truth == rigid_truth_of(assignment)) == (subject == PINOCCHIO)
+    assert (truth.rigid is None) == (subject == PINOCCHIO)
     # At the default softness four-bars are some hundredths of their acceleration from rigid.
-    assert (len(found.from_rigid) == 24 and 1e-3 < np.median(found.from_rigid) < 1e-1) if truth.is_declared else not len(found.from_rigid)
+    assert (
+        (len(found.from_rigid) == 24 and 1e-3 < np.median(found.from_rigid) < 1e-1)
+        if truth.rigid is not None
+        else not len(found.from_rigid)
+    )
 
 
 def test_a_softer_file_is_another_problem_and_farther_from_rigid(tmp_path: Path) -> None:

@@ -14,11 +14,11 @@ from support import cross_checked
 from harness.certify.compare import compare
 from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.reference import Reference
+from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.explanation import explain, written_columns
 from harness.crosscheck.perturbation import Column, Whitening, diagnostic_states, watch
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.tasks import Assignment, judge_of, reference_kernel_of
 from harness.engines import EQUATIONS, Subject, engine_files, load_engine
 from harness.equations.states import States
 from harness.models.model_file import parse_model

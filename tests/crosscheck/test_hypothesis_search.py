@@ -17,10 +17,10 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import HUGE_ANGLES, sample
-from harness.crosscheck import hypothesis_search, tasks
+from harness.crosscheck import hypothesis_search
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.hypothesis_search import BLOCK, Found, explore, search
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Assignment, load_audited
 from harness.crosscheck.variation import Variation, quaternion_columns, row_ranges, rows_of, states_of
 from harness.engines import Subject, Unsupported, select_subjects
 from harness.equations.derivation import load_mechanism
@@ -78,7 +78,7 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             model = load_audited(assignment)
             return Faulty(model, change) if str(assignment.subject) == subject else model
 
-        monkeypatch.setattr(tasks, "load_audited", load)
+        monkeypatch.setattr("harness.crosscheck.assignment.load_audited", load)
 
     return planting
 

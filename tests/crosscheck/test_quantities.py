@@ -10,8 +10,8 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed, harness, make_library
 
+from harness.crosscheck.assignment import declared_model
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.quantity_truth import declared_model
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines import NotOffered

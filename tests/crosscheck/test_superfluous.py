@@ -12,9 +12,9 @@ from catalogue import MODELS
 from support import harness, make_library, pytest_in_this_process
 
 from harness.arrays import Array
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import superfluous
-from harness.crosscheck.tasks import Assignment
 from harness.engines import Model, Subject, accelerations, is_native, subjects
 from harness.equations.states import States
 from harness.library import Library

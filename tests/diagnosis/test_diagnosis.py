@@ -21,6 +21,7 @@ from click.testing import CliRunner
 from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.perturbation import (
     NUMBER,
     Column,
@@ -31,7 +32,6 @@ from harness.crosscheck.perturbation import (
     numeric_candidates,
     watch,
 )
-from harness.crosscheck.tasks import Assignment
 from harness.diagnosis.base_parameters import are_parallel, base_parameters
 from harness.diagnosis.causes import Scope, diagnose_subject
 from harness.diagnosis.fit import fit, shortest_decimal

@@ -27,7 +27,7 @@ from harness.certify.interpreter import derivatives
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
-from harness.crosscheck.tasks import Assignment, load_audited
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.equations.derivation import load_mechanism

@@ -18,8 +18,8 @@ from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_derivative_methods
 from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.certify.sampling import random_sample
-from harness.crosscheck.truth import Truth
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff
 from harness.engines.rotations import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
@@ -104,7 +104,7 @@ def test_float32_is_judged_in_its_own_roundoffs(gravity: str, declaration: str, 
 def test_the_truth_for_float32_is_certified_at_rounded_states() -> None:
     mechanism = load_mechanism(BUILT_IN, "acrobot")
     states = random_sample(mechanism, 20, 0)
-    ours, theirs = (Truth(mechanism, unit_roundoff=unit).kernel for unit in (UNIT_ROUNDOFF, 2.0**-24))
+    ours, theirs = (AccelerationTruth(mechanism, unit_roundoff=unit).kernel for unit in (UNIT_ROUNDOFF, 2.0**-24))
     rounded = theirs.asked_at(states)
     assert (rounded.q != states.q).all() and (rounded.q == rounded.q.astype(np.float32)).all()
     there, here = theirs.evaluate(states), ours.evaluate(rounded)

@@ -10,7 +10,7 @@ from catalogue import BUILT_IN, is_tied
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.manifold import closed, closes, distances
-from harness.crosscheck.tasks import Assignment, truth_of
+from harness.crosscheck.assignment import Assignment, truth_of
 from harness.diagnosis.pattern import subject_named
 from harness.engines import Subject, accelerations, load_engine
 from harness.equations.derivation import load_mechanism

@@ -11,8 +11,8 @@ from catalogue import BUILT_IN
 
 from harness.certify.compare import compare
 from harness.certify.parameter_columns import parameter_derivatives
+from harness.certify.quantities.accelerations import reference_kernel
 from harness.crosscheck.perturbation import Whitening
-from harness.crosscheck.truth import reference_kernel
 from harness.diagnosis.pattern import subject_named
 from harness.engines import load_engine
 from harness.hard.cases import hard_cases

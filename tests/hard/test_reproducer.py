@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from harness.certify.sampling import generic_sample
-from harness.crosscheck import tasks
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.hard.reproducer import reproduce
@@ -40,11 +40,11 @@ PAIRS = [
 ]
 
 
-def assignment_of(name: str, subject: str) -> tasks.Assignment:
+def assignment_of(name: str, subject: str) -> Assignment:
     library = Library.built_in()
     (chosen,) = select_subjects(library, [subject])
     model = None if chosen.format == "equations" else read_model(library.model_path(name, chosen.format), chosen.format)
-    return tasks.Assignment(library, chosen, load_mechanism(library, name), model)
+    return Assignment(library, chosen, load_mechanism(library, name), model)
 
 
 def run(program: str, folder: Path) -> tuple[list[float], list[float], list[str]]:
@@ -55,8 +55,8 @@ def run(program: str, folder: Path) -> tuple[list[float], list[float], list[str]
     return engine, certified, modules
 
 
-def in_engines_order(assignment: tasks.Assignment, values: Any) -> list[float]:
-    model: Any = tasks.load_audited(assignment)
+def in_engines_order(assignment: Assignment, values: Any) -> list[float]:
+    model: Any = load_audited(assignment)
     ordered = np.zeros(len(values))
     ordered[model.addresses[1]] = values
     return [float(value) for value in ordered]
@@ -70,9 +70,9 @@ def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subjec
     program = reproduce(assignment, state)
     assert len(program.splitlines()) == 3
     engine, certified, modules = run(program, tmp_path)
-    answer = tasks.load_audited(assignment).forward_dynamics(state.q, state.v, state.tau)[0]
+    answer = load_audited(assignment).forward_dynamics(state.q, state.v, state.tau)[0]
     assert engine == in_engines_order(assignment, answer)
-    assert certified == in_engines_order(assignment, tasks.reference_kernel_of(assignment).evaluate(state).high[0])
+    assert certified == in_engines_order(assignment, reference_kernel_of(assignment).evaluate(state).high[0])
     others = {"harness", "sympy", "heyoka", "flint", *({"mujoco", "pinocchio"} - {assignment.subject.engine})}
     assert not others & set(modules)
 

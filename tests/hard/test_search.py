@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.factorisation import condition_number, scaled_cholesky
 from harness.certify.sampling import HUGE_ANGLES, generic_sample
-from harness.crosscheck import tasks
+from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
@@ -36,19 +36,19 @@ from harness.verdict import Verdict
 from harness.workers import Workers
 
 
-def assignment_of(name: str, subject: str = "mujoco/mjcf", library: Library | None = None) -> tasks.Assignment:
+def assignment_of(name: str, subject: str = "mujoco/mjcf", library: Library | None = None) -> Assignment:
     library = library or Library.built_in()
     (chosen,) = select_subjects(library, [subject])
     model = None if chosen.format == "equations" else read_model(library.model_path(name, chosen.format), chosen.format)
-    return tasks.Assignment(library, chosen, load_mechanism(library, name), model)
+    return Assignment(library, chosen, load_mechanism(library, name), model)
 
 
-def worst_of_hunts(assignment: tasks.Assignment, budget: int, seed: int) -> float:
+def worst_of_hunts(assignment: Assignment, budget: int, seed: int) -> float:
     return max(hunt(assignment, states, population, seed).backward_error for states, population in hunts(budget))
 
 
-def best_of_random(assignment: tasks.Assignment, count: int, seed: int) -> float:
-    return float(tasks.judge_of(assignment)(generic_sample(assignment.mechanism, count, seed)).backward_error.max())
+def best_of_random(assignment: Assignment, count: int, seed: int) -> float:
+    return float(judge_of(assignment)(generic_sample(assignment.mechanism, count, seed)).backward_error.max())
 
 
 # The bars.
@@ -279,7 +279,7 @@ def test_the_planted_term_is_named(name: str, term: str, error: float, said: str
     """States in which the term matters: straight chain at rest; fast; still and loaded by gravity or a spring alone."""
     assignment = assignment_of(name, "lagrange")
     mechanism = assignment.mechanism
-    monkeypatch.setattr(tasks, "load_audited", lambda _: Planted(mechanism, term, error))
+    monkeypatch.setattr("harness.crosscheck.assignment.load_audited", lambda _: Planted(mechanism, term, error))
     fast = term == "velocity"
     small = 0.05 if name == "cart_pendulum" else 1e-3
     q = np.full(mechanism.nq, 0.7 if mechanism.nq == 2 and name == "arm_2r" else small)
@@ -305,7 +305,7 @@ def test_shares_are_what_rounding_really_does() -> None:
     """Perturb the terms at random by half an ulp, solve in long double: no sample exceeds the share, the worst comes near."""
     assignment = assignment_of("arm_3r", "lagrange")
     state = generic_sample(assignment.mechanism, 1, 9)
-    reference = tasks.reference_kernel_of(assignment).evaluate(state)
+    reference = reference_kernel_of(assignment).evaluate(state)
     terms = assignment.mechanism.float64().terms(state.q, state.v, state.tau)
     shares = lost_digits.rounding_shares(reference, terms)
     random = np.random.default_rng(2)
@@ -432,7 +432,7 @@ def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
 def test_a_found_state_repeats(library: Library) -> None:
     """Its backward error is that of the state as stored, not of the one it was shrunk from."""
     assignment = assignment_of("arm_2r")
-    judge = tasks.judge_of(assignment)
+    judge = judge_of(assignment)
     shrunk, error = shrink(judge, assignment.mechanism, evolve(assignment, 400, 20, 0).worst)
     again = States.at(**shrunk.as_json(0))
     assert judge(again).backward_error[0] == error == judge(replace(shrunk)).backward_error[0]

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from catalogue import BUILT_IN
 
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.superfluous import MOST_PARTS, superfluous
-from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
 from harness.errors import InvalidModel
 from harness.models.model_file import parse_model

@@ -7,7 +7,6 @@ file, the engines agree as well. Structural changes have the engines' answers fo
 
 from __future__ import annotations
 
-import contextlib
 import math
 import random
 import traceback
@@ -20,11 +19,9 @@ import pytest
 from catalogue import BUILT_IN, MODELLED
 from support import harness
 
-from harness.certify.reference import Reference
 from harness.certify.sampling import generic_sample
-from harness.crosscheck import stages, tasks
-from harness.crosscheck.tasks import Assignment
-from harness.crosscheck.truth import Truth
+from harness.crosscheck import assignment, stages
+from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
@@ -140,19 +137,15 @@ class Judge:
         self.mechanism = load_mechanism(BUILT_IN, name)
         self.states = generic_sample(self.mechanism, 8, 3)
         self.of = [Assignment(BUILT_IN, Subject(engine, model_format), self.mechanism, None) for engine in ENGINES]
-        self.references: dict[Truth, Reference] = {}
+        self.truths = stages.Truths(self.states)
 
     def verdicts(self, model: ModelFile) -> tuple[str, ...]:
         """Of each engine the gravest verdict, or what it refuses the model with."""
-        tasks._MODELS._found.clear()
+        assignment._MODELS._found.clear()
         found = []
         for one in self.of:
-            assignment = Assignment(one.library, one.subject, one.mechanism, model)
-            # A file says how soft its constraints are, and so what is true of it; one that is refused for that, ``ask`` refuses again.
-            with contextlib.suppress(InvalidModel):
-                truths = {tasks.rigid_truth_of(assignment), tasks.truth_of(assignment)}
-                self.references |= stages.prepare(truths - set(self.references), self.states)[0]
-            answers = stages.ask(assignment, self.states, self.references)
+            asked = Assignment(one.library, one.subject, one.mechanism, model)
+            answers = stages.ask(asked, self.states, self.truths)
             if answers.comparison is not None:
                 found.append(str(answers.comparison.verdicts[answers.comparison.worst]))
             else:

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.tasks import Assignment, load_audited
 from harness.engines import Subject, Unsupported, is_native, load_engine, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support import HEAVY_ENGINE, make_library, pytest_in_this_process
 
-from harness.certify.quantities import find_quantities
+from harness.certify.quantities import further_quantities
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_a_project_names_its_quantities_in_its_settings(library: Path) -> None:
     assert "4 passed" in done.stdout and "spring_damper.py::mujoco/urdf[energy] PASSED" in done.stdout
     done = pytest_in_this_process(*chosen, "--harness-quantity", "all", "--collect-only", "-q", cwd=library.parent)
     names = [line.partition("::")[2] for line in done.stdout.splitlines() if "::mujoco/mjcf" in line]
-    assert names == ["mujoco/mjcf", *(f"mujoco/mjcf[{name}]" for name in find_quantities())]
+    assert names == ["mujoco/mjcf", *(f"mujoco/mjcf[{one.name}]" for one in further_quantities())]
 
 
 def test_nothing_is_collected_unless_asked_for(library: Path) -> None:

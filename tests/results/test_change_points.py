@@ -48,7 +48,7 @@ def errors_of(name: str, subject: str, count: int, seed: int) -> np.ndarray:
     from catalogue import BUILT_IN
 
     from harness.certify.sampling import random_sample
-    from harness.crosscheck.tasks import Assignment, judge_of
+    from harness.crosscheck.assignment import Assignment, judge_of
     from harness.diagnosis.pattern import subject_named
 
     assignment = Assignment.of(BUILT_IN, name, subject_named(subject))

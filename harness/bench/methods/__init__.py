@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.truth import Truth
 from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.library import nearest
@@ -43,7 +43,7 @@ class Prepared:
     compute: Callable[[], object]
     accelerations: Callable[[], Accelerations]
     note: str = ""
-    truth: Truth | None = None
+    truth: AccelerationTruth | None = None
     reproducer: Callable[[int, Array], str] | None = None
     residual: Callable[[], Array] | None = None
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from harness.bench.methods import Accelerations, Method, Prepared
+from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import Reference
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.truth import reference_kernel
 from harness.engines import Unsupported
 from harness.equations.constraint_forces import ACCELERATIONS, reduced_program
 from harness.equations.derivation import load_system

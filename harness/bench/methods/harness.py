@@ -13,8 +13,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.certify.compare import compare
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Assignment, truth_of
 from harness.engines import Subject, accelerations
 from harness.equations.states import States
 from harness.motion.integrators import CONSTRAINED, MECHANISMS
@@ -24,7 +24,7 @@ CHECKED = "the engine's accelerations with their conversions, compared with refe
 
 def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
     model = scene.load(engine, format)
-    truth = truth_of(Assignment(scene.library, Subject(engine, format), scene.mechanism, scene.models[format]))
+    truth = acceleration_truth_of(Assignment(scene.library, Subject(engine, format), scene.mechanism, scene.models[format]))
     reference = truth.kernel.evaluate(states)
     last: list[Array] = [np.full_like(states.v, np.nan)]
 
@@ -32,7 +32,7 @@ def _check(engine: str, format: str, scene: Scene, states: States) -> Prepared:
         last[0] = accelerations(model, states)
         compare(reference, last[0])
 
-    return Prepared(compute, lambda: last[0], CHECKED, truth if truth.is_declared else None)
+    return Prepared(compute, lambda: last[0], CHECKED, None if truth.rigid is None else truth)
 
 
 _OF = (MECHANISMS, CONSTRAINED)

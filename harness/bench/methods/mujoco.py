@@ -13,9 +13,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
+from harness.certify.quantities.accelerations import AccelerationTruth
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Assignment, truth_of
-from harness.crosscheck.truth import Truth
 from harness.engines import Subject, Unsupported
 from harness.engines.adapters.mujoco import MujocoModel
 from harness.equations.states import States
@@ -80,10 +80,10 @@ def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene), reproducer=alone)
 
 
-def declared_truth(scene: Scene) -> Truth | None:
+def declared_truth(scene: Scene) -> AccelerationTruth | None:
     """The problem that the scene's MJCF declares of its constraints; None where it has none, and the truth is rigid."""
-    truth = truth_of(Assignment(scene.library, Subject("mujoco", "mjcf"), scene.mechanism, scene.models["mjcf"]))
-    return truth if truth.is_declared else None
+    truth = acceleration_truth_of(Assignment(scene.library, Subject("mujoco", "mjcf"), scene.mechanism, scene.models["mjcf"]))
+    return None if truth.rigid is None else truth
 
 
 _OF = (MECHANISMS, CONSTRAINED)

@@ -18,8 +18,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
+from harness.certify.quantities.accelerations import AccelerationTruth
+from harness.certify.softness import softened
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.truth import Truth, softened
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
 from harness.equations.constraint_forces import Softness
@@ -55,13 +56,13 @@ def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = Fa
     )
 
 
-def _single_iteration(solver: Solver, scene: Scene) -> Truth:
+def _single_iteration(solver: Solver, scene: Scene) -> AccelerationTruth:
     """The problem that one proximal iteration solves."""
     constraints = scene.mechanism.constraints
     assert constraints is not None and solver.iterations == 1 and solver.mu
     # Half of the impedance on either side: the weight d / ((1 - d) A) is 1 / mu.
     law = Softness(impedance=0.5, stiffness=0.0, damping=0.0, inverse_mass=solver.mu)
-    return Truth(softened(scene.mechanism, [law] * len(constraints.rows)), is_declared=True)
+    return AccelerationTruth(softened(scene.mechanism, [law] * len(constraints.rows)), rigid=AccelerationTruth(scene.mechanism))
 
 
 def _method(name: str, solver: Solver, is_declared: bool = False) -> Method:

@@ -1,19 +1,19 @@
-"""What else engines compute than accelerations, each a ``Quantity`` declared in a module of this package.
+"""Quantities that engines compute, each a ``Quantity`` declared in a module of this package.
 
-Accelerations have a cross-check of their own. A quantity here is judged by certified values in blocks, see
-``harness.certify.quantity``.
+A quantity has a ``Truth``: certified values in blocks (``harness.certify.certified``), by which ``harness.certify.compare`` judges answers.
 """
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Callable, Hashable, Sequence
+import functools
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 from harness.arrays import Array
 from harness.certify.certified import Certified
+from harness.certify.compare import Comparison, compare, farthest_block
+from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
@@ -21,7 +21,7 @@ from harness.errors import InvalidRequest
 from harness.library import nearest
 from harness.models.model_file import ModelFile
 from harness.models.step_rule import StepRule
-from harness.results.records import ACCELERATIONS
+from harness.registry import Registry
 from harness.robots.constraints import untied
 from harness.robots.mechanism import RobotMechanism
 from harness.robots.reactions import have_same_points
@@ -43,6 +43,8 @@ class Question:
         linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
         softened: makes of a mechanism under the constraints of ``declared`` the one whose constraints give as the engine declares of
             ``read``; None where it holds them rigid.
+        step_rules: of the integrators that the engine documents.
+        unit_roundoff: of the numbers that the engine computes with. factorises: whether it declares that it factorises M.
     """
 
     mechanism: Mechanism
@@ -51,6 +53,8 @@ class Question:
     linear_velocity_in_body: bool
     softened: Callable[[Mechanism], Mechanism] | None = None
     step_rules: tuple[StepRule, ...] = ()
+    unit_roundoff: float = UNIT_ROUNDOFF
+    factorises: bool = False
 
     def robot_of(self, file: ModelFile | None) -> Robot:
         """The robot of ``declared`` or of ``read``."""
@@ -75,20 +79,32 @@ _ROBOTS: Kept[Robot] = Kept(16)
 _SAME_POINTS: Kept[bool] = Kept(64)
 
 
-class Truth(Protocol):
-    """The certified values of a quantity; made once, asked for many batches."""
+class Truth(ABC):
+    """The certified values of a quantity; made once, asked for many batches.
+
+    Attributes:
+        blocks: the name of each block, as a report says it.
+        rigid: the truth that answers are compared with too, for how far they are from it; None for most.
+    """
+
+    blocks: Sequence[str]
+    rigid: Truth | None = None
 
     @property
+    @abstractmethod
     def key(self) -> Hashable:
         """Equal for truths that have the same values at every state."""
 
     @property
-    def blocks(self) -> Sequence[str]:
-        """What each block is, as a report says it."""
+    def is_compiled(self) -> bool:
+        """False where the first evaluation in this process takes longer than those that follow."""
+        return True
 
+    @abstractmethod
     def evaluate(self, states: States) -> Certified:
         """The values at ``states``."""
 
+    @abstractmethod
     def answers(self, model: Model, states: States) -> Array:
         """Those of an engine, in the shape of the certified ones.
 
@@ -96,6 +112,18 @@ class Truth(Protocol):
             harness.engines.NotOffered: the engine does not offer them.
             harness.engines.InvalidAnswer: it returns something else.
         """
+
+    def may_lose_digits(self, model: Model) -> bool:
+        """True where an answer that lost digits to an ill-conditioned M is ``unstable``, not wrong."""
+        return False
+
+    def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
+        """The judgement of a model's answers by the certified values at the same states."""
+        return compare(certified, answers)
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """A sentence on answers that disagree, "" where there is nothing to say; here the block that is farthest off."""
+        return f"Farthest off is the {self.blocks[farthest_block(certified, answers)]}"
 
 
 @dataclass(frozen=True)
@@ -106,47 +134,58 @@ class Quantity:
         name: for the command line and the records.
         truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
             ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
-        is_of_engine: whether the truth asks what engine reads the file: for its law of constraints, or its rules of steps.
+        is_of_file: whether the truth takes the numbers of a declared model file.
+        has_laws, has_step_rules: whether it asks the engine that reads the file for its laws of constraints, or its rules of steps.
+        is_default: whether it is the one that is meant where none is named, which every engine claims to compute.
         is_quick: whether a check that names no quantity compares it as well, at a few states.
-        describe: of a truth, states, what is certified there and answers that disagree, what is wrong with them; None where it is
-            enough to name the block that is farthest off.
+        is_searched: whether a check searches for the states at which answers are worst.
+        is_asked_again: whether a check times several calls and holds their answers against each other.
         group: the name that stands for it and others of its kind, as "derivatives"; "" for none.
     """
 
     name: str
     truth: Callable[[Question], Truth]
-    is_of_engine: bool = False
+    is_of_file: bool = True
+    has_laws: bool = False
+    has_step_rules: bool = False
+    is_default: bool = False
     is_quick: bool = True
-    describe: Callable[[Any, States, Certified, Array], str] | None = None
+    is_searched: bool = False
+    is_asked_again: bool = False
     group: str = ""
 
 
-def find_quantities() -> dict[str, Quantity]:
-    """Every quantity that a module of this package holds, by name."""
-    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, Quantity)}
-    return dict(sorted(found.items()))
+_REGISTRY = Registry(__name__, Quantity, "quantity")
+
+
+@functools.cache
+def find_quantities() -> Mapping[str, Quantity]:
+    """Every quantity that a module of this package holds, by name, the default one first."""
+    return dict(sorted(_REGISTRY.all().items(), key=lambda item: (not item[1].is_default, item[0])))
+
+
+def further_quantities() -> list[Quantity]:
+    """All but the default one."""
+    return [quantity for quantity in find_quantities().values() if not quantity.is_default]
 
 
 def select_quantities(names: Sequence[str]) -> list[str]:
-    """The quantities of these names, each once, in a fixed order with accelerations first; accelerations for no names.
+    """The quantities of these names, each once and in the order of ``find_quantities``; the default one for no names.
 
     A name may be that of a group, or ``ALL``.
 
     Raises:
         InvalidRequest: there is no such quantity.
     """
-    groups = {ACCELERATIONS: "", **{quantity.name: quantity.group for quantity in find_quantities().values()}}
+    known = find_quantities().values()
     for name in names:
-        _require(name, [*groups, *dict.fromkeys(filter(None, groups.values())), ALL])
-    return [name for name, group in groups.items() if {name, group, ALL} & set(names)] or [ACCELERATIONS]
+        require_quantity(name, [*dict.fromkeys(one.group for one in known if one.group), ALL])
+    chosen = [one.name for one in known if {one.name, one.group, ALL} & set(names)]
+    return chosen or [one.name for one in known if one.is_default]
 
 
-def require_quantity(name: str) -> None:
-    """Raises InvalidRequest where there is no such quantity."""
-    _require(name, [ACCELERATIONS, *find_quantities()])
-
-
-def _require(name: str, known: Sequence[str]) -> None:
+def require_quantity(name: str, groups: Sequence[str] = ()) -> None:
+    """Raises InvalidRequest where there is no such quantity, nor one of the ``groups``."""
+    known = [*find_quantities(), *groups]
     if name not in known:
         raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")

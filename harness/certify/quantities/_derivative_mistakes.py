@@ -6,34 +6,23 @@ afterwards at all states, within the data roundoffs that an answer has, the mist
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Certified
 from harness.certify.compare import compare, farthest_block
-from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.verdict import Verdict
 
+if TYPE_CHECKING:
+    from harness.certify.quantities.derivatives import DerivativeTruth
+
 # What the derivatives are by, in the order of the answers; the third is what is given beside q and v.
 _BY_POSITION, _BY_VELOCITY = 0, 1
-
-
-class Truth(Protocol):
-    """What of ``harness.certify.quantities.derivatives.DerivativeTruth`` mistakes are recognised by."""
-
-    mechanism: Mechanism
-
-    # What the matrices are called, "d(qdd)/d(q)" and so on; each column; and each row.
-    parts: tuple[str, str, str]
-    blocks: list[str]
-    rows: list[str]
-
-    def of_terms(self, states: States) -> Mapping[str, Array]: ...
 
 
 # The answers, (n, 3, nv, nv) by column and row, without a mistake, and what the mistake is.
@@ -44,10 +33,10 @@ Undone = Iterator[tuple[str, Array]]
 class Mistake:
     """One kind of mistake; ``undone`` gives the ways in which it may have been made, with the answers without it."""
 
-    undone: Callable[[Truth, States, Array], Undone]
+    undone: Callable[[DerivativeTruth, States, Array], Undone]
 
 
-def describe(truth: Truth, states: States, certified: Certified, answers: Array) -> str:
+def describe(truth: DerivativeTruth, states: States, certified: Certified, answers: Array) -> str:
     """The column and the row that are farthest off, and the mistake that explains all that disagrees, where one does."""
     block = farthest_block(certified, answers)
     # Each component at the length that it has alone.
@@ -58,7 +47,7 @@ def describe(truth: Truth, states: States, certified: Certified, answers: Array)
     return f"{said}. {mistake}" if mistake else said
 
 
-def recognised(truth: Truth, states: States, certified: Certified, answers: Array) -> str:
+def recognised(truth: DerivativeTruth, states: States, certified: Certified, answers: Array) -> str:
     """The mistake that the answers, (n, 3 nv, nv), are free of disagreement without; "" for none."""
     nv = answers.shape[2]
     matrices = answers.reshape(len(answers), 3, nv, nv)
@@ -76,13 +65,13 @@ def _with(matrices: Array, part: int, other: Array) -> Array:
     return changed
 
 
-def _transposed(truth: Truth, states: States, matrices: Array) -> Undone:
+def _transposed(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
     for part, name in enumerate(truth.parts):
         yield f"{name} is transposed", _with(matrices, part, matrices[:, part].transpose(0, 2, 1))
     yield "All matrices are transposed", matrices.transpose(0, 1, 3, 2)
 
 
-def _signs(truth: Truth, states: States, matrices: Array) -> Undone:
+def _signs(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
     for part, name in enumerate(truth.parts):
         yield f"{name} has the other sign", _with(matrices, part, -matrices[:, part])
     for block, name in enumerate(truth.blocks):
@@ -92,7 +81,7 @@ def _signs(truth: Truth, states: States, matrices: Array) -> Undone:
         yield f"The {name} has the other sign", changed
 
 
-def _terms(truth: Truth, states: States, matrices: Array) -> Undone:
+def _terms(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
     ways = {"is missing": 1.0, "has the other sign": 2.0, "stands there twice": -1.0}
     terms = {name: columns.reshape(matrices.shape) for name, columns in truth.of_terms(states).items()}
     for term, columns in terms.items():
@@ -112,7 +101,7 @@ def _terms(truth: Truth, states: States, matrices: Array) -> Undone:
                 yield f"In the {name} the derivative of the {term} {what}", changed
 
 
-def _tangents(truth: Truth, states: States, matrices: Array) -> Undone:
+def _tangents(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
     mechanism, by_position = truth.mechanism, matrices[:, _BY_POSITION]
     for number, first in enumerate(mechanism.attitudes):
         joint, turn = mechanism.joints[first], rotations(states.q[:, first + number : first + number + 4])

@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Certified
-from harness.certify.quantities import Question
+from harness.certify.quantities import Question, Truth
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
@@ -46,7 +46,7 @@ class Asked:
     zero: Array
 
 
-class FileTruth:
+class FileTruth(Truth):
     """The certified values of a quantity of one mechanism, by the numbers of one file.
 
     ``blocks_of`` writes the quantity, ``answer`` asks a model for it and gives (n, components of all blocks) in the order of the blocks.

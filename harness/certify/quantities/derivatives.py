@@ -22,7 +22,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.certified import Certified
 from harness.certify.forward_mode import values
-from harness.certify.quantities import Quantity, Question
+from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._derivative_mistakes import describe
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
@@ -63,7 +63,7 @@ FORWARD = Dynamics("forward_dynamics_derivatives", "tau", "qdd", forward_dynamic
 INVERSE = Dynamics("inverse_dynamics_derivatives", "a", "tau", inverse_dynamics_derivatives)
 
 
-class DerivativeTruth:
+class DerivativeTruth(Truth):
     """The certified derivatives of one mechanism, whose velocities are those of engines of one convention.
 
     Raises:
@@ -104,6 +104,10 @@ class DerivativeTruth:
         time = (states.time,) if getattr(model, "takes_time", False) else ()
         arguments = states.q, states.v, self.third(states), *time
         return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, nv, nv)))
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``."""
+        return describe(self, states, certified, answers)
 
     def of_terms(self, states: States) -> dict[str, Array]:
         """What each term of the forces adds to the blocks, in float64, by its name; see ``terms_of_forces``."""
@@ -160,7 +164,7 @@ def _quantity(dynamics: Dynamics) -> Quantity:
         return DerivativeTruth(dynamics, question.mechanism, question.linear_velocity_in_body)
 
     # To write and to compile a program takes seconds, whatever the number of states.
-    return Quantity(dynamics.method, truth, is_quick=False, describe=describe, group="derivatives")
+    return Quantity(dynamics.method, truth, is_quick=False, group="derivatives")
 
 
 FORWARD_DYNAMICS_DERIVATIVES, INVERSE_DYNAMICS_DERIVATIVES = _quantity(FORWARD), _quantity(INVERSE)

@@ -15,7 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.certified import Certified
 from harness.certify.multipliers import MultiplierKernel
-from harness.certify.quantities import Quantity, Question
+from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
@@ -37,7 +37,7 @@ from harness.storage import Kept
 _STATES, _SEED = 4, 0
 
 
-class ReactionTruth:
+class ReactionTruth(Truth):
     """The certified reactions of one mechanism, at the joints of one file."""
 
     def __init__(self, question: Question) -> None:
@@ -167,4 +167,4 @@ def _tied(robot: Robot, question: Question) -> Tied:
 
 
 _TIED: Kept[Tied] = Kept(64)
-REACTIONS = Quantity("reactions", ReactionTruth, is_of_engine=True)
+REACTIONS = Quantity("reactions", ReactionTruth, has_laws=True)

@@ -20,7 +20,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.certified import Certified, Flags
 from harness.certify.forward_mode import values
-from harness.certify.quantities import Quantity, Question
+from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantities._step_mistakes import describe
 from harness.certify.quantity import QuantityKernel
@@ -33,7 +33,7 @@ from harness.robots.step_forces import step_forces
 from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
 
 
-class StepTruth:
+class StepTruth(Truth):
     """The certified steps of one mechanism by the rules of one engine."""
 
     def __init__(self, question: Question) -> None:
@@ -91,6 +91,10 @@ class StepTruth:
             found[:, 2 * number + 1, nv:], found[:, 2 * number, :nv] = after[:, :nq], after[:, nq:]
         return found
 
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``."""
+        return describe(self, states, certified, answers)
+
     def by(self, rule: StepRule, states: States) -> Array:
         """The state after a step by another rule, in float64, (n, 2, nv + nq), as of ``evaluate``."""
         steps = steps_program(self._forces, self.question.mechanism.attitudes, (rule,))
@@ -143,4 +147,4 @@ def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
     return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
 
 
-STEPS = Quantity("steps", StepTruth, is_of_engine=True, describe=describe)
+STEPS = Quantity("steps", StepTruth, has_step_rules=True)

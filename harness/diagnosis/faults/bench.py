@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harness.certify.compare import compare
+from harness.certify.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
+from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.gaps import answers_with_gaps, beside_gaps, gaps_of
 from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
-from harness.crosscheck.tasks import Assignment, reference_kernel_of
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
 from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from harness.certify.quantities import find_quantities
+from harness.certify.quantities import further_quantities
 from harness.crosscheck.loading import orphans
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -53,8 +53,8 @@ def _steps(choice: NightChoice, name: str) -> Steps:
     problems, faults, crashed = list(study.problems), list(study.faults), study.crashed
     if all(record.as_expected for record in found.records):
         few = replace(settings, states=min(settings.states, QUANTITY_STATES))
-        for quantity in find_quantities():
-            check = CrossCheck(few, [quantity], audits=False)
+        for quantity in further_quantities():
+            check = CrossCheck(few, [quantity.name], audits=False)
             yield check
             found.extend(check.result())
             problems, faults, crashed = [*problems, *check.problems], [*faults, *check.faults], crashed or check.crashed

@@ -1,16 +1,13 @@
-"""What the answers of a subject are held against: the equations of its mechanism, or of one whose constraints give by a declared law.
+"""Constraints that give, by numbers of a model file, as an engine documents it solves them.
 
-``rigid`` truth holds constraints exactly. An engine may document that it solves another problem, in which constraints give by numbers
-of the model file. Its answers are held against that *declared* problem, and how far they are from rigid is a property of the model.
+Answers of such an engine are held against that *declared* problem. How far they are from rigid is a property of the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.reference import ReferenceKernel
 from harness.engines import ConstraintLaw
 from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import Constraints
@@ -19,47 +16,6 @@ from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
 from harness.robots.inverse_weights import inverse_weights
 from harness.storage import Kept
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """Equations, the frame of the linear velocity of free joints, and the precision of whom they judge; equal where these are.
-
-    Attributes:
-        linear_velocity_in_body: whether that is the body's frame, not the joint's.
-        is_declared: whether constraints give by a law of the model file.
-        unit_roundoff: of the numbers that an engine computes with.
-    """
-
-    mechanism: Mechanism
-    linear_velocity_in_body: bool = False
-    is_declared: bool = False
-    unit_roundoff: float = UNIT_ROUNDOFF
-
-    @property
-    def key(self) -> Hashable:
-        return self.mechanism.key, self.linear_velocity_in_body, self.unit_roundoff
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Truth) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    @property
-    def kernel(self) -> ReferenceKernel:
-        """The certified kernel, compiled once per process."""
-        return _KERNELS.get(self.key, lambda: ReferenceKernel(self.mechanism, self.linear_velocity_in_body, self.unit_roundoff))
-
-    @property
-    def is_known(self) -> bool:
-        """True if this process has compiled the kernel."""
-        return self.key in _KERNELS
-
-
-def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
-    """The certified kernel of a mechanism's own equations, compiled once per process."""
-    return Truth(mechanism, linear_velocity_in_body and bool(mechanism.charts_in_body)).kernel
 
 
 def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:
@@ -104,5 +60,4 @@ def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
     return _SOFTENED.get((mechanism.key, tuple(rows)), write)
 
 
-_KERNELS: Kept[ReferenceKernel] = Kept(64)
 _SOFTENED: Kept[Mechanism] = Kept(64)

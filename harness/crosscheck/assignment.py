@@ -1,0 +1,219 @@
+"""A subject on a mechanism, what it is asked for, and the truth that its answers are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import Comparison
+from harness.certify.quantities import Quantity, Question, Truth, find_quantities
+from harness.certify.quantities.accelerations import AccelerationTruth
+from harness.certify.reference import ReferenceKernel
+from harness.certify.softness import softened, softness_of
+from harness.engines import (
+    EQUATIONS,
+    ConstraintLaw,
+    Model,
+    NotOffered,
+    Subject,
+    constraint_laws,
+    factorises_mass_matrix,
+    linear_velocity_in_body,
+    load_engine,
+    load_model,
+    runs_elsewhere,
+    step_rules,
+    unit_roundoff,
+)
+from harness.engines.audit import audit, require_constraints
+from harness.equations.derivation import load_mechanism
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.errors import InvalidModel, InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library
+from harness.models.model_file import ModelFile, read_model
+from harness.results.records import ACCELERATIONS, quantity_words
+from harness.storage import Kept
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One subject on one mechanism.
+
+    Attributes:
+        model: the file that the engine reads; None for an engine that is handed the mechanism itself.
+        system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
+        quantity: the name of what is asked for.
+    """
+
+    library: Library
+    subject: Subject
+    mechanism: Mechanism
+    model: ModelFile | None
+    system: str = ""
+    quantity: str = ACCELERATIONS
+
+    @classmethod
+    def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
+        """The subject on system ``name`` with the model at ``path``, by default the library's own.
+
+        Raises:
+            InvalidInput: the system or its model cannot be used.
+        """
+        file = path or library.validated_models(name).get(subject.format)
+        model = None if subject.format == EQUATIONS or file is None else read_model(file, subject.format)
+        return cls(library, subject, load_mechanism(library, name), model, name)
+
+    @property
+    def title(self) -> str:
+        """The subject, and the quantity where it is not the usual one."""
+        return " ".join([str(self.subject), *quantity_words(self.quantity)])
+
+    @property
+    def asked(self) -> Quantity:
+        """The quantity that is asked for."""
+        return find_quantities()[self.quantity]
+
+    @property
+    def truth(self) -> Truth:
+        """What the answers are held against; raises as ``truth_of``."""
+        return truth_of(self)
+
+    def answers(self, states: States) -> Array:
+        """Those of the subject; raises as ``load_audited`` and ``Truth.answers``."""
+        return self.truth.answers(load_audited(self), states)
+
+    def judge(self, states: States, certified: Certified | None = None) -> Comparison:
+        """The judgement of the subject's answers at ``states``, by the certified values there where they are known."""
+        truth = self.truth
+        certified = truth.evaluate(states) if certified is None else certified
+        model = load_audited(self)
+        return truth.judge(certified, states, truth.answers(model, states), model)
+
+
+def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
+    """The judgement of a subject whose model is loaded; raises as ``load_audited`` and ``truth_of``."""
+    load_audited(assignment)
+    truth_of(assignment)
+    return assignment.judge
+
+
+def frame_of(assignment: Assignment) -> bool:
+    """True if the subject's answers need the truth with linear velocities in the body's frame."""
+    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    return in_body and bool(assignment.mechanism.charts_in_body)
+
+
+def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
+    """The certified kernel that a subject's accelerations are judged by, compiled once per process."""
+    return acceleration_truth_of(assignment).kernel
+
+
+def acceleration_truth_of(assignment: Assignment) -> AccelerationTruth:
+    """The truth of a subject's accelerations, which are what it is asked for; raises as ``truth_of``."""
+    truth = truth_of(assignment)
+    assert isinstance(truth, AccelerationTruth)
+    return truth
+
+
+def truth_of(assignment: Assignment, declared: ModelFile | None = None) -> Truth:
+    """The truth of what the subject is asked for, made once per process; equations have the coordinates of the declared file.
+
+    ``declared`` has its numbers, by default ``declared_model``.
+
+    Raises:
+        InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
+    """
+    mechanism, read = assignment.mechanism, assignment.model
+    about = assignment.library, assignment.subject, assignment.system, assignment.quantity
+    files = tuple(file and file.text for file in (declared, read))
+
+    def find() -> Truth:
+        quantity, (question, key) = assignment.asked, _question(assignment, declared)
+        if not quantity.is_of_file:
+            return quantity.truth(question)
+        return _SHARED.get((quantity.name, mechanism.key, *key), lambda: quantity.truth(question))
+
+    # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
+    return _TRUTHS.get((*about, mechanism.key, *files), find)
+
+
+def _question(assignment: Assignment, declared: ModelFile | None) -> tuple[Question, tuple[object, ...]]:
+    """The question of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
+    quantity, mechanism, read = assignment.asked, assignment.mechanism, assignment.model
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    in_body, precision, factorises = frame_of(assignment), unit_roundoff(engine), factorises_mass_matrix(engine)
+    if quantity.is_of_file and not assignment.library.is_of_robots:
+        declared = declared or declared_model(assignment.library, assignment.system or mechanism.name)
+        read = read or declared
+    laws: Mapping[str, ConstraintLaw] = {}
+    if read is not None and mechanism.constraints is not None:
+        for file in filter(None, (declared, read)):
+            require_constraints(file, mechanism)
+        laws = constraint_laws(engine, read) if quantity.has_laws else {}
+    rules = step_rules(engine, read) if read is not None and quantity.has_step_rules else ()
+    softening = _softening(laws, read) if read is not None and laws else None
+    question = Question(mechanism, declared, read, in_body, softening, rules, precision, factorises)
+    texts = tuple(file and file.text for file in (declared, read))
+    return question, (texts, in_body, tuple(laws.items()), rules)
+
+
+def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:
+    """The mechanism that an engine makes of one whose constraints are held rigid, by its laws of the file that it reads."""
+
+    def softening(mechanism: Mechanism) -> Mechanism:
+        assert mechanism.constraints is not None
+        return softened(mechanism, softness_of(mechanism.constraints, laws, read))
+
+    return softening
+
+
+def declared_model(library: Library, system: str) -> ModelFile:
+    """The model file whose numbers are the truth: the library's own, whatever stands in for it.
+
+    Raises:
+        InvalidModel: it is invalid. NotOffered: the system has none.
+    """
+    for model_format in MODEL_SUFFIXES:
+        if library.has_model(system, model_format):
+            return read_model(library.validated_models(system)[model_format], model_format)
+    raise NotOffered(f"{system} has no model file")
+
+
+def refuse_robots(library: Library, quantities: str) -> None:
+    """Raises InvalidRequest where the library is of robots, whose files have no second truth."""
+    if library.is_of_robots:
+        raise InvalidRequest(f"{quantities}: of mechanisms here; harness check takes quantities of a robot's file")
+
+
+def load_audited(assignment: Assignment) -> Model:
+    """The subject's model, loaded once per process and audited.
+
+    Raises:
+        InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
+        ValueError: so does an engine of an environment.
+        harness.engines.Unsupported: the engine cannot express it.
+    """
+    library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
+
+    def load() -> Model:
+        try:
+            loaded = load_model(library, subject, mechanism, model)
+            audit(loaded.loaded(), model, mechanism)
+        except InvalidModel as error:
+            if not runs_elsewhere(load_engine(library, subject.engine)):
+                raise
+            # What an engine of an environment makes of a file is no fault of the file, which those beside the harness read.
+            raise ValueError(str(error)) from error
+        return loaded
+
+    return _MODELS.get((library, subject, mechanism.key, model and model.text), load)
+
+
+_MODELS: Kept[Model] = Kept(64)
+# By assignment, and shared by those whose truth is the same.
+_TRUTHS: Kept[Truth] = Kept(256)
+_SHARED: Kept[Truth] = Kept(64)
