@@ -24,6 +24,7 @@ from harness.report.hard_cases import HardSummary
 from harness.report.html import asset
 from harness.report.markdown import render_markdown
 from harness.report.pages import Pages, Survey
+from harness.report.standalone import standalone
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
@@ -37,7 +38,7 @@ from harness.storage import write_atomically
 __all__ = ["Earlier", "Survey", "build", "write"]
 
 # What pages share, beside them as it stands in this folder.
-_SHARED = ("style.css", "site.js", "charts.js", "rebuild.py")
+_SHARED = ("style.css", "site.js", "charts.js")
 
 
 def build(
@@ -83,7 +84,7 @@ def _site(pages: Pages) -> dict[str, str]:
         files[address] = drawn.text
         tables += [site_tables.shown(address, name, table) for name, table in drawn.tables.items()]
     site = replace(pages.site, tables=tables)
-    files |= {name: asset(name) for name in _SHARED} | {"bokeh.js": library()}
+    files |= {name: asset(name) for name in _SHARED} | {"rebuild.py": standalone(), "bokeh.js": library()}
     files |= {count.badge: badge(count) for count in site.counts}
     return files | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
 

@@ -21,7 +21,8 @@ from harness.report.figures import (
 from harness.report.summary import Summary
 from harness.results.records import Record
 from harness.results.table import counted, error_text, seconds_text
-from harness.results.trend import MEDIAN, ChangedCell, subject_of
+from harness.results.trend import ChangedCell, subject_of
+from harness.results.trend_numbers import MEDIAN
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

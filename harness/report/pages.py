@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from harness.report import addresses, benchmark_charts, charts, comparison, hard_charts, site_data, site_tables, site_trends, upstream
+from harness.report import addresses, benchmark_charts, charts, comparison, hard_charts, site_data, site_tables, upstream
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
@@ -99,7 +99,7 @@ class Pages:
             subject_styles=styles(self.summary.subjects) if self.summary else {},
             matrix=site_tables.matrix(self.site),
             engines=site_tables.engines(self.site),
-            changes=site_trends.changes(self.site),
+            changes=site_tables.changes(self.site),
             outcomes=outcomes,
             features=sorted({feature for row in self.site.rows for feature in row.features}),
             key={verdict: KEY[verdict] for verdict in KEY if any(cell.verdict == verdict for cell in self.site.cells)},
@@ -125,7 +125,7 @@ class Pages:
             further=[record for record in summary.further if record.system == row.name and record.is_noteworthy] if summary else [],
             verdicts=summary.verdicts_on(row.name) if summary else None,
             trends=summary.trends_on(row.name) if summary else None,
-            changes=site_trends.changes(self.site, row.name),
+            changes=site_tables.changes(self.site, row.name),
             differs=[finding for finding in summary.differs if finding.system == row.name] if summary else [],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},
             places=addresses.slugs(summary.subjects) if summary else {},

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from statistics import median
 
 from harness.report import addresses, site_trends, upstream
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.known_findings import known_findings
+from harness.report.site_features import engine_counts, feature_lines
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, SubjectRecord
 from harness.results.comparison_tables import short_names
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
-from harness.results.site import FeatureLine, Number, Site, SiteCell, SiteColumn, SiteCount, SiteFinding, SiteRow, plain_number
-from harness.results.table import error_text
-from harness.verdict import AGREEMENT, SEVERITY, Verdict
+from harness.results.site import Number, Site, SiteCell, SiteColumn, SiteFinding, SiteRow, plain_number
+from harness.verdict import AGREEMENT, Verdict
 
-# Features by which constraints give, and a distance from rigid ones that is no rounding.
-_TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling"), 1e-12
 OWN = "lagrange"
 
 
@@ -41,7 +38,7 @@ def collect(
     nights, trends = site_trends.collect(rows, summary, measured)
     return Site(
         run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
-        counts=[*_counts(columns, cells)], features=[*_features(columns, [*cells, *quantities])], quantities=quantities,
+        counts=[*engine_counts(columns, cells)], features=[*feature_lines(columns, [*cells, *quantities])], quantities=quantities,
         findings=[*_findings(summary, measured), *_known({column.engine for column in columns})],
         nights=nights, trends=trends,
     )  # fmt: skip
@@ -172,59 +169,6 @@ def _robot_cell(name: str, subject: SubjectRecord, pages: Mapping[tuple[bool, st
         reproducer="",
         page=pages[True, name],
     )
-
-
-def _counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
-    """Of each engine and version, over its formats."""
-    versions = sorted({(column.engine, column.version) for column in columns})
-    badges = addresses.slugs(f"{engine}-{version}".removesuffix("-") for engine, version in versions)
-    for engine, version in versions:
-        own = {column.name for column in columns if (column.engine, column.version) == (engine, version)}
-        verdicts = [cell for cell in cells if cell.column in own]
-        unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in verdicts)
-        badge = f"badges/{badges[f'{engine}-{version}'.removesuffix('-')]}.svg"
-        agrees = sum(cell.agrees for cell in verdicts)
-        asked = len(verdicts) - unsupported
-        yield SiteCount(engine=engine, version=version, agrees=agrees, asked=asked, unsupported=unsupported, badge=badge)
-
-
-def _features(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[FeatureLine]:
-    """By feature, then by column."""
-    for feature in sorted({name for cell in cells for name in asked_of(cell)}):
-        for column in columns:
-            own = [cell for cell in cells if cell.column == column.name and feature in asked_of(cell)]
-            if own:
-                yield _feature_line(feature, column.name, own)
-
-
-def asked_of(cell: SiteCell) -> list[str]:
-    """The features of a cell; of another quantity than accelerations that quantity alone."""
-    return cell.features if cell.quantity == "accelerations" else [cell.quantity]
-
-
-def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:
-    agrees = sum(cell.agrees for cell in cells)
-    unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
-    errors = [float(cell.backward_error) for cell in cells if cell.backward_error is not None]
-    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
-    worst, soft = largest(errors), median(distances) if distances else None
-    others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
-    parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
-    if agrees:
-        what = "agrees with what its engine documents" if parts else "agrees"
-        parts.append(f"{what} on {agrees} of {len(cells)}, worst {error_text(worst)}")
-    parts += [f"{verdict} on {count} of {len(cells)}" for verdict, count in others.items() if count]
-    reasons = list(dict.fromkeys(cell.reason for cell in cells if not cell.agrees and cell.reason))
-    line = "; ".join(parts) + (f": {reasons[0]}" if len(reasons) == 1 else "")
-    return FeatureLine(
-        feature=feature, column=column, asked=len(cells), agrees=agrees, unsupported=unsupported, worst=plain_number(worst),
-        from_rigid=plain_number(soft), line=line,
-    )  # fmt: skip
-
-
-def largest(errors: Iterable[float]) -> float | None:
-    """The largest, NaN counting as infinite; None of none."""
-    return max((math.inf if math.isnan(error) else error for error in errors), default=None)
 
 
 def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Iterator[SiteFinding]:

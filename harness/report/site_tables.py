@@ -5,13 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from harness.report import addresses
-from harness.results.site import FeatureLine, Number, ShownCell, ShownColumn, ShownTable, Site, SiteCell, SiteColumn
+from harness.report.addresses import slugs
+from harness.results.site import FeatureLine, Number, ShownCell, ShownColumn, ShownTable, Site, SiteCell, SiteChange, SiteColumn, SiteTrend
 from harness.results.table import Cell, Column, Table, error_text
+from harness.results.trend_numbers import change_of
 from harness.verdict import gravest
 
 # Of a mechanism every subject is asked; of a variant and of a robot's file, those that read it.
 _NOT_RUN, _NOT_ASKED = "not run", "not asked"
+# Rows of a table: a new version of an engine may change every cell. The data have all of them.
+MOST_SHOWN = 200
+_HEADS: list[Column | str] = [
+    "run started (UTC)", "system", "subject or method", "number",
+    Column("before", "error"), Column("now", "error"), Column("runs before", "count"), "found by",
+]  # fmt: skip
 
 
 def value_of(number: Number) -> float | None:
@@ -35,7 +42,7 @@ def matrix(site: Site) -> Table:
     held: dict[tuple[str, str], list[SiteCell]] = {}
     for cell in site.cells:
         held.setdefault((cell.row, cell.column), []).append(cell)
-    rows, columns = addresses.slugs(row.name for row in site.rows), addresses.slugs(column.name for column in site.columns)
+    rows, columns = slugs(row.name for row in site.rows), slugs(column.name for column in site.columns)
     places = {(row, column): f"cell-{rows[row]}--{columns[column]}" for row in rows for column in columns}
     drawn: list[list[object]] = []
     for row in site.rows:
@@ -113,6 +120,40 @@ def features(lines: Sequence[FeatureLine], engine: str) -> Table:
     ]
     heads = [Column("agree", "count"), Column("rows", "count"), Column("worst", "error"), Column("from rigid", "error")]
     return Table(["feature", "subject", "in a line", *heads], rows, f"What {engine} makes of each feature of a model")
+
+
+def changes(site: Site, row: str | None = None) -> Table:
+    """A row for each change point, of one mechanism or of all: of the latest night first, and of a night the largest first."""
+    pages = {one.name: one.page for one in site.rows if one.kind != "robot"}
+    rows: list[list[object]] = [
+        [
+            _moment(started),
+            Cell(trend.row, link=pages[trend.row]),
+            trend.column,
+            trend.number,
+            change.before,
+            change.now,
+            change.nights,
+            change.found_by,
+        ]
+        for started, trend, change in _ordered(site, row)
+    ]
+    shown = f", {MOST_SHOWN} of {len(rows)}" if len(rows) > MOST_SHOWN else ""
+    table = Table(_HEADS, rows[:MOST_SHOWN], f"Changed in the trend{shown}")
+    return table if row is None else table.without("system")
+
+
+def _ordered(site: Site, row: str | None) -> list[tuple[str, SiteTrend, SiteChange]]:
+    found = [(site.nights[one.study][change.place], one, change) for one in site.trends if row in (None, one.row) for change in one.changes]
+    found.sort(key=lambda entry: (entry[1].row, entry[1].column, entry[1].number))
+    found.sort(key=lambda entry: abs(change_of(entry[2].before, entry[2].now, entry[1].number)), reverse=True)
+    found.sort(key=lambda entry: entry[0], reverse=True)
+    return found
+
+
+def _moment(started: str) -> str:
+    """ "2026-01-31 02:00" of ISO 8601 in UTC."""
+    return started[:16].replace("T", " ")
 
 
 def shown(page: str, name: str, table: Table) -> ShownTable:

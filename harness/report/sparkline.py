@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 from harness.results.table import counted, error_text
-from harness.results.trend import Trend
+
+if TYPE_CHECKING:
+    from harness.results.trend import Trend
 
 _WIDTH, _HEIGHT, _MARGIN = 80.0, 20.0, 3.0
 # Changes within this factor look as flat as they are.

@@ -17,18 +17,8 @@ from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
 from harness.results.records import ACCELERATIONS, Record, Records, Run
 from harness.results.table import Cell, Table, counted, error_text
-from harness.results.trend import (
-    MEDIAN,
-    PERCENTILE_99,
-    TREND_CHANGES,
-    WORST,
-    ChangedCell,
-    Trend,
-    comparable,
-    readings_of_records,
-    subject_of,
-    trends,
-)
+from harness.results.trend import TREND_CHANGES, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
+from harness.results.trend_numbers import TRACKED
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
@@ -37,8 +27,6 @@ if TYPE_CHECKING:
 Earlier = tuple[Run, Sequence[Record]]
 # A verdict or a version that is not what it was in the run before: its name, before, and now.
 ChangedValue = tuple[str, str, str]
-# Backward errors that are followed from run to run, by their names for the reader.
-_TRACKED = {"worst": WORST, "99 %": PERCENTILE_99, "median": MEDIAN}
 
 
 class Summary:
@@ -152,8 +140,8 @@ class Summary:
     def trends_on(self, system: str) -> Table:
         """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
         subjects = dict.fromkeys(subject_of(record) for record in self.of_system(system)) if len(self.nights) > 1 else {}
-        rows = [[subject, *(self._sparkline(system, subject, number) for number in _TRACKED.values())] for subject in subjects]
-        return Table(["subject", *(f"trend of the {name}" for name in _TRACKED)], rows, f"Trends of backward errors on {system}")
+        rows = [[subject, *(self._sparkline(system, subject, number) for number in TRACKED.values())] for subject in subjects]
+        return Table(["subject", *TRACKED], rows, f"Trends of backward errors on {system}")
 
     def quantities_on(self, system: str) -> Table:
         """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""

@@ -19,7 +19,8 @@ from harness.results.change_points import Chart
 from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
 from harness.results.table import Column, TableOf
-from harness.results.trend import WORST, readings_of_records, subject_of
+from harness.results.trend import readings_of_records, subject_of
+from harness.results.trend_numbers import WORST
 from harness.verdict import SEVERITY
 
 VERDICT, MESSAGE, TIME, CAME, WENT = "verdict", "message", "time per state", "came", "went"

@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import msgspec
-
 Number = float | Literal["inf", "-inf", "nan"] | None
 
 
@@ -253,5 +251,7 @@ class Site:
 
 def schema() -> str:
     """The JSON Schema of ``site.json``, draft 2020-12."""
+    import msgspec
+
     document: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Site)}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"

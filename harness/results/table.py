@@ -168,9 +168,9 @@ class Table:
         rows = [[*row[:place], cell, *row[place:]] for row, cell in zip(self.rows, cells, strict=True)]
         return Table([*self.heads[:place], column, *self.heads[place:]], rows, self.caption, self.style)
 
-    def texts(self) -> list[list[str]]:
-        """The rows as text, with a comma before each note."""
-        return [[", ".join(_lines(head, cell)) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
+    def texts(self, separator: str = ", ") -> list[list[str]]:
+        """The rows as text, with a separator before each note."""
+        return [[separator.join(_lines(head, cell)) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
 
     def __str__(self) -> str:
         """Lines of plain text, none of them wrapped; the headings come first."""

@@ -6,7 +6,6 @@ computation that was timed beside it. ``harness.results.change_points`` has the 
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,16 +17,14 @@ from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
 from harness.results.records import Record, Run
 from harness.results.table import Column, TableOf
+from harness.results.trend_numbers import COST, MEDIAN, PERCENTILE_99, WORST, logarithm_of, number_of
 
-# A change of an error by less than so many data roundoffs is none: half an ulp of an input moves the answer by one.
-LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16
 # Least noise of the logarithm that is assumed of a number: of quantiles, of largest values, and of costs.
 QUANTILE_NOISE, WORST_NOISE, COST_NOISE = 0.05, 0.25, 0.1
 # Nights in a row that show another cost.
 COST_RUN = 5
 # Nights that a trend looks back.
 MOST_NIGHTS = 60
-MEDIAN, PERCENTILE_99, WORST, COST = "median backward error", "99 % backward error", "worst backward error", "cost"
 # A system, a subject or method, and the name of a number.
 Cell = tuple[str, str, str]
 _Found = TypeVar("_Found")
@@ -85,12 +82,13 @@ def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
             (PERCENTILE_99, record.percentile_99_backward_error, record.percentile_99_bounds),
         ):
             if value is not None and bounds:
-                noise = (_logarithm(bounds[1]) - _logarithm(bounds[0])) / (2 * BOUNDS_AT)
-                found[record.system, subject, name] = NightValue(_logarithm(value), max(QUANTILE_NOISE, noise), measured=value)
+                low, high = (logarithm_of(bound, name) for bound in bounds)
+                noise = (high - low) / (2 * BOUNDS_AT)
+                found[record.system, subject, name] = NightValue(logarithm_of(value, name), max(QUANTILE_NOISE, noise), measured=value)
         if record.backward_error is not None:
             error = record.backward_error
             found[record.system, subject, WORST] = NightValue(
-                _logarithm(error), WORST_NOISE, is_known=False, is_skewed=True, measured=error
+                logarithm_of(error, WORST), WORST_NOISE, is_known=False, is_skewed=True, measured=error
             )
     return found
 
@@ -107,7 +105,7 @@ def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:
     for cost in benchmark.accelerations:
         if cost.fastest and (yardstick := yardsticks.get(cost.system)):
             ratio = cost.fastest / yardstick
-            found[cost.system, way_of(cost), COST] = NightValue(math.log(ratio), COST_NOISE, False, True, COST_RUN, ratio)
+            found[cost.system, way_of(cost), COST] = NightValue(logarithm_of(ratio, COST), COST_NOISE, False, True, COST_RUN, ratio)
     return found
 
 
@@ -134,8 +132,8 @@ def _trend(cell: Cell, own: Mapping[int, NightValue], nights: int, chart: Chart)
             system=system,
             subject=subject,
             number=number,
-            before=_plain(change.before, number),
-            now=_plain(change.now, number),
+            before=number_of(change.before, number),
+            now=number_of(change.now, number),
             by=change.now - change.before,
             nights=change.nights,
             place=places[change.place],
@@ -156,12 +154,3 @@ def changes(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = N
 def changes_of_the_last(nights: Sequence[Mapping[Cell, NightValue]]) -> list[ChangedCell]:
     """The changes that the last of the nights shows."""
     return [one for one in changes(nights) if one.place == len(nights) - 1]
-
-
-def _logarithm(error: float) -> float:
-    return math.log(min(max(error, 0.0), LARGEST_ERROR) + LEAST_ERROR) if not math.isnan(error) else math.log(LARGEST_ERROR)
-
-
-def _plain(logarithm: float, number: str) -> float:
-    value = math.exp(logarithm)
-    return value if number == COST else max(0.0, value - LEAST_ERROR)

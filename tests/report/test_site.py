@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import bisect
 import json
 import re
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,11 +28,14 @@ from harness.report.badges import badge
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.known_findings import known_findings
 from harness.report.site_data import collect
+from harness.report.standalone import MODULES
 from harness.report.summary import Summary
 from harness.results.benchmark import Benchmark, EngineFinding
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record, Run
 from harness.results.site import Site, SiteCount, schema
+
+PACKAGE = Path(__file__).resolve().parents[2] / "harness"
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +107,18 @@ def test_the_script_finds_a_number_that_a_page_has_wrong(tmp_path: Path, name: s
     page.write_text(text[:body] + text[body:].replace(said, instead))
     done = rebuild(tmp_path)
     assert done.returncode == 1 and name in done.stderr
+
+
+def test_the_modules_of_the_script_give_no_name_to_two_things() -> None:
+    given = Counter[str]()
+    for name in MODULES:
+        body = ast.parse((PACKAGE / name).read_text()).body
+        own = {node.name for node in body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+        given.update(
+            own
+            | {part.id for node in body if isinstance(node, ast.Assign) for part in ast.walk(node.targets[0]) if isinstance(part, ast.Name)}
+        )
+    assert [name for name, count in given.items() if count > 1] == []
 
 
 def test_the_script_computes_changes_and_trends_from_the_values_of_the_runs(tmp_path: Path) -> None:
