@@ -18,8 +18,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.files.constraints import ModelConstraint
+from harness.files.facts import PointSpring
 from harness.models.constraint_law import ConstraintLaw
-from harness.models.urdf_forces import PointSpring
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,10 @@ from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import FILE_SUFFIXES, Library, nearest
 from harness.models.joint_table import systems_with_joints_of
+from harness.models.reading import format_of
 from harness.results.records import Record
 from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import format_of, read_robot
+from harness.robots.robot import read_robot
 from harness.study import Study
 
 

@@ -12,8 +12,8 @@ from harness.arrays import Array
 from harness.comparison.coordinates import multiplied, rotations
 from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, Request
 from harness.equations.states import States
+from harness.files.facts import PointSpring
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
-from harness.models.urdf_forces import PointSpring
 from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
 

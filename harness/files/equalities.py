@@ -82,6 +82,14 @@ class Sum:
 
 
 @dataclass(frozen=True)
+class Polygon:
+    """A tendon that is the length of the polygon through points, each a body's name and a place in that body."""
+
+    name: str
+    points: tuple[tuple[str, Pose], ...]
+
+
+@dataclass(frozen=True)
 class TendonLinkage:
     """Tendon ``tendon`` is a polynomial of tendon ``leader``: one row; without a leader it is the polynomial's constant."""
 
@@ -94,6 +102,15 @@ class TendonLinkage:
         return (self.tendon,) if self.leader is None else (self.tendon, self.leader)
 
 
+@dataclass(frozen=True)
+class PathLinkage:
+    """A ``TendonLinkage`` of which a tendon is the length of a polygon; its row is measured from the file's zero position."""
+
+    tendon: Sum | Polygon
+    leader: Sum | Polygon | None
+    coefficients: tuple[Fraction, ...]
+
+
 Rows = Meeting | Linkage | TendonLinkage
 
 
@@ -102,8 +119,9 @@ class Equality:
     """One equality of a file.
 
     Attributes:
-        kind: its tag. line: in the robot's own file. is_active: whether it holds from the start.
+        kind: its tag. line: in the model's own file. is_active: whether it holds from the start.
         rows: None where the harness does not write them, ``why_not`` then says why. softness: None for a format that has none.
+        name: "" for none. path: what is said of tendons along paths, in place of ``rows``.
     """
 
     kind: str
@@ -113,6 +131,8 @@ class Equality:
     why_not: str = ""
     softness: Softness | None = None
     is_active: bool = True
+    name: str = ""
+    path: PathLinkage | None = None
 
     def declared(self, name: str) -> ModelConstraint:
         """The constraint as engines that read models know it, as far as its softness and the weights of its rows go.

@@ -231,6 +231,11 @@ class Body(_Placed):
     solids: tuple[Solid, ...] = ()
 
     @property
+    def is_unnamed(self) -> bool:
+        """True where the file gives it no name, so that its reader has made one of its place."""
+        return self.name.startswith("(")
+
+    @property
     def is_massless(self) -> bool:
         return all(solid.is_massless for solid in self.solids) and not (self.inertia and self.inertia.mass)
 

@@ -128,7 +128,7 @@ def test_what_is_read_from_urdf(read: Reader) -> None:
     assert (model.root_line, model.gravity_line) == (1, None)
     assert model.force_elements == (
         JointDamper("pin", 0.2, 27),
-        JointSpring("slide", 270.0, 0.0, 29),
+        JointSpring("slide", 270.0, 0.0, 30),
         PointSpring("world", (-2.5, 0.0, 0.0), "bar", (0.0, 0.0, -0.6), 2.5, 120.0, 0.0, 33),
     )
 
@@ -420,7 +420,7 @@ MALFORMED_URDF = {
     "text in a mass": ('<mass value="10"/>', "<mass>10</mass>", 6, "has no attribute 'value'"),
     "text in a link": ('<link name="world"/>', '<link name="world">fixed</link>', 2, "holds the text 'fixed'"),
     "mimic of nothing": (DAMPER, '<mimic joint="slyde"/>', 27, "did you mean 'slide'?"),
-    "mimic of itself": (DAMPER, '<mimic joint="pin"/>', 27, "mimics 'pin', which mimics a joint itself"),
+    "mimic of itself": (DAMPER, '<mimic joint="pin"/>', 27, "mimics 'pin', which mimics it"),
     "mimic twice": (DAMPER, '<mimic joint="slide"/><mimic joint="slide"/>', 27, "second <mimic>"),
     "mimic with a word": (DAMPER, '<mimic joint="slide" multiplier="minus"/>', 27, "'minus'"),
     "mimic by a floating joint": (
@@ -682,7 +682,7 @@ def test_a_ball_joint_hangs_the_root_link_on_the_world(tmp_path: Path) -> None:
     [
         ('type="ball"', 'type="universal"', "universal"),
         ('parent link="world"', 'parent link="top"', "expected 'world'"),
-        ('child link="top"', 'child link="tip"', "expected 'top'"),
+        ('child link="top"', 'child link="tip"', "names nothing in this file; did you mean 'top'"),
         ("<parent", "<parnt", "parnt"),
         ('<mass value="2"/>', '<mass value="0"/>', "mass"),
         ("</robot>", '<drake:joint name="b" type="ball"><parent link="world"/><child link="top"/></drake:joint></robot>', "second"),

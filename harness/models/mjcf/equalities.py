@@ -10,19 +10,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from lxml import etree
 
 from harness.files.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
-from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
+from harness.files.equalities import Equality, Linkage, Meeting, PathLinkage, Polygon, Rows, Sum, TendonLinkage, Weld
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Placement, Pose, Quaternion, vector
 from harness.models.mjcf.defaults import resolved_text
-from harness.models.mjcf.numbers import Attributes
+from harness.models.mjcf.numbers import JOINTS, Attributes
 from harness.models.mjcf.options import is_on
 from harness.models.mjcf.tendons import tendons
-from harness.models.source import Source
+from harness.models.source import Elements, Source
 from harness.models.values import one_sign
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _UNWRITTEN = "is of a kind whose rows the harness does not write"
+_ALONG_PATH = "is about a tendon that runs along a path, or about none of this file"
 
 
 class _NotRead(Exception):
@@ -43,36 +44,47 @@ class _Reader:
     ) -> None:
         self._source, self._attributes, self._name = source, attributes, name
         worlds = [*root.iterchildren("worldbody")]
-        self._sites = _named(site for world in worlds for site in world.iter("site"))
-        self._tendons = _named(tendons(root))
-        self._bodies = {WORLD: WORLD} | {key: name(body) for key, body in _named(b for world in worlds for b in world.iter("body")).items()}
-        self._single = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
+        self._sites = _by_name(site for world in worlds for site in world.iter("site"))
+        self._joints = _by_name(joint for world in worlds for joint in world.iter(*JOINTS))
+        self._tendons = _by_name(tendons(root))
+        self._bodies = _by_name(body for world in worlds for body in world.iter("body"))
+        self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
         self._is_on = all(is_on(root, stage) for stage in ("constraint", "equality"))
         floating = {body.name for body in bodies if any(joint.kind is JointKind.FREE for joint in body.joints)}
         elements = {name(body): body for world in worlds for body in world.iter("body")}
         self._floating = tuple((key, attributes.pose(elements[key])) for key in elements if key in floating)
 
     def read(self, element: etree._Element) -> Equality:
-        readers: Mapping[str, Callable[[etree._Element], Rows]] = {
+        readers: Mapping[str, Callable[[etree._Element], Rows | PathLinkage]] = {
             "connect": self._connect,
             "weld": self._weld,
             "joint": self._joint,
             "tendon": self._tendon,
         }
-        rows, why_not, softness = None, _UNWRITTEN, None
+        said, why_not, softness = None, _UNWRITTEN, None
         try:
             if element.tag in readers:
-                rows, why_not, softness = readers[str(element.tag)](element), "", self._softness(element)
+                said, why_not, softness = readers[str(element.tag)](element), "", self._softness(element)
         except _NotRead as problem:
-            rows, why_not = None, str(problem)
+            said, why_not = None, str(problem)
+        path = said if isinstance(said, PathLinkage) else None
         (line,) = self._source.lines([element])
-        is_active = self._is_on and resolved_text(element, "active", "true") != "false"
-        return Equality(str(element.tag), self._source.place(element), line, rows, why_not, softness, is_active)
+        return Equality(
+            str(element.tag),
+            self._source.place(element),
+            line,
+            None if isinstance(said, PathLinkage) else said,
+            why_not if path is None else _ALONG_PATH,
+            softness,
+            self._is_on and resolved_text(element, "active", "true") != "false",
+            str(element.get("name") or ""),
+            path,
+        )
 
     def _softness(self, element: etree._Element) -> Softness:
         time, ratio = map(float, self._attributes.numbers(element, "solref", SOLREF))
         if complaint := one_sign((time, ratio)):
-            raise _NotRead(f"has a solref that {complaint}")
+            raise _NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
         least, most, width, midpoint, power = map(float, self._attributes.numbers(element, "solimp", SOLIMP))
         return Softness((time, ratio), (least, most, width, midpoint, power))
 
@@ -96,42 +108,48 @@ class _Reader:
         held = Placement(vector(relative[:3]), (Quaternion(tuple(relative[3:])),)) if any(relative[3:]) else None
         return Weld(bodies, (anchor,), None if held is None else (held,), self._floating, scale)
 
+    def _named(self, element: etree._Element, attribute: str, known: Elements) -> etree._Element:
+        if element.get(attribute) not in known:
+            raise _NotRead(f"is not read: {self._source.unresolved(element, attribute, known)}")
+        return known[str(element.get(attribute))]
+
     def _site(self, element: etree._Element, attribute: str) -> tuple[str, Pose]:
-        site = self._sites.get(str(element.get(attribute)))
-        if site is None:
-            raise _NotRead(f"names no site of this file by {attribute}")
+        site = self._named(element, attribute, self._sites)
         return self._name(next(site.iterancestors("body", "worldbody"))), self._attributes.pose(site)
 
     def _body(self, element: etree._Element, attribute: str) -> str:
-        named = str(element.get(attribute, WORLD))
-        if named not in self._bodies:
-            raise _NotRead(f"names no body of this file by {attribute}")
-        return self._bodies[named]
+        if element.get(attribute, WORLD) == WORLD:
+            return WORLD
+        return self._name(self._named(element, attribute, self._bodies))
+
+    def _single(self, element: etree._Element, attribute: str) -> str:
+        """The hinge or slide that an attribute names."""
+        self._named(element, attribute, self._joints)
+        joint = str(element.get(attribute))
+        if joint not in self._singles:
+            raise _NotRead(f"couples joint {joint!r}, which is no hinge or slide")
+        return joint
 
     def _joint(self, element: etree._Element) -> Linkage:
-        names = [str(element.get(attribute)) for attribute in ("joint1", "joint2") if attribute in element.attrib]
-        if not names or not self._single.issuperset(names):
-            raise _NotRead("names no hinge or slide of this file")
+        joint, leader = self._single(element, "joint1"), self._single(element, "joint2") if "joint2" in element.attrib else None
+        return Linkage(joint, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL))
+
+    def _tendon(self, element: etree._Element) -> TendonLinkage | PathLinkage:
+        tendon = self._length(self._named(element, "tendon1", self._tendons))
+        leader = self._length(self._named(element, "tendon2", self._tendons)) if "tendon2" in element.attrib else None
         coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
-        return Linkage(names[0], names[1] if len(names) > 1 else None, coefficients)
+        if isinstance(tendon, Sum) and not isinstance(leader, Polygon):
+            return TendonLinkage(tendon, leader, coefficients)
+        return PathLinkage(tendon, leader, coefficients)
 
-    def _tendon(self, element: etree._Element) -> TendonLinkage:
-        tendons = [self._sum(str(element.get(attribute))) for attribute in ("tendon1", "tendon2") if attribute in element.attrib]
-        if not tendons:
-            raise _NotRead("names no tendon")
-        coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
-        return TendonLinkage(tendons[0], tendons[1] if len(tendons) > 1 else None, coefficients)
-
-    def _sum(self, name: str) -> Sum:
-        tendon = self._tendons.get(name)
-        if tendon is None or tendon.tag != "fixed":
-            raise _NotRead("is about a tendon that runs along a path, or about none of this file")
-        parts = [*tendon.iterchildren("joint")]
-        names = [str(part.get("joint")) for part in parts]
-        if not self._single.issuperset(names):
-            raise _NotRead("is about a tendon of what is no hinge or slide of this file")
-        return Sum(name, tuple((joint, self._source.number(part, "coef", None)) for joint, part in zip(names, parts, strict=True)))
+    def _length(self, tendon: etree._Element) -> Sum | Polygon:
+        name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
+        if tendon.tag == "fixed":
+            return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
+        if any(part.tag != "site" for part in parts):
+            raise _NotRead(_ALONG_PATH)
+        return Polygon(name, tuple(self._site(part, "site") for part in parts))
 
 
-def _named(elements: Iterator[etree._Element]) -> dict[str, etree._Element]:
+def _by_name(elements: Iterator[etree._Element]) -> Elements:
     return {str(element.get("name")): element for element in elements if element.get("name")}

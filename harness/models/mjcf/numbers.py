@@ -17,7 +17,7 @@ from harness.models.mjcf.expansion import REPEATED
 from harness.models.mjcf.options import is_on
 from harness.models.source import Source
 from harness.models.values import Check, Numbers
-from harness.models.xml import describe
+from harness.models.xml import describe, shorten
 
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
 _SIZES = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
@@ -70,14 +70,22 @@ class Attributes:
         return value
 
     def coefficient(self, element: etree._Element, attribute: str, stage: str) -> Fraction:
-        """A stiffness or damping; 0 where that stage is switched off."""
+        """A stiffness or damping; 0 where that stage is switched off, and where it is left unread."""
         linear, *others = self.numbers(element, attribute, (0, 0, 0))
         if not self.acts(stage):
             return Fraction(0)
-        if any(others):
-            problem = f"{attribute} is a polynomial of the displacement or rate, which is not read; write one number"
-            self._source.refuse(element, f"{describe(element)}: {problem}")
+        bent = next((one for one in others if one), None)
+        if bent is not None:
+            self.leave_unread(element, attribute, bent, "is not linear", "write one number")
+            return Fraction(0)
         return linear
+
+    def leave_unread(self, element: etree._Element, attribute: str, number: Fraction, why: str, advice: str) -> None:
+        """Note that a number of an attribute, which may stand in a default class, is a force or an inertia that no tree holds."""
+        place = number.place if isinstance(number, Given) else self._source.place(element)
+        written = next(one for one in writings(element, attribute) if self._source.place(one.owner) == place)
+        what = f'{describe(element)} {attribute}="{shorten(written.text)}" {why}'
+        self._source.leave_unread(written.owner, what, advice)
 
     def acts(self, stage: str) -> bool:
         """Whether "spring" or "damper" forces are switched on."""

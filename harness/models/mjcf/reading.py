@@ -135,7 +135,8 @@ class _Reader:
             place=place,
         )
         if joint.stiffness and not kind.has_axis:
-            self._source.refuse(element, f"{describe(element)} is a {kind} joint with stiffness, which is not read; remove it")
+            attributes.leave_unread(element, "stiffness", joint.stiffness, f"is a spring in a {kind} joint", "remove it")
+            joint = replace(joint, stiffness=Fraction(0))
         time, ratio = attributes.numbers(element, "springdamper", (0, 0))
         if time or ratio:
             if min(time, ratio) <= 0:

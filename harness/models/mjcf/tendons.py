@@ -13,7 +13,7 @@ from lxml import etree
 from harness.files.tree import Coupling, Given, Joint, Pose, Spring
 from harness.models.mjcf.defaults import resolved
 from harness.models.mjcf.numbers import Attributes
-from harness.models.source import Source
+from harness.models.source import Elements, Source
 from harness.models.xml import describe
 
 
@@ -23,26 +23,33 @@ def read_tendons(
     """The springs and dampers of a file's tendons; ``name`` gives the name of a body, ``joints`` are those of the file by name.
 
     Raises:
-        InvalidModel: a spring or damper on another path, or between two lengths, and what speaks of nothing in the file.
+        InvalidModel: one speaks of nothing in the file. A spring or damper on another path, or between two lengths, is left unread.
     """
     sites = {str(site.get("name")): site for world in root.iterchildren("worldbody") for site in world.iter("site")}
     springs: list[Spring] = []
     couplings: list[Coupling] = []
     for tendon in tendons(root):
+        if armature := attributes.number(tendon, "armature", 0.0):
+            attributes.leave_unread(tendon, "armature", armature, "is an inertia in a tendon", "remove it")
+            continue
         stiffness, damping = (attributes.coefficient(tendon, *of) for of in (("stiffness", "spring"), ("damping", "damper")))
-        if attributes.number(tendon, "armature", 0.0):
-            source.refuse(tendon, f"{describe(tendon)} has armature, an inertia in a tendon, which is not read; remove it")
         if not stiffness and not damping:
             continue
-        rest = _rest(source, attributes, tendon) if stiffness else Fraction(0)
-        if tendon.tag == "fixed":
+        lower, upper = _rest(attributes, tendon) if stiffness else (Fraction(0), Fraction(0))
+        path, place = list(tendon.iterchildren("*")), source.place(tendon)
+        if lower != upper:
+            source.leave_unread(tendon, f"{describe(tendon)} is slack between two lengths", "write one springlength")
+        elif tendon.tag == "fixed":
             terms = tuple(_terms(source, tendon, joints))
-            couplings.append(Coupling(terms, stiffness, damping, rest, source.place(tendon)))
-            continue
-        if rest is None:
-            source.refuse(tendon, f"{describe(tendon)} leaves its springlength to the reader; write it")
-        first, second = _ends(source, attributes, tendon, sites, name)
-        springs.append(Spring((first, second), rest, stiffness, damping, source.place(tendon)))
+            couplings.append(Coupling(terms, stiffness, damping, None if lower < 0 else lower, place))
+        elif [part.tag for part in path] != ["site", "site"]:
+            what = f"{describe(tendon)} does not run straight from one site to another"
+            source.leave_unread(tendon, what, "lead it through two sites")
+        elif lower < 0:
+            source.leave_unread(tendon, f"{describe(tendon)} leaves its springlength to the reader", "write it")
+        else:
+            first, second = (_end(source, attributes, part, sites, name) for part in path)
+            springs.append(Spring((first, second), lower, stiffness, damping, place))
     return tuple(springs), tuple(couplings)
 
 
@@ -52,15 +59,11 @@ def tendons(root: etree._Element) -> Iterator[etree._Element]:
         yield from section.iterchildren("*")
 
 
-def _rest(source: Source, attributes: Attributes, tendon: etree._Element) -> Fraction | None:
-    """The length of a tendon's spring at rest; None for that where the joints' springs are."""
+def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]:
+    """The two lengths between which a tendon's spring is at rest; negative where those of the joints' springs are."""
     lower, upper = attributes.numbers(tendon, "springlength", (-1, -1))
     written = resolved(tendon, "springlength")
-    if written is not None and len(written.text.split()) == 1:
-        upper = lower
-    if lower != upper:
-        source.refuse(tendon, f"{describe(tendon)} is slack between two lengths, which is not read; write one springlength")
-    return None if lower < 0 else lower
+    return (lower, lower) if written is not None and len(written.text.split()) == 1 else (lower, upper)
 
 
 def _terms(source: Source, tendon: etree._Element, joints: Mapping[str, Joint]) -> Iterator[tuple[str, Given]]:
@@ -71,22 +74,9 @@ def _terms(source: Source, tendon: etree._Element, joints: Mapping[str, Joint]) 
         yield name, source.number(part, "coef", None)
 
 
-def _ends(
-    source: Source,
-    attributes: Attributes,
-    tendon: etree._Element,
-    sites: Mapping[str, etree._Element],
-    name: Callable[[etree._Element], str],
-) -> list[tuple[str, Pose]]:
-    """Body and place of either end of a tendon."""
-    path = [*tendon.iterchildren("*")]
-    if [part.tag for part in path] != ["site", "site"]:
-        problem = "has a spring or damper and does not run straight from one site to another, which is not read"
-        source.refuse(tendon, f"{describe(tendon)} {problem}")
-    ends = []
-    for part in path:
-        site = sites.get(str(part.get("site")))
-        if site is None:
-            source.refuse(part, f'<site site="{part.get("site")}"> names no site of this file; correct the name')
-        ends.append((name(next(site.iterancestors("body", "worldbody"))), attributes.pose(site)))
-    return ends
+def _end(
+    source: Source, attributes: Attributes, part: etree._Element, sites: Elements, name: Callable[[etree._Element], str]
+) -> tuple[str, Pose]:
+    """Body and place of one end of a tendon."""
+    site = sites[source.resolve(part, "site", sites)]
+    return name(next(site.iterancestors("body", "worldbody"))), attributes.pose(site)

@@ -7,19 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import Any
 
 from lxml import etree
 
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Given, Placement, Pose, Spring, vector
 from harness.models.formats import POINT_SPRING
-from harness.models.source import Source
+from harness.models.source import Elements, Source
+from harness.models.urdf.kinds import needs_axis
 from harness.models.values import Numbers, not_negative, positive
-from harness.models.xml import describe, literal_tag
+from harness.models.xml import describe, literal_tag, shorten
 
-_ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
-Elements = Mapping[str, etree._Element]
+ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
+# What is left out of a robot's file.
+FORCES_WITHOUT_AXIS = "springs and rotors of joints of none or several degrees of freedom"
+UNREAD_ROTORS = "rotors of transmissions that Drake leaves out"
 
 
 @dataclass
@@ -30,44 +33,76 @@ class Beside:
     springs: tuple[Spring, ...] = ()
 
 
-def read_beside(source: Source, root: etree._Element, links: Elements, joints: Elements) -> Beside:
+def read_beside(source: Source, root: etree._Element, links: Elements, joints: Elements, kinds: Mapping[str, JointKind | None]) -> Beside:
     """Everything of that kind; raises InvalidModel at the line of what is malformed, or speaks of no joint or link of the file."""
-    found = Beside(
-        springs=tuple(_point_spring(source, element, links) for element in root.iterchildren("*") if literal_tag(element) == POINT_SPRING)
-    )
-    for what, name, element, fields in (*_joint_springs(source, root), *_armatures(source, root)):
-        if name not in joints:
-            source.refuse(element, f"{describe(element)} is a {what} of {name!r}, which is no joint of this file; correct the name")
-        known = found.of_joints.setdefault(name, {})
-        if known.keys() & fields.keys():
-            source.refuse(element, f"joint {name!r} has a second {what}; expected one, with the sum of both")
-        known.update(fields)
+    found = Beside(springs=tuple(_point_spring(source, element, links) for element in source.children(root, POINT_SPRING)))
+    single = {name for name, kind in kinds.items() if kind is not None and kind.is_single}
+    for gazebo in root.iterchildren("gazebo"):
+        stiffness, reference = source.one(gazebo, "springStiffness"), source.one(gazebo, "springReference")
+        if stiffness is not None:
+            name = source.resolve(gazebo, "reference", joints)
+            fields = {"stiffness": _text(source, stiffness)}
+            if reference is not None:
+                fields["spring_reference"] = _text(source, reference)
+            if name in found.of_joints:
+                source.refuse(gazebo, f"joint {name!r} has a second spring; expected one, with the sum of the stiffnesses")
+            found.of_joints[name] = fields
+            if name not in single:
+                source.pass_over(gazebo, needs_axis(joints[name], "a spring"), FORCES_WITHOUT_AXIS)
+    for name, inertia in _armatures(source, root, joints, single):
+        found.of_joints.setdefault(name, {})["armature"] = inertia
     return found
 
 
-def _joint_springs(source: Source, root: etree._Element) -> Iterator[tuple[str, str, etree._Element, dict[str, Fraction]]]:
-    """Gazebo's springs in joints."""
-    for gazebo in root.iterchildren("gazebo"):
-        stiffness = gazebo.find("springStiffness")
-        if stiffness is not None:
-            reference = gazebo.find("springReference")
-            fields: dict[str, Fraction] = {"stiffness": _text(source, stiffness)}
-            if reference is not None:
-                fields["spring_reference"] = _text(source, reference)
-            yield "spring", str(gazebo.get("reference")), gazebo, fields
+def has_rotor(transmission: etree._Element) -> bool:
+    """True for a transmission with a rotor in one of its actuators."""
+    return any(literal_tag(part) == ROTOR_INERTIA for part in transmission.iterfind("actuator/*"))
 
 
-def _armatures(source: Source, root: etree._Element) -> Iterator[tuple[str, str, etree._Element, dict[str, Fraction]]]:
-    """Drake's rotors: of a transmission, the float64 gear_ratio^2 rotor_inertia."""
+def _armatures(source: Source, root: etree._Element, joints: Elements, single: set[str]) -> Iterator[tuple[str, Given]]:
+    """Drake's rotors, joint by joint: of a transmission, the float64 gear_ratio^2 rotor_inertia."""
+    driven: set[str] = set()
     for transmission in root.iterchildren("transmission"):
-        for actuator in transmission.iterchildren("actuator"):
-            parts = {literal_tag(part): part for part in actuator.iterchildren("*")}
-            joint = transmission.find("joint")
-            if _ROTOR_INERTIA in parts and joint is not None:
-                inertia = source.number(parts[_ROTOR_INERTIA], "value", None, not_negative)
-                ratio = source.number(parts[_GEAR_RATIO], "value", None, not_negative) if _GEAR_RATIO in parts else Fraction(1)
-                reflected = Given(float(ratio) ** 2 * float(inertia), inertia.place, inertia.attribute)
-                yield "transmission", str(joint.get("name")), transmission, {"armature": reflected}
+        rotor, carrier = has_rotor(transmission), source.one(transmission, "joint")
+        unread = UNREAD_ROTORS if rotor else ""
+        kind = transmission.findtext("type") or transmission.get("type") or ""
+        if "SimpleTransmission" not in kind:
+            what = f"is of type {shorten(kind)!r}" if kind else "has no <type>"
+            expected = "expected <type>transmission_interface/SimpleTransmission</type>"
+            source.pass_over(transmission, f"{describe(transmission)} {what}; {expected}", unread)
+            continue
+        if carrier is None:
+            source.pass_over(transmission, f"{describe(transmission)} has no <joint>; add it", unread)
+            continue
+        if not rotor and carrier.get("name") in joints:
+            problem = f"has no <{ROTOR_INERTIA}>; add it, or remove the transmission, which does nothing"
+            source.pass_over(transmission, f"{describe(transmission)} {problem}")
+            continue
+        if not rotor:
+            source.pass_over(carrier, source.unresolved(carrier, "name", joints))
+            continue
+        name = source.resolve(carrier, "name", joints)
+        if name in driven:
+            source.refuse(transmission, f"joint {name!r} has a second transmission; expected one, with the sum of the reflected inertias")
+        driven.add(name)
+        limit = source.one(joints[name], "limit")
+        if name not in single:
+            source.pass_over(carrier, needs_axis(joints[name], "a transmission"), FORCES_WITHOUT_AXIS)
+        elif limit is not None and "effort" in limit.attrib and not source.number(limit, "effort", None):
+            problem = "has effort 0, with which Drake leaves out its transmission; write more than zero"
+            source.pass_over(limit, f"{describe(joints[name])} {problem}", UNREAD_ROTORS)
+        else:
+            yield name, _reflected(source, transmission)
+
+
+def _reflected(source: Source, transmission: etree._Element) -> Given:
+    """The inertia that the rotor of a transmission adds to its joint."""
+    actuator = source.one(transmission, "actuator")
+    assert actuator is not None
+    rotor, gear = source.one(actuator, ROTOR_INERTIA), source.one(actuator, _GEAR_RATIO)
+    inertia = source.number(rotor, "value", None, not_negative)
+    ratio = 1.0 if gear is None else float(source.number(gear, "value", None, not_negative))
+    return Given(ratio**2 * float(inertia), inertia.place, inertia.attribute)
 
 
 def _text(source: Source, element: etree._Element) -> Given:
@@ -75,26 +110,30 @@ def _text(source: Source, element: etree._Element) -> Given:
     return value
 
 
+def end_of(source: Source, element: etree._Element, links: Elements, body: str, point: str) -> tuple[str, Pose]:
+    """A link, or the world, and a place in it, as Drake's elements name them."""
+    part, place = (_part(source, element, suffix) for suffix in (body, point))
+    if part.get("name") == WORLD and WORLD not in links:
+        source.pass_over(part, source.unresolved(part, "name", links))
+        name = WORLD
+    else:
+        name = source.resolve(part, "name", links)
+    return name, (Placement(vector(source.numbers(place, "value", None, None, 3, 3))),)
+
+
+def _part(source: Source, element: etree._Element, suffix: str) -> etree._Element:
+    """A part of one of Drake's elements, whose tag is that of the element with a suffix."""
+    tag, parts = f"{literal_tag(element)}_{suffix}", source.parts(element)
+    if tag not in parts:
+        source.refuse(element, f"{describe(element)} has no <{tag}>; add it")
+    return parts[tag]
+
+
 def _point_spring(source: Source, element: etree._Element, links: Elements) -> Spring:
-    parts = {literal_tag(part): part for part in element.iterchildren("*")}
-
-    def part_named(suffix: str) -> etree._Element:
-        tag = f"{POINT_SPRING}_{suffix}"
-        if tag not in parts:
-            source.refuse(element, f"<{POINT_SPRING}> has no <{tag}>; add it")
-        return parts[tag]
-
-    def end(body: str, point: str) -> tuple[str, Pose]:
-        part = part_named(body)
-        name = str(part.get("name"))
-        if name not in links and name != WORLD:
-            source.refuse(part, f"{describe(part)} is no link of this file; correct the name")
-        return name, (Placement(vector(source.numbers(part_named(point), "value", None, None, 3, 3))),)
-
     return Spring(
-        ends=(end("body_A", "p_AP"), end("body_B", "p_BQ")),
-        free_length=source.number(part_named("free_length"), "value", None, positive),
-        stiffness=source.number(part_named("stiffness"), "value", None, not_negative),
-        damping=source.number(part_named("damping"), "value", None, not_negative),
+        ends=(end_of(source, element, links, "body_A", "p_AP"), end_of(source, element, links, "body_B", "p_BQ")),
+        free_length=source.number(_part(source, element, "free_length"), "value", None, positive),
+        stiffness=source.number(_part(source, element, "stiffness"), "value", None, not_negative),
+        damping=source.number(_part(source, element, "damping"), "value", None, not_negative),
         place=source.place(element),
     )

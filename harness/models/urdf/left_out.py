@@ -12,12 +12,14 @@ from lxml import etree
 from harness.files.findings import LeftOut
 from harness.models.formats import BALL_CONSTRAINT, POINT_SPRING
 from harness.models.source import Source
+from harness.models.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_rotor
+from harness.models.urdf.kinds import FIXED, JOINT_TAGS, LIMITED
+from harness.models.urdf.reading import DAMPING_OF_SEVERAL
 from harness.models.xml import literal_tag
 
 _VISUAL, _CONTACTS, _UNKNOWN = "visual geometry", "contacts", "elements that URDF does not know"
 _LIMITS, _FRICTION, _EFFORT = "joint limits", "friction loss", "effort and velocity limits"
 _TRANSMISSIONS, _GAZEBO, _XACRO = "transmissions", "gazebo elements", "xacro leftovers"
-_DAMPING = "damping of joints of several degrees of freedom"
 _MUJOCO = "options of MuJoCo's own reader"
 _LOOPS = "Drake's ball constraints, which no engine's reader reads"
 # What each is, and whether an engine that has it switched on could give other accelerations for it.
@@ -25,7 +27,9 @@ _BEARS_ON_MOTION = {
     _CONTACTS: True,
     _LIMITS: True,
     _FRICTION: True,
-    _DAMPING: True,
+    DAMPING_OF_SEVERAL: True,
+    FORCES_WITHOUT_AXIS: True,
+    UNREAD_ROTORS: True,
     _MUJOCO: True,
     _LOOPS: True,
     _EFFORT: False,
@@ -50,26 +54,26 @@ _LEFT_OUT = {
 # What is read.
 _OF_JOINTS = ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic")
 _READ = frozenset(
-    ["robot/link", "robot/joint", "robot/drake:joint", f"robot/{POINT_SPRING}", "link/inertial"]
-    + [f"{tag}/{part}" for tag in ("joint", "drake:joint") for part in _OF_JOINTS]
+    ["robot/link", *(f"robot/{tag}" for tag in JOINT_TAGS), f"robot/{POINT_SPRING}", "link/inertial"]
+    + [f"{tag}/{part}" for tag in JOINT_TAGS for part in _OF_JOINTS]
 )
-_OF_SEVERAL = ("planar", "floating", "ball")
-_LIMITED = ("revolute", "prismatic")
 
 
 def left_out(source: Source, root: etree._Element) -> tuple[LeftOut, ...]:
-    """What is left out, what bears on the motion first."""
-    found: dict[str, list[etree._Element]] = {}
+    """What is left out of a tree that has been read, what bears on the motion first."""
+    found: dict[str, set[int]] = {}
     for what, element in _findings(source, root):
-        found.setdefault(what, []).append(element)
-    return tuple(LeftOut(what, source.lines(found[what]), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
+        found.setdefault(what, set()).update(source.lines([element]))
+    for one in source.passed_over:
+        found.setdefault(one.what, set()).add(one.line)
+    return tuple(LeftOut(what, tuple(sorted(found[what])), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
 
 
 def _findings(source: Source, root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
     for element in root.iterchildren("*"):
         tag = literal_tag(element)
         yield from _of_part(f"robot/{tag}", element)
-        if tag in ("link", "joint", "drake:joint"):
+        if tag in ("link", *JOINT_TAGS):
             for part in element.iterchildren("*"):
                 yield from _of_part(f"{tag}/{literal_tag(part)}", part)
         if tag == "joint":
@@ -88,19 +92,18 @@ def _of_part(path: str, element: etree._Element) -> Iterator[tuple[str, etree._E
 
 
 def _is_read(element: etree._Element) -> bool:
-    """True for the elements of Gazebo and Drake that the equations of motion hold: springs and rotors."""
-    return element.find("springStiffness") is not None or any(literal_tag(part) == "drake:rotor_inertia" for part in element.iter("*"))
+    """True for springs and rotors, which the equations of motion hold, or which are passed over for a reason of their own."""
+    if element.tag == "gazebo":
+        return {literal_tag(part) for part in element.iterchildren("*")} - {"springReference"} == {"springStiffness"}
+    return element.tag == "transmission" and has_rotor(element)
 
 
 def _of_joint(source: Source, joint: etree._Element) -> Iterator[tuple[str, etree._Element]]:
     kind, limit, dynamics = joint.get("type"), joint.find("limit"), joint.find("dynamics")
     if limit is not None:
-        if kind in _LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
+        if kind in LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
             yield _LIMITS, limit
         if {"effort", "velocity"} & set(limit.attrib):
             yield _EFFORT, limit
-    if dynamics is not None and kind != "fixed":
-        if source.number(dynamics, "friction", 0.0):
-            yield _FRICTION, dynamics
-        if source.number(dynamics, "damping", 0.0) and kind in _OF_SEVERAL:
-            yield _DAMPING, dynamics
+    if dynamics is not None and kind != FIXED and source.number(dynamics, "friction", 0.0):
+        yield _FRICTION, dynamics

@@ -15,39 +15,32 @@ from fractions import Fraction
 
 from lxml import etree
 
+from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
 from harness.models.source import Source
 from harness.models.urdf.beside import Beside, read_beside
-from harness.models.urdf.mimics import follow
+from harness.models.urdf.equalities import follow, read_equalities
+from harness.models.urdf.kinds import DRAKE_JOINT, JOINT_TAGS, LIMITED, kind_of, needs_axis
 from harness.models.values import not_negative, not_zero
 from harness.models.xml import MAXIMUM_DEPTH, describe, literal_tag
 
 FLOATING_BASE = "floating_base"
-KINDS = {
-    "revolute": JointKind.HINGE,
-    "continuous": JointKind.HINGE,
-    "prismatic": JointKind.SLIDE,
-    "floating": JointKind.FREE,
-    "ball": JointKind.BALL,
-    "planar": JointKind.PLANAR,
-}
-_FIXED = "fixed"
+# What is left out of a robot's file.
+DAMPING_OF_SEVERAL = "damping of joints of several degrees of freedom"
 _UNITS = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-# Drake's element for a joint of a kind that URDF does not know, and the one kind of those that is read.
-_DRAKE_JOINT, _DRAKE_KIND = "drake:joint", "ball"
 
 
-def read_tree(source: Source, root: etree._Element, gravity: float, floating_base: bool = False) -> Tree:
-    """The tree of a URDF, whose format holds no gravity [m/s^2, along -z].
+def read_tree(source: Source, root: etree._Element, gravity: float, floating_base: bool = False) -> tuple[Tree, tuple[Equality, ...]]:
+    """The tree of a URDF, whose format holds no gravity [m/s^2, along -z], and what the file ties beside its joints.
 
     ``floating_base`` puts a free joint between the world and the root link.
 
     Raises:
         InvalidModel: what has no meaning, such as a joint without axis, a number that is none, or links that are no tree.
     """
-    return _Reader(source, root).tree(gravity, floating_base)
+    return _Reader(source, root).read(gravity, floating_base)
 
 
 class _Reader:
@@ -55,37 +48,25 @@ class _Reader:
 
     def __init__(self, source: Source, root: etree._Element) -> None:
         self._source, self._root = source, root
-        self._links = self._named(list(root.iterchildren("link")))
+        self._links = source.by_name(root.iterchildren("link"))
         if not self._links:
             source.refuse(root, "has no link; expected the bodies of a robot")
-        joints = [joint for joint in root.iterchildren("*") if literal_tag(joint) in ("joint", _DRAKE_JOINT)]
-        self._joints = self._named(joints)
+        joints = list(source.children(root, *JOINT_TAGS))
+        self._joints = source.by_name(joints)
+        self._kinds = {str(joint.get("name")): kind_of(source, joint) for joint in joints}
         self._above: dict[str, etree._Element] = {}
         self._below: dict[str, list[str]] = {}
         for joint in joints:
             self._connect(joint)
 
-    def tree(self, gravity: float, floating_base: bool) -> Tree:
-        place = self._source.place(self._root)
-        beside = read_beside(self._source, self._root, self._links, self._joints)
-        bodies: list[Body] = []
+    def read(self, gravity: float, floating_base: bool) -> tuple[Tree, tuple[Equality, ...]]:
+        source, place = self._source, self._source.place(self._root)
         order = self._order()
-        for name in order:
-            bodies.append(self._body(name, beside, floating_base and name == order[0]))
-        down = Given(-gravity, place, "gravity")
-        return Tree(follow(self._source, self._joints, bodies), (Fraction(0), Fraction(0), down), beside.springs, place=place)
-
-    def _named(self, elements: list[etree._Element]) -> dict[str, etree._Element]:
-        found: dict[str, etree._Element] = {}
-        for element in elements:
-            name = element.get("name")
-            if not name:
-                self._source.refuse(element, f"<{literal_tag(element)}> has no name; add one, for it is referred to by name")
-            if name in found:
-                line = self._source.place(found[name]).line
-                self._source.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
-            found[name] = element
-        return found
+        beside = read_beside(source, self._root, self._links, self._joints, self._kinds)
+        bodies = [self._body(name, beside, floating_base and name == order[0]) for name in order]
+        down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
+        tree = Tree(follow(source, self._joints, self._kinds, bodies), down, beside.springs, place=place)
+        return tree, read_equalities(source, self._root, self._links, self._joints, self._kinds)
 
     def _connect(self, joint: etree._Element) -> None:
         parent, child = self._link_of(joint, "parent"), self._link_of(joint, "child")
@@ -101,13 +82,10 @@ class _Reader:
         part = joint.find(tag)
         if part is None:
             self._source.refuse(joint, f"{describe(joint)} has no <{tag}>; add it with the name of a link")
-        name = str(part.get("link"))
         # Drake's joints know the world by itself.
-        if name not in self._links and not (literal_tag(joint) == _DRAKE_JOINT and name == WORLD):
-            self._source.refuse(
-                part, f'<{tag} link="{name}"> of {describe(joint)} is no link of this file; correct the name, or add the link'
-            )
-        return name
+        if literal_tag(joint) == DRAKE_JOINT and part.get("link") == WORLD:
+            return WORLD
+        return self._source.resolve(part, "link", self._links)
 
     def _order(self) -> list[str]:
         """The links, each behind its parent; raises InvalidModel where they are no tree."""
@@ -153,10 +131,10 @@ class _Reader:
         return FLOATING_BASE
 
     def _inertia(self, link: etree._Element) -> Inertia | None:
-        inertial = self._one(link, "inertial")
+        inertial = self._source.one(link, "inertial")
         if inertial is None:
             return None
-        mass, moments = self._one(inertial, "mass"), self._one(inertial, "inertia")
+        mass, moments = self._source.one(inertial, "mass"), self._source.one(inertial, "inertia")
         if mass is None or moments is None:
             missing = "mass" if mass is None else "inertia"
             self._source.refuse(inertial, f"<inertial> of {describe(link)} has no <{missing}>; add it, or remove the <inertial>")
@@ -164,34 +142,30 @@ class _Reader:
         return Inertia(self._pose(inertial), self._source.number(mass, "value", None), values, self._source.place(inertial))
 
     def _joint(self, element: etree._Element, beside: Beside) -> tuple[Joint, ...]:
-        name, kind = str(element.get("name")), str(element.get("type"))
-        if kind == _FIXED:
+        name, source = str(element.get("name")), self._source
+        kind, place = self._kinds[name], source.place(element)
+        if kind is None:
             return ()
-        if kind not in KINDS or (kind == _DRAKE_KIND) != (literal_tag(element) == _DRAKE_JOINT):
-            self._source.refuse(
-                element,
-                f"{describe(element)} is of type {kind!r}; expected one of {', '.join((_FIXED, *list(KINDS)[:4], *list(KINDS)[5:]))}",
-            )
-        place = self._source.place(element)
-        if not KINDS[kind].has_axis:
-            return (Joint(name, KINDS[kind], place=place),)
-        parts = {tag: self._one(element, tag) for tag in ("axis", "dynamics", "limit")}
-        axis = ORIGIN[:0] if parts["axis"] is None else self._source.numbers(parts["axis"], "xyz", (1, 0, 0), not_zero)
+        parts = {tag: source.one(element, tag) for tag in ("axis", "dynamics", "limit")}
         dynamics = parts["dynamics"]
         damping, friction = (
-            Fraction(0) if dynamics is None else self._source.number(dynamics, attribute, 0.0, not_negative)
+            Fraction(0) if dynamics is None else source.number(dynamics, attribute, 0.0, not_negative)
             for attribute in ("damping", "friction")
         )
-        single = KINDS[kind].is_single
+        if dynamics is not None and damping and not kind.is_single:
+            source.pass_over(dynamics, needs_axis(element, "a damper"), DAMPING_OF_SEVERAL)
+        if not kind.has_axis:
+            return (Joint(name, kind, place=place),)
+        axis = ORIGIN[:0] if parts["axis"] is None else source.numbers(parts["axis"], "xyz", (1, 0, 0), not_zero)
         joint = Joint(
             name=name,
-            kind=KINDS[kind],
+            kind=kind,
             axis=vector(axis or (1, 0, 0)),
-            damping=damping if single else Fraction(0),
+            damping=damping if kind.is_single else Fraction(0),
             friction_loss=friction,
-            limits=self._limits(parts["limit"]) if kind in ("revolute", "prismatic") else None,
+            limits=self._limits(parts["limit"]) if element.get("type") in LIMITED else None,
             place=place,
-            **(beside.of_joints.get(name, {}) if single else {}),
+            **(beside.of_joints.get(name, {}) if kind.is_single else {}),
         )
         return (joint,)
 
@@ -202,16 +176,9 @@ class _Reader:
         lower, upper = (self._source.number(limit, attribute, 0.0) for attribute in ("lower", "upper"))
         return (lower, upper) if lower < upper else None
 
-    def _one(self, element: etree._Element, tag: str) -> etree._Element | None:
-        """The part of that tag; raises InvalidModel where there are two, of which readers take the one or the other."""
-        found = list(element.iterchildren(tag))
-        if len(found) > 1:
-            self._source.refuse(found[1], f"second <{tag}> in {describe(element)}; expected one, keep the right one")
-        return found[0] if found else None
-
     def _pose(self, element: etree._Element) -> Pose:
         """The ``<origin>`` of an element; its roll, pitch and yaw are about axes that stay."""
-        origin = self._one(element, "origin")
+        origin = self._source.one(element, "origin")
         if origin is None:
             return ()
         angles = self._source.numbers(origin, "rpy", (0, 0, 0))

@@ -1,0 +1,42 @@
+"""The kinds of joints by their names in URDF.
+
+Source: http://wiki.ros.org/urdf/XML/joint; Drake, "Parsing model files", tag drake:joint.
+"""
+
+from __future__ import annotations
+
+from lxml import etree
+
+from harness.files.joint_kinds import JointKind
+from harness.models.source import Source
+from harness.models.xml import describe, literal_tag
+
+FIXED = "fixed"
+KINDS = {
+    "revolute": JointKind.HINGE,
+    "continuous": JointKind.HINGE,
+    "prismatic": JointKind.SLIDE,
+    "floating": JointKind.FREE,
+    "planar": JointKind.PLANAR,
+}
+SINGLE_AXIS = " or ".join(name for name, kind in KINDS.items() if kind.is_single)
+LIMITED = ("revolute", "prismatic")
+# Drake's element for a joint of a kind that URDF does not know, and the one kind of those that is read.
+DRAKE_JOINT = "drake:joint"
+DRAKE_KINDS = {"ball": JointKind.BALL}
+JOINT_TAGS = ("joint", DRAKE_JOINT)
+
+
+def needs_axis(joint: etree._Element, what: str) -> str:
+    """The complaint about something in a joint that is not one of a single axis."""
+    return f"{describe(joint)} is {joint.get('type')}; {what} needs a joint that is {SINGLE_AXIS}"
+
+
+def kind_of(source: Source, joint: etree._Element) -> JointKind | None:
+    """The kind of a joint, None for a fixed one; raises InvalidModel where it has none."""
+    written, kinds = str(joint.get("type")), DRAKE_KINDS if literal_tag(joint) == DRAKE_JOINT else KINDS
+    if written == FIXED:
+        return None
+    if written not in kinds:
+        source.refuse(joint, f"{describe(joint)} is of type {written!r}; expected one of {', '.join((FIXED, *kinds))}")
+    return kinds[written]
