@@ -1,6 +1,6 @@
 """The model that Pinocchio's MJCF reader gives, and refusals of what it passes over or reads otherwise than MuJoCo.
 
-Gravity, springs and dampers are supplied by the caller from the file (``harness.models.mjcf_forces``). Everything else that the
+Gravity, springs and dampers are supplied by the caller from the file (``harness.files.facts``). Everything else that the
 harness lets stand in an MJCF and that this reader does not read as MuJoCo does is refused here by name and line.
 
 Source: Pinocchio 4.1, parsers/mjcf/mjcf-graph; MuJoCo documentation, XML reference.
