@@ -5,16 +5,16 @@ Those of a mechanism under constraints are of the tree that is left without them
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from harness.certify.certified import Certified
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import ReferenceKernel
-from harness.equations.calculus import ProgramWriter
-from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
+from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.states import States
+from harness.equations.term import Builder, Term, Vector, symmetric, vector
 
 MASS_MATRIX, BIAS, INVERSE_DYNAMICS = "mass_matrix", "bias", "inverse_dynamics"
 
@@ -44,36 +44,31 @@ class EquationValues:
 
 
 def _mass_matrix(program: StraightLineProgram, nq: int, nv: int) -> StraightLineProgram:
-    writer = ProgramWriter(program)
-    return _written(writer, MASS_MATRIX, [entry for row in _rows(writer, nv) for entry in row])
+    builder = Builder(program.inputs)
+    return _written(builder, MASS_MATRIX, symmetric(builder.append(program)["mass"], nv).flat)
 
 
 def _bias(program: StraightLineProgram, nq: int, nv: int) -> StraightLineProgram:
-    writer = ProgramWriter(program)
-    return _written(writer, BIAS, _sums(writer))
+    builder = Builder(program.inputs)
+    return _written(builder, BIAS, _sums(builder.append(program)))
 
 
 def _inverse_dynamics(program: StraightLineProgram, nq: int, nv: int) -> StraightLineProgram:
     """M a + c + g - p, with the accelerations a in the place of tau."""
-    writer = ProgramWriter(program)
-    given = [writer.add("input", place) for place in range(nq + nv, nq + 2 * nv)]
-    inertial = [writer.dot(row, given) for row in _rows(writer, nv)]
-    opposed = [writer.difference(*pair) for pair in zip(_sums(writer), writer.outputs["passive"], strict=True)]
-    return _written(writer, INVERSE_DYNAMICS, [writer.sum(*pair) for pair in zip(inertial, opposed, strict=True)])
+    builder = Builder(program.inputs)
+    equations = builder.append(program)
+    inertial = symmetric(equations["mass"], nv) @ builder.inputs_at(range(nq + nv, nq + 2 * nv))
+    opposed = _sums(equations) - vector(equations["passive"])
+    return _written(builder, INVERSE_DYNAMICS, inertial + opposed)
 
 
-def _rows(writer: ProgramWriter, nv: int) -> list[list[int]]:
-    entries = dict(zip(upper_triangle(nv), writer.outputs["mass"], strict=True))
-    return [[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)]
-
-
-def _sums(writer: ProgramWriter) -> list[int]:
+def _sums(equations: Mapping[str, Sequence[Term]]) -> Vector:
     """Velocity and gravity terms together."""
-    return [writer.sum(*pair) for pair in zip(writer.outputs["velocity"], writer.outputs["gravity"], strict=True)]
+    return vector(equations["velocity"]) + vector(equations["gravity"])
 
 
-def _written(writer: ProgramWriter, name: str, places: Sequence[int]) -> StraightLineProgram:
-    return without_unused(writer.program({name: places}))
+def _written(builder: Builder, name: str, terms: Iterable[Term]) -> StraightLineProgram:
+    return without_unused(builder.program({name: terms}))
 
 
 _WRITTEN: Mapping[str, Callable[[StraightLineProgram, int, int], StraightLineProgram]] = {

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.kernels import BallKernel
-from harness.equations.program import without_unused
+from harness.equations.term import Matrix, Term, Vector
 from harness.files.tree import WORLD, Body, Direction, Joint, Placement
 from harness.robots.bounds import bounded
-from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.rigid import Weights, joined
 from harness.robots.robot import Robot
-from harness.robots.spatial import Matrix, Three
+from harness.robots.spatial import FileBuilder, Frame, about, angle, direction, placed, rotation
 
 _BITS = 160
 
@@ -73,79 +72,70 @@ def _square(arm: Array) -> Array:
 
 def canonical(robot: Robot) -> dict[str, Node]:
     """The nodes of a robot by the name of their joint, parents first; each number to the last bit or two."""
-    return _Writer(robot).nodes()
+    import flint
+
+    tree, builder = bounded(robot.tree), FileBuilder(())
+    weights = Weights(builder, tree)
+    # Of each body, the joint that moves it, and its frame in the world at zero.
+    frames = {WORLD: ("", placed(builder, ()))}
+    joints: dict[str, _AtZero] = {}
+    for body in tree.bodies:
+        frames[body.name] = _grown(builder, body, *frames[body.parent], joints)
+    outputs: dict[str, list[Term]] = {f"joint {name}": [*one.anchor, *one.axis, *one.axes.flat] for name, one in joints.items()}
+    moving = [body for body in tree.bodies if frames[body.name][0]]
+    for body in moving:
+        name, frame = frames[body.name]
+        from_anchor = Frame(frame.turn, frame.shift + -joints[name].anchor)
+        total = joined(builder, (part.moved(from_anchor) for part in weights.parts(body)))
+        outputs[f"body {body.name}"] = [total.mass, *total.first, *total.second.flat]
+    with flint.ctx.workprec(_BITS):
+        values = builder.evaluated(outputs)
+    found: dict[str, Node] = {}
+    anchors: dict[str, list[Any]] = {"": [0.0] * 3}
+    for name, one in joints.items():
+        anchors[name], rest = values[f"joint {name}"][:3], [float(value) for value in values[f"joint {name}"][3:]]
+        arm = [float(own - before) for own, before in zip(anchors[name], anchors[one.moved_by], strict=True)]
+        frame_axes = np.array(rest[3:]).reshape(3, 3)
+        found[name] = Node(one.moved_by, one.joint, one.body, np.array(arm), np.array(rest[:3]), frame_axes, {}, {})
+    for body in moving:
+        mass, *moments = values[f"body {body.name}"]
+        node = found[frames[body.name][0]]
+        node.bodies[body.name] = _mass(mass, moments[:3], moments[3:])
+        node.elements[body.name] = body
+    return found
 
 
-class _Writer(BodyWriter):
-    """Writes the frames of a tree in the world at zero."""
+@dataclass(frozen=True)
+class _AtZero:
+    """A joint in the world at zero: its anchor, its axis, and the ``axes`` along which it has its velocity; the joint before it."""
 
-    def __init__(self, robot: Robot) -> None:
-        super().__init__(())
-        self.tree = bounded(robot.tree)
-        self.scale_to(self.tree)
-        self._outputs: list[int] = []
-        # Of each body, the joint that moves it, and its frame in the world.
-        self._frames: dict[str, tuple[str, Matrix, Three]] = {WORLD: ("", self.identity, self.still)}
-        self._joints: dict[str, tuple[str, Joint, Body, Three, Three, Matrix]] = {}
-        for body in self.tree.bodies:
-            self._frames[body.name] = self._grow(body)
+    moved_by: str
+    joint: Joint
+    body: Body
+    anchor: Vector
+    axis: Vector
+    axes: Matrix
 
-    def _grow(self, body: Body) -> tuple[str, Matrix, Three]:
-        moved_by, turn, shift = self._frames[body.parent]
-        turn, shift = self.placed(turn, shift, body.pose)
-        for joint in body.joints:
-            frame, offset = self.placed(self.identity, self.still, joint.pose)
-            local = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
-            anchor = self.added(shift, self.turned(turn, local))
-            axis = self.turned(frame, self.direction(joint.axis)) if any(joint.axis) else self.still
-            at_zero = self.difference(self.given(joint.offset), self.angle(joint.reference, joint.in_degrees))
-            own = self.multiplied(turn, self.rotation(Placement(rotation=(Direction(joint.axis),)))) if joint.kind == "planar" else turn
-            self._joints[joint.name] = moved_by, joint, body, anchor, self.turned(turn, axis), own
-            if joint.kind == "hinge":
-                turn = self.multiplied(turn, self.about(axis, at_zero)) if self._values.get(at_zero) != 0 else turn
-                shift = self.added(anchor, self.minus(self.turned(turn, local)))
-            elif joint.kind == "slide":
-                shift = self.added(shift, self.times(at_zero, self.turned(turn, axis)))
-            moved_by = joint.name
-        return moved_by, turn, shift
 
-    def _place(self, values: Three) -> None:
-        self._outputs += values
-
-    def nodes(self) -> dict[str, Node]:
-        """Evaluated in balls."""
-        for _, _, _, anchor, axis, frame in self._joints.values():
-            self._place([*anchor, *axis, *(entry for row in frame for entry in row)])
-        moving = [body for body in self.tree.bodies if self._frames[body.name][0]]
-        for body in moving:
-            name, turn, shift = self._frames[body.name]
-            from_anchor = self.added(shift, self.minus(self._joints[name][3]))
-            total = Rigid(self.zero, self.still, [self.still] * 3)
-            for part in self.parts(body):
-                total = self.joined(total, self.moved(part, turn, from_anchor))
-            self._place([total.mass, *total.first, *(entry for row in total.second for entry in row)])
-        values = iter(self._evaluated())
-        found: dict[str, Node] = {}
-        anchors: dict[str, list[Any]] = {"": [0.0] * 3}
-        for name, (parent, joint, body, *_) in self._joints.items():
-            anchors[name] = [next(values) for _ in range(3)]
-            arm = [float(one - other) for one, other in zip(anchors[name], anchors[parent], strict=True)]
-            own_axis, own_frame = (np.array([float(next(values)) for _ in range(count)]) for count in (3, 9))
-            found[name] = Node(parent, joint, body, np.array(arm), own_axis, own_frame.reshape(3, 3), {}, {})
-        for body in moving:
-            mass, first, second = next(values), [next(values) for _ in range(3)], [next(values) for _ in range(9)]
-            node = found[self._frames[body.name][0]]
-            node.bodies[body.name] = _mass(mass, first, second)
-            node.elements[body.name] = body
-        return found
-
-    def _evaluated(self) -> list[Any]:
-        import flint
-
-        program = without_unused(self.program({"all": self._outputs}))
-        with flint.ctx.workprec(_BITS):
-            evaluate = BallKernel(program, len(self.parameters)).bind([float(value) for value in self.parameters])
-            return list(evaluate())
+def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joints: dict[str, _AtZero]) -> tuple[str, Frame]:
+    """Add the joints of a body; the last of them, and the body's frame in the world."""
+    frame = placed(builder, body.pose, parent)
+    for joint in body.joints:
+        own = placed(builder, joint.pose)
+        local = own.at(builder.vector(joint.anchor))
+        anchor = frame.at(local)
+        axis = own.turn @ direction(builder, joint.axis) if any(joint.axis) else builder.still
+        at_zero = builder.number(joint.offset) - angle(builder, joint.reference, joint.in_degrees)
+        is_planar = joint.kind.has_axis and not joint.kind.is_single
+        axes = frame.turn @ rotation(builder, Placement(rotation=(Direction(joint.axis),))) if is_planar else frame.turn
+        joints[joint.name] = _AtZero(moved_by, joint, body, anchor, frame.turn @ axis, axes)
+        if joint.kind.is_single and joint.kind.linear:
+            frame = Frame(frame.turn, frame.shift + at_zero * (frame.turn @ axis))
+        elif joint.kind.is_single:
+            turn = frame.turn if at_zero.value == 0 else frame.turn @ about(axis, at_zero)
+            frame = Frame(turn, anchor + -(turn @ local))
+        moved_by = joint.name
+    return moved_by, frame
 
 
 def _mass(mass: Any, first: list[Any], second: list[Any]) -> Mass:

@@ -14,7 +14,6 @@ from harness.comparison.questions import Aid, Asked, BodyInertia, JointForces, R
 from harness.equations.states import States
 from harness.files.facts import PointSpring
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
-from harness.robots.nodes import SIZES
 from harness.robots.robot import Robot
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
@@ -27,7 +26,7 @@ def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked,
     kinds, frames = {joint.name: joint.kind for joint in tree.joints}, _frames_of_free_joints(tree)
     found, q, v = [], 0, 0
     for name in names if names is not None else kinds:
-        nq, nv = SIZES[kinds[name]]
+        nq, nv = kinds[name].sizes
         turn, shift = frames.get(name, _OF_THE_WORLD)
         found.append(Asked(name, kinds[name], tuple(range(q, q + nq)), tuple(range(v, v + nv)), turn, shift))
         q, v = q + nq, v + nv

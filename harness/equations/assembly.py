@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import sympy as sp
 
-from harness.equations.calculus import ProgramWriter
+from harness.equations.derivatives import along, depending_on, gradient
 from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joints, equations_in_joints
 from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.equations.program import StraightLineProgram, assemble, upper_triangle, with_operands, without_unused
+from harness.equations.program import StraightLineProgram, assemble, upper_triangle, without_unused
 from harness.equations.relative_joints import in_joint_positions
 from harness.equations.system import TIME, System
+from harness.equations.term import Builder, Term, Vector, cross, vector
 
 
 def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
@@ -58,43 +60,43 @@ def lagrange_program(system: System, linear_velocity_in_body: bool = False) -> S
     expressions = [plain.kinetic, of_gravity, of_springs, *plain.generalised_forces]
     written = {"energies": [expression.xreplace(change.of_rates) for expression in expressions]}
     blocks = {f"block {place}": list(block) for place, (_, _, block) in enumerate(change.blocks)}
-    writer = ProgramWriter(assemble([*inputs, *angles], written | blocks))
-    (kinetic, gravity, springs, *forces), *matrices = writer.outputs.values()
-    positions = [[*inputs, *angles].index(q) for q in plain.coordinates]
+    assembled = assemble([*inputs, *angles], written | blocks)
+    builder = Builder(assembled.inputs)
+    (kinetic, gravity, springs, *forces), *entries = builder.append(assembled).values()
+    matrices = [np.array(block, dtype=object).reshape(3, 3) for block in entries]
+    positions = [builder.inputs[[*inputs, *angles].index(q)] for q in plain.coordinates]
     first_rate = len(change.positions)
-    rates, now = list(range(first_rate, first_rate + n)), first_rate + 2 * n
+    rates, now = builder.inputs_at(range(first_rate, first_rate + n)), builder.inputs[first_rate + 2 * n]
 
-    def of_joints(of_coordinates: Sequence[int]) -> list[int]:
+    def of_joints(of_coordinates: Vector) -> Vector:
         """A' times forces, or derivatives by the coordinates."""
-        found = list(of_coordinates)
-        for (first, _, _), matrix in zip(change.blocks, matrices, strict=True):
-            found[first : first + 3] = [writer.dot(matrix[column::3], of_coordinates[first : first + 3]) for column in range(3)]
+        found = of_coordinates.copy()
+        for (first, _, _), block in zip(change.blocks, matrices, strict=True):
+            found[first : first + 3] = block.T @ of_coordinates[first : first + 3]
         return found
 
     motion = dict(zip(positions, rates, strict=True))
-    for (first, _, _), matrix in zip(change.blocks, matrices, strict=True):
-        for row in range(3):
-            motion[positions[first + row]] = writer.dot(matrix[3 * row : 3 * row + 3], rates[first : first + 3])
-    momenta = writer.gradient(kinetic, rates)
+    for (first, _, _), block in zip(change.blocks, matrices, strict=True):
+        motion |= zip(positions[first : first + 3], block @ rates[first : first + 3], strict=True)
+    momenta, one = gradient(kinetic, rates), builder.number(1)
     # d/dt p(q, u, t) = M du/dt + (dp/dq) A u + dp/dt
-    velocity = writer.along(momenta, motion | {now: writer.number(1)})
-    velocity = [writer.difference(*pair) for pair in zip(velocity, of_joints(writer.gradient(kinetic, positions)), strict=True)]
+    velocity = vector(along(momenta, motion | {now: one})) - of_joints(vector(gradient(kinetic, positions)))
     for first, turning, _ in change.blocks:
         for place, by in {(first, turning), (turning, first)}:
-            turned = writer.cross(rates[by : by + 3], momenta[first : first + 3])
-            velocity[place : place + 3] = [writer.sum(*pair) for pair in zip(velocity[place : place + 3], turned, strict=True)]
+            turned = cross(rates[by : by + 3], momenta[first : first + 3])
+            velocity[place : place + 3] = velocity[place : place + 3] + turned
     # M is symmetric: column j below the diagonal is row j of the upper triangle.
-    mass = [entry for j, rate in enumerate(rates) for entry in writer.along(momenta[j:], {rate: writer.number(1)})]
-    depends = writer.depending_on(rates)
-    if any(depends[entry] for entry in mass):
+    mass = [entry for j, rate in enumerate(rates) for entry in along(momenta[j:], {rate: one})]
+    depends = depending_on(builder, rates)
+    if any(depends[entry.place] for entry in mass):
         return None
     outputs = {
         "mass": mass,
         "velocity": velocity,
-        "gravity": of_joints(writer.gradient(gravity, positions)),
-        "passive": of_joints([writer.difference(*pair) for pair in zip(forces, writer.gradient(springs, positions), strict=True)]),
+        "gravity": of_joints(vector(gradient(gravity, positions))),
+        "passive": of_joints(vector(force - slope for force, slope in zip(forces, gradient(springs, positions), strict=True))),
     }
-    program = without_unused(writer.program(outputs))
+    program = without_unused(builder.program(outputs))
     return _in_quaternions(program, change, inputs, angles) if angles else _in_joints(program, system)
 
 
@@ -107,13 +109,15 @@ def _in_quaternions(
         if instruction in replaced and instruction[0] == "input":
             angle = angles[instruction[1] - len(inputs)]
             replaced |= {(function.__name__, place): change.of_angles[function(angle)] for function in (sp.sin, sp.cos)}
-    writer = ProgramWriter(assemble(inputs, {"replaced": list(replaced.values()), "regularity": [change.regularity]}))
-    known = dict(zip(replaced, writer.outputs["replaced"], strict=True))
-    places: list[int] = []
+    assembled = assemble(inputs, {"replaced": list(replaced.values()), "regularity": [change.regularity]})
+    builder = Builder(assembled.inputs)
+    written = builder.append(assembled)
+    known = dict(zip(replaced, written["replaced"], strict=True))
+    terms: list[Term] = []
     for instruction in program.instructions:
-        places.append(known[instruction] if instruction in known else writer.again(*with_operands(instruction, places)))
-    outputs = {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
-    return without_unused(writer.program(outputs | {"regularity": writer.outputs["regularity"]}))
+        terms.append(known[instruction] if instruction in known else builder.again(instruction, terms))
+    outputs = {name: [terms[index] for index in indices] for name, indices in program.outputs.items()}
+    return without_unused(builder.program(outputs | {"regularity": written["regularity"]}))
 
 
 def energy_program_of(system: System, energies: EnergiesInSymbols) -> StraightLineProgram:

@@ -26,23 +26,24 @@ sections "Constraint model" and "Constraint solver", for the last.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from harness.equations.calculus import ProgramWriter
+import numpy as np
+
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
-from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
+from harness.equations.program import OUTPUTS, StraightLineProgram, position_count, without_unused
+from harness.equations.term import Builder, Matrix, Term, Vector, dot, length, matrix, symmetric, vector
 
-Column = list[int]
 MULTIPLIERS, ACCELERATIONS = "multipliers", "accelerations"
 
 
-def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[Column, Column]]) -> StraightLineProgram:
+def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[Vector, Vector]]) -> StraightLineProgram:
     """The tree's program whose passive forces hold those of the constraints besides; ``solve`` is one of the two ways.
 
     It has an output more where the way gives them: the ``multipliers`` of the rows that are not redundant [N or N m].
     """
-    tied = Tied(constraints)
+    tied = tied_equations(constraints)
     return tied.with_forces(*solve(tied))
 
 
@@ -79,154 +80,160 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
         for key, value in vars(row).items()
         if isinstance(value, float)
     ]
-    tied = Tied(constraints, [name for name, _ in numbers], independent_only=False)
-    given = {name: tied.add("input", tied.inputs.index(name)) for name, _ in numbers}
+    tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
+    builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
+    given = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
     exact = [place for place, row in enumerate(rows) if row.inverse_mass is None]
-    columns = dict(zip(exact, tied.solved(tied.mass, [tied.jacobian[place] for place in exact]) if exact else [], strict=True))
+    columns = dict(zip(exact, _solved(mass, [jacobian[place] for place in exact]) if exact else [], strict=True))
     weights, wanted = [], []
     for place, (name, law) in enumerate(zip(constraints.rows, rows, strict=True)):
         impedance, stiffness, damping = (given[f"{name}[{place}] {key}"] for key in ("impedance", "stiffness", "damping"))
-        own = given[f"{name}[{place}] inverse mass"] if place not in columns else tied.dot(tied.jacobian[place], columns[place])
-        weights.append(tied.quotient(impedance, tied.product(tied.difference(tied.number(1), impedance), own)))
-        back = tied.product(tied.product(stiffness, impedance), tied.residual[place])
-        bias = tied.bias[place] if law.has_bias else tied.number(0)
-        wanted.append(tied.negative(tied.sum(tied.sum(tied.product(damping, tied.rate[place]), back), bias)))
-    weighted = [[tied.product(weight, entry) for entry in row] for weight, row in zip(weights, tied.jacobian, strict=True)]
-    by_column = list(zip(tied.transposed(tied.jacobian), tied.transposed(weighted), strict=True))
-    stiffened = [[tied.sum(tied.mass[i][j], tied.dot(by_column[i][0], by_column[j][1])) for j in range(tied.nv)] for i in range(tied.nv)]
-    pulled = [tied.sum(force, tied.dot(column, wanted)) for force, (_, column) in zip(tied.force, by_column, strict=True)]
-    [moved] = tied.solved(stiffened, [pulled])
-    missing = tied.less(wanted, tied.times(tied.jacobian, moved))
+        own = given[f"{name}[{place}] inverse mass"] if place not in columns else jacobian[place] @ columns[place]
+        weights.append(impedance / ((1 - impedance) * own))
+        back = (stiffness * impedance) * tied.residual[place]
+        bias = tied.bias[place] if law.has_bias else zero
+        wanted.append(-((damping * tied.rate[place] + back) + bias))
+    weighted = matrix([weight * row for weight, row in zip(weights, jacobian, strict=True)])
+    required = vector(wanted)
+    stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
+    pulled = vector(force + column @ required for force, column in zip(tied.force, weighted.T, strict=True))
+    [moved] = _solved(stiffened, [pulled])
+    missing = required - jacobian @ moved
     # Minus, as those of the rigid forces -J' lambda.
-    multipliers = [tied.negative(tied.product(weight, force)) for weight, force in zip(weights, missing, strict=True)]
-    return tied.with_forces([tied.dot(column, missing) for _, column in by_column], multipliers), numbers
+    multipliers = vector(-(weight * force) for weight, force in zip(weights, missing, strict=True))
+    return tied.with_forces(weighted.T @ missing, multipliers), numbers
 
 
-class Tied(ProgramWriter):
+@dataclass(frozen=True)
+class Tied:
     """The program of a tree and its constraints while it is written.
 
     Attributes:
-        mass: M by rows. force: f. jacobian: J by rows. residual: what holonomic rows leave. rate: J v. bias: b.
-
-    Rows are those that are not redundant, or all of them; ``more`` are inputs behind those of the tree.
+        equations: the terms of the tree's program.
+        mass: M. force: f. jacobian: J. residual: what holonomic rows leave. rate: J v. bias: b.
     """
 
-    def __init__(self, constraints: Constraints, more: Sequence[str] = (), independent_only: bool = True) -> None:
-        tree = replace(constraints.tree, inputs=(*constraints.tree.inputs, *more))
-        super().__init__(tree)
-        self.constraints, self.nv = constraints, len(constraints.assembly)
-        rows = self.append(constraints.program)
-        chosen = constraints.independent if independent_only else range(len(constraints.rows))
-        self.jacobian = [rows[JACOBIAN][row * self.nv :][: self.nv] for row in chosen]
-        self.residual = [rows[RESIDUAL][row] for row in chosen if row < constraints.holonomic]
-        self.rate, self.bias = ([rows[name][row] for row in chosen] for name in (RATE, BIAS))
-        places = dict(zip(upper_triangle(self.nv), self.outputs["mass"], strict=True))
-        self.mass = [[places[min(i, j), max(i, j)] for j in range(self.nv)] for i in range(self.nv)]
-        first = position_count(constraints.tree) + self.nv
-        terms = zip(range(first, first + self.nv), *(self.outputs[name] for name in ("passive", "velocity", "gravity")), strict=True)
-        self.force = [self.difference(self.sum(tau, p), self.sum(c, g)) for tau, p, c, g in terms]
+    builder: Builder
+    constraints: Constraints
+    equations: Mapping[str, Sequence[Term]]
+    mass: Matrix
+    force: Vector
+    jacobian: Matrix
+    residual: Sequence[Term]
+    rate: Vector
+    bias: Vector
 
-    def with_forces(self, forces: Column, multipliers: Sequence[int] = ()) -> StraightLineProgram:
+    @property
+    def nv(self) -> int:
+        return len(self.force)
+
+    def with_forces(self, forces: Vector, multipliers: Sequence[Term] = ()) -> StraightLineProgram:
         """The tree's program with the forces of constraints among the passive ones."""
-        outputs = {name: self.outputs[name] for name in OUTPUTS}
-        outputs["passive"] = [self.sum(*pair) for pair in zip(outputs["passive"], forces, strict=True)]
-        return without_unused(self.program(outputs | ({MULTIPLIERS: multipliers} if multipliers else {})))
-
-    def transposed(self, rows: Sequence[Column]) -> list[Column]:
-        return [list(column) for column in zip(*rows, strict=True)]
-
-    def times(self, rows: Sequence[Column], column: Column) -> Column:
-        return [self.dot(row, column) for row in rows]
-
-    def less(self, first: Column, second: Column) -> Column:
-        return [self.difference(*pair) for pair in zip(first, second, strict=True)]
-
-    def solved(self, matrix: Sequence[Column], columns: Sequence[Column]) -> list[Column]:
-        """The solutions of a symmetric positive definite system, by L D L' (Golub, Van Loan, Matrix Computations, section 4.1.2)."""
-        n = len(matrix)
-        lower: list[Column] = [[] for _ in range(n)]
-        pivots: Column = []
-        for j in range(n):
-            scaled = [self.product(entry, pivot) for entry, pivot in zip(lower[j], pivots, strict=True)]
-            pivots.append(self.difference(matrix[j][j], self.dot(lower[j], scaled)))
-            for i in range(j + 1, n):
-                lower[i].append(self.quotient(self.difference(matrix[i][j], self.dot(lower[i], scaled)), pivots[j]))
-        found = []
-        for column in columns:
-            x: Column = []
-            for i, entry in enumerate(column):
-                x.append(self.difference(entry, self.dot(lower[i], x)))
-            x = [self.quotient(entry, pivot) for entry, pivot in zip(x, pivots, strict=True)]
-            for i in reversed(range(n)):
-                x[i] = self.difference(x[i], self.dot([lower[k][i] for k in range(i + 1, n)], x[i + 1 :]))
-            found.append(x)
-        return found
-
-    def solved_by_orthogonal_columns(self, matrix: Sequence[Column], columns: Sequence[Column]) -> list[Column]:
-        """The solutions of a regular system: its columns are made orthogonal to one another, and those of the right with them."""
-        left, right = self.transposed(matrix), [list(column) for column in columns]
-        upper: dict[tuple[int, int], int] = {}
-        found: list[dict[int, int]] = [{} for _ in right]
-        parts: list[Column] = [[] for _ in right]
-        for j, vector in enumerate(left):
-            upper[j, j] = self.add("sqrt", self.dot(vector, vector))
-            unit = [self.quotient(entry, upper[j, j]) for entry in vector]
-            for k in range(j + 1, len(left)):
-                upper[j, k] = self.dot(unit, left[k])
-                left[k] = self.less(left[k], [self.product(upper[j, k], entry) for entry in unit])
-            for number, column in enumerate(right):
-                parts[number].append(self.dot(unit, column))
-                right[number] = self.less(column, [self.product(parts[number][j], entry) for entry in unit])
-        for part, x in zip(parts, found, strict=True):
-            for j in reversed(range(len(left))):
-                known = list(range(j + 1, len(left)))
-                rest = self.dot([upper[j, k] for k in known], [x[k] for k in known])
-                x[j] = self.quotient(self.difference(part[j], rest), upper[j, j])
-        return [[x[j] for j in range(len(left))] for x in found]
+        outputs: dict[str, Iterable[Term]] = {name: self.equations[name] for name in OUTPUTS}
+        outputs["passive"] = vector(self.equations["passive"]) + forces
+        return without_unused(self.builder.program(outputs | ({MULTIPLIERS: multipliers} if len(multipliers) else {})))
 
 
-def by_multipliers(tied: Tied) -> tuple[Column, Column]:
+def tied_equations(constraints: Constraints, more: Sequence[str] = (), independent_only: bool = True) -> Tied:
+    """The equations of a tree and its rows that are not redundant, or all of them; ``more`` are inputs behind those of the tree."""
+    builder, nv = Builder((*constraints.tree.inputs, *more)), len(constraints.assembly)
+    equations, rows = builder.append(constraints.tree), builder.append(constraints.program)
+    chosen = list(constraints.independent if independent_only else range(len(constraints.rows)))
+    first = position_count(constraints.tree) + nv
+    terms = zip(builder.inputs[first : first + nv], *(equations[name] for name in ("passive", "velocity", "gravity")), strict=True)
+    return Tied(
+        builder,
+        constraints,
+        equations,
+        mass=symmetric(equations["mass"], nv),
+        force=vector([(tau + p) - (c + g) for tau, p, c, g in terms]),
+        jacobian=np.array(rows[JACOBIAN], dtype=object).reshape(-1, nv)[chosen],
+        residual=[rows[RESIDUAL][row] for row in chosen if row < constraints.holonomic],
+        rate=vector(rows[RATE])[chosen],
+        bias=vector(rows[BIAS])[chosen],
+    )
+
+
+def _solved(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """The solutions of a symmetric positive definite system, by L D L' (Golub, Van Loan, Matrix Computations, section 4.1.2)."""
+    n, zero = len(rows), rows[0, 0].builder.number(0)
+    lower: list[list[Term]] = [[] for _ in range(n)]
+    pivots: list[Term] = []
+    for j in range(n):
+        scaled = [entry * pivot for entry, pivot in zip(lower[j], pivots, strict=True)]
+        pivots.append(rows[j, j] - dot(lower[j], scaled, zero))
+        for i in range(j + 1, n):
+            lower[i].append((rows[i, j] - dot(lower[i], scaled, zero)) / pivots[j])
+    found = []
+    for column in columns:
+        x: list[Term] = []
+        for i, entry in enumerate(column):
+            x.append(entry - dot(lower[i], x, zero))
+        x = [entry / pivot for entry, pivot in zip(x, pivots, strict=True)]
+        for i in reversed(range(n)):
+            x[i] = x[i] - dot([lower[k][i] for k in range(i + 1, n)], x[i + 1 :], zero)
+        found.append(vector(x))
+    return found
+
+
+def _solved_by_orthogonal_columns(left: Sequence[Vector], columns: Sequence[Vector]) -> list[Vector]:
+    """The solutions of a regular system: its columns ``left`` are made orthogonal to one another, and those of the right with them."""
+    left, right = list(left), list(columns)
+    upper: dict[tuple[int, int], Term] = {}
+    found: list[dict[int, Term]] = [{} for _ in right]
+    parts: list[list[Term]] = [[] for _ in right]
+    for j, column_of_left in enumerate(left):
+        upper[j, j] = length(column_of_left)
+        unit = column_of_left / upper[j, j]
+        for k in range(j + 1, len(left)):
+            upper[j, k] = unit @ left[k]
+            left[k] = left[k] - upper[j, k] * unit
+        for number, column in enumerate(right):
+            parts[number].append(unit @ column)
+            right[number] = column - parts[number][j] * unit
+    for part, x in zip(parts, found, strict=True):
+        for j in reversed(range(len(left))):
+            known = list(range(j + 1, len(left)))
+            rest = dot([upper[j, k] for k in known], [x[k] for k in known], part[j].builder.number(0))
+            x[j] = (part[j] - rest) / upper[j, j]
+    return [vector([x[j] for j in range(len(left))]) for x in found]
+
+
+def by_multipliers(tied: Tied) -> tuple[Vector, Vector]:
     """The forces -J' lambda, (nv,), and lambda, (m,)."""
-    *columns, free = tied.solved(tied.mass, [*tied.jacobian, tied.force])
-    compliance = [tied.times(tied.jacobian, column) for column in columns]
-    needed = [tied.sum(*pair) for pair in zip(tied.times(tied.jacobian, free), tied.bias, strict=True)]
-    [multipliers] = tied.solved(compliance, [needed])
-    return [tied.negative(force) for force in tied.times(tied.transposed(tied.jacobian), multipliers)], multipliers
+    *columns, free = _solved(tied.mass, [*tied.jacobian, tied.force])
+    compliance = matrix([tied.jacobian @ column for column in columns])
+    needed = tied.jacobian @ free + tied.bias
+    [multipliers] = _solved(compliance, [needed])
+    return -(tied.jacobian.T @ multipliers), multipliers
 
 
-def by_reduction(tied: Tied) -> tuple[Column, Column]:
+def by_reduction(tied: Tied) -> tuple[Vector, Vector]:
     """The forces M a - f, (nv,), with a from the reduced equations; no multipliers."""
-    return tied.less(tied.times(tied.mass, reduced(tied)), tied.force), []
+    return tied.mass @ reduced(tied) - tied.force, ()
 
 
 def reduced_program(constraints: Constraints) -> StraightLineProgram:
     """A program of the tree's inputs whose one output, ``accelerations`` (nv,), is the solution of the reduced equations."""
-    tied = Tied(constraints)
-    return without_unused(tied.program({ACCELERATIONS: reduced(tied)}))
+    tied = tied_equations(constraints)
+    return without_unused(tied.builder.program({ACCELERATIONS: reduced(tied)}))
 
 
-def reduced(tied: Tied) -> Column:
+def reduced(tied: Tied) -> Vector:
     """The accelerations, (nv,), by the reduced equations."""
-    determined = tied.constraints.rates
+    builder, determined = tied.builder, list(tied.constraints.rates)
     others = [place for place in range(tied.nv) if place not in determined]
-    by_determined = [[row[place] for place in determined] for row in tied.jacobian]
-    by_others = tied.transposed([[row[place] for place in others] for row in tied.jacobian])
-    *ways, drift = tied.solved_by_orthogonal_columns(by_determined, [*by_others, tied.bias])
-    zero = tied.number(0)
+    *ways, drift = _solved_by_orthogonal_columns(tied.jacobian[:, determined].T, [*tied.jacobian[:, others].T, tied.bias])
 
-    def spread(own: Column, following: Column) -> Column:
-        found = [zero] * tied.nv
-        for places, values in ((others, own), (determined, following)):
-            for place, value in zip(places, values, strict=True):
-                found[place] = value
+    def spread(own: Vector, following: Vector) -> Vector:
+        found = builder.zeros(tied.nv)
+        found[others], found[determined] = own, following
         return found
 
-    basis = [
-        spread([tied.number(int(place == other)) for other in others], [tied.negative(entry) for entry in way])
-        for place, way in zip(others, ways, strict=True)
-    ]
-    offset = spread([zero] * len(others), [tied.negative(entry) for entry in drift])
-    carried = [tied.times(tied.mass, way) for way in basis]
-    reduced = [[tied.dot(one, other) for other in carried] for one in basis]
-    [own] = tied.solved(reduced, [tied.times(basis, tied.less(tied.force, tied.times(tied.mass, offset)))])
-    return [tied.sum(at, tied.dot(row, own)) for at, row in zip(offset, tied.transposed(basis), strict=True)]
+    basis = [spread(builder.vector([int(place == other) for other in others]), -way) for place, way in zip(others, ways, strict=True)]
+    offset = spread(builder.zeros(len(others)), -drift)
+    carried = [tied.mass @ way for way in basis]
+    compact = matrix([[one @ other for other in carried] for one in basis])
+    pulled = tied.force - tied.mass @ offset
+    [own] = _solved(compact, [vector([one @ pulled for one in basis])])
+    return vector([at + matrix(basis)[:, place] @ own for place, at in enumerate(offset)])

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from harness.equations.calculus import ProgramWriter
 from harness.equations.constraint import Constraint
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.equations.derivatives import along, gradient
 from harness.equations.program import StraightLineProgram, assemble, without_unused
 from harness.equations.system import System
+from harness.equations.term import Builder, dot
 
 
 def constraints_of(system: System, tree: StraightLineProgram) -> Constraints:
@@ -43,11 +44,12 @@ def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], roll
     symbols = dict(zip([*system.rates, *system.coordinates], [*inputs[nv : 2 * nv], *inputs[:nv]], strict=True))
     symbols |= {parameter: inputs[names.index(parameter.name)] for parameter in system.parameters}
     expressions = [[row.xreplace(symbols) for row in some] for some in (holding, rolling)]
-    writer = ProgramWriter(assemble(inputs, dict(zip((RESIDUAL, "rolling"), expressions, strict=True))))
-    q, v = list(range(nv)), list(range(nv, 2 * nv))
-    residual = writer.outputs[RESIDUAL]
-    jacobian = [writer.gradient(row, q) for row in residual] + [writer.gradient(row, v) for row in writer.outputs["rolling"]]
-    velocities = [writer.dot(row, v) for row in jacobian]
-    bias = writer.along(velocities, dict(zip(q, v, strict=True)))
-    outputs = {RESIDUAL: residual, JACOBIAN: [entry for row in jacobian for entry in row], RATE: velocities, BIAS: bias}
-    return without_unused(writer.program(outputs))
+    program = assemble(inputs, dict(zip((RESIDUAL, "rolling"), expressions, strict=True)))
+    builder = Builder(program.inputs)
+    written = builder.append(program)
+    q, v = builder.inputs[:nv], builder.inputs[nv : 2 * nv]
+    jacobian = [gradient(row, q) for row in written[RESIDUAL]] + [gradient(row, v) for row in written["rolling"]]
+    velocities = [dot(row, v, builder.number(0)) for row in jacobian]
+    bias = along(velocities, dict(zip(q, v, strict=True)))
+    outputs = {RESIDUAL: written[RESIDUAL], JACOBIAN: [entry for row in jacobian for entry in row], RATE: velocities, BIAS: bias}
+    return without_unused(builder.program(outputs))

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from harness.equations.calculus import ProgramWriter
+from harness.equations.derivatives import along, derivative_name, differentiate
 from harness.equations.kernels import solve_symmetric
-from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle, with_operands, without_unused
-from harness.equations.program_derivatives import derivative_name, differentiate
+from harness.equations.program import StraightLineProgram, right_hand_side, without_unused
+from harness.equations.term import Builder, Term, Vector, cross, dot, sqrt, symmetric, vector
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism
@@ -40,106 +40,72 @@ _FORCES = "forces"
 
 
 @dataclass(frozen=True)
-class _Term:
-    """The result of an instruction, of which operators write further instructions."""
+class _Arguments:
+    """A program of q, v, a vector of nv more, time and parameters, which begins with these inputs alone.
 
-    writer: ProgramWriter
-    place: int
+    Attributes:
+        third: the accelerations, or the applied forces.
+    """
 
-    def __add__(self, other: _Term) -> _Term:
-        return _Term(self.writer, self.writer.sum(self.place, other.place))
-
-    def __sub__(self, other: _Term) -> _Term:
-        return _Term(self.writer, self.writer.difference(self.place, other.place))
-
-    def __mul__(self, other: _Term) -> _Term:
-        return _Term(self.writer, self.writer.product(self.place, other.place))
-
-    def __truediv__(self, other: _Term) -> _Term:
-        return _Term(self.writer, self.writer.quotient(self.place, other.place))
-
-
-class _Writer(ProgramWriter):
-    """A program of q, v, a vector of nv more, time and parameters; it begins with these inputs alone."""
-
-    def __init__(self, mechanism: Mechanism, inputs: Sequence[str], linear_velocity_in_body: bool) -> None:
-        super().__init__(StraightLineProgram(tuple(inputs), (), {}))
-        self.nq, self.nv = mechanism.nq, mechanism.nv
-        self._mechanism, self._in_body = mechanism, linear_velocity_in_body
-        self.given = [self.add("input", place) for place in range(len(inputs))]
+    mechanism: Mechanism
+    builder: Builder
+    is_in_body: bool
 
     @property
-    def third(self) -> list[int]:
-        """The accelerations, or the applied forces."""
-        return self.given[self.nq + self.nv : self.nq + 2 * self.nv]
+    def velocities(self) -> Vector:
+        nq, nv = self.mechanism.nq, self.mechanism.nv
+        return self.builder.inputs_at(range(nq, nq + nv))
 
-    def appended(self, program: StraightLineProgram, third: Sequence[int]) -> dict[str, list[int]]:
-        """Write a program of the same inputs but for the third vector, which is ``third``; the places of its outputs."""
-        first, places = self.nq + self.nv, list[int]()
-        for instruction in program.instructions:
-            if instruction[0] == "input" and first <= instruction[1] < first + self.nv:
-                places.append(third[instruction[1] - first])
-            else:
-                places.append(self.again(*with_operands(instruction, places)))
-        return {name: [places[index] for index in indices] for name, indices in program.outputs.items()}
+    @property
+    def third(self) -> Vector:
+        first, nv = self.mechanism.nq + self.mechanism.nv, self.mechanism.nv
+        return self.builder.inputs_at(range(first, first + nv))
 
-    def terms(self, places: Sequence[int]) -> list[_Term]:
-        return [_Term(self, place) for place in places]
+    def appended(self, program: StraightLineProgram, third: Vector) -> dict[str, list[Term]]:
+        """Write a program of the same inputs but for the third vector, which is ``third``; its outputs."""
+        first, inputs = self.mechanism.nq + self.mechanism.nv, list(self.builder.inputs)
+        inputs[first : first + self.mechanism.nv] = third
+        return self.builder.append(program, inputs)
 
-    def total(self, places: Iterable[int]) -> int:
-        found = self.number(0)
-        for place in places:
-            found = self.sum(found, place)
-        return found
-
-    def solved(self, upper: Sequence[int], right_hand_side: Sequence[int]) -> list[int]:
-        """The solution x of M x = b; what depends on M alone is written once."""
-        return [term.place for term in solve_symmetric(self.terms(upper), self.terms(right_hand_side))]
-
-    def free(self, equations: Mapping[str, Sequence[int]], applied: Sequence[int] | None = None) -> list[int]:
-        """tau + p - (c + g), without tau for None."""
-        outputs = {name: self.terms(equations[name]) for name in ("velocity", "gravity", "passive")}
-        return [term.place for term in right_hand_side(outputs, None if applied is None else self.terms(applied))]
-
-    def directions(self) -> Iterator[Mapping[int, int]]:
+    def directions(self) -> Iterator[Mapping[Term, Term]]:
         """For each velocity, the rates of positions at which it is 1 and all others are 0."""
-        attitudes, joints = self._mechanism.attitudes, self._mechanism.joints
+        attitudes, joints, given = self.mechanism.attitudes, self.mechanism.joints, self.builder.inputs
         place = 0
-        for coordinate in range(self.nv):
+        for coordinate in range(self.mechanism.nv):
             first = next((one for one in attitudes if one <= coordinate < one + 3), None)
             if first is not None:
                 # A quaternion has four positions and three velocities.
-                quaternion = self.given[place : place + 4]
-                yield self._turning(quaternion, coordinate - first)
+                yield _turning(vector(given[place : place + 4]), coordinate - first)
                 place += 4 * (coordinate == first + 2)
             else:
                 of_free = next((one for one in attitudes if joints[one] == joints[coordinate]), None)
-                if of_free is not None and self._in_body:
+                if of_free is not None and self.is_in_body:
                     start = place - (coordinate - of_free + 3)
-                    yield self._moving(self.given[start : start + 3], self.given[start + 3 : start + 7], coordinate - of_free + 3)
+                    yield _moving(given[start : start + 3], vector(given[start + 3 : start + 7]), coordinate - of_free + 3)
                 else:
-                    yield {self.given[place]: self.number(1)}
+                    yield {given[place]: self.builder.number(1)}
                 place += 1
 
-    def _turning(self, quaternion: Sequence[int], axis: int) -> Mapping[int, int]:
-        """Half the product of (w, x, y, z) with the unit vector along an axis of the body."""
-        w, *rest = quaternion
-        unit = [self.number(int(axis == row)) for row in range(3)]
-        changes = [self.negative(rest[axis]), *(self.sum(*pair) for pair in zip(self._times(w, unit), self.cross(rest, unit), strict=True))]
-        return {place: self.product(self.number(Fraction(1, 2)), change) for place, change in zip(quaternion, changes, strict=True)}
 
-    def _moving(self, position: Sequence[int], quaternion: Sequence[int], axis: int) -> Mapping[int, int]:
-        """The axis of the body, along which the position moves."""
-        w, *rest = quaternion
-        unit = [self.number(int(axis == row)) for row in range(3)]
-        # u + 2 (w (r x u) + r x (r x u)) / |quaternion|^2
-        across = self.cross(rest, unit)
-        turned = [self.sum(*pair) for pair in zip(self._times(w, across), self.cross(rest, across), strict=True)]
-        scale = self.quotient(self.number(2), self.dot(quaternion, quaternion))
-        return {place: self.sum(*pair) for place, *pair in zip(position, unit, self._times(scale, turned), strict=True)}
+def _turning(quaternion: Vector, axis: int) -> Mapping[Term, Term]:
+    """Half the product of (w, x, y, z) with the unit vector along an axis of the body."""
+    w, rest = quaternion[0], quaternion[1:]
+    unit = w.builder.vector([int(axis == row) for row in range(3)])
+    changes = [-rest[axis], *(w * unit + cross(rest, unit))]
+    half = w.builder.number(Fraction(1, 2))
+    return {position: half * change for position, change in zip(quaternion, changes, strict=True)}
 
-    def _times(self, factor: int, values: Sequence[int]) -> list[int]:
-        return [self.product(factor, value) for value in values]
+
+def _moving(position: Sequence[Term], quaternion: Vector, axis: int) -> Mapping[Term, Term]:
+    """The axis of the body, along which the position moves."""
+    w, rest = quaternion[0], quaternion[1:]
+    unit = w.builder.vector([int(axis == row) for row in range(3)])
+    # u + 2 (w (r x u) + r x (r x u)) / |quaternion|^2
+    across = cross(rest, unit)
+    turned = w * across + cross(rest, across)
+    two = w.builder.number(2)
+    scale = two / (quaternion @ quaternion)
+    return dict(zip(position, unit + scale * turned, strict=True))
 
 
 def inverse_dynamics_derivatives(
@@ -150,17 +116,23 @@ def inverse_dynamics_derivatives(
     ``program`` is one of the mechanism's charts. Each of the outputs ``by_position``, ``by_velocity`` and ``by_acceleration`` holds nv
     columns of nv entries, one column after the other [N or N m, per unit].
     """
-    nq, nv = mechanism.nq, mechanism.nv
-    writer = _Writer(mechanism, _with_accelerations(mechanism, program), linear_velocity_in_body)
-    equations = writer.appended(program, writer.third)
-    rows, free = _rows(equations["mass"], nv), writer.free(equations)
-    forces = [writer.difference(writer.dot(row, writer.third), rest) for row, rest in zip(rows, free, strict=True)]
-    directions = list(writer.directions())
-    forces_alone = writer.program({_FORCES: forces, BY_ACCELERATION: [entry for row in rows for entry in row]})
-    found = differentiate(forces_alone, [_FORCES], [*directions, *range(nq, nq + nv)])
+    nv = mechanism.nv
+    given = _Arguments(mechanism, Builder(_with_accelerations(mechanism, program)), linear_velocity_in_body)
+    equations = given.appended(program, given.third)
+    rows, free = symmetric(equations["mass"], nv), right_hand_side(equations)
+    forces = [row @ given.third - rest for row, rest in zip(rows, free, strict=True)]
+    outputs: dict[str, Iterable[Term]] = {_FORCES: forces, BY_ACCELERATION: rows.flat}
+    found = _differentiated(given, outputs, [_FORCES])
     columns = _by_columns(found.outputs[derivative_name(_FORCES)], 2 * nv)
-    outputs = {BY_POSITION: columns[: nv * nv], BY_VELOCITY: columns[nv * nv :], BY_ACCELERATION: found.outputs[BY_ACCELERATION]}
-    return without_unused(replace(found, outputs=outputs))
+    derivatives = {BY_POSITION: columns[: nv * nv], BY_VELOCITY: columns[nv * nv :], BY_ACCELERATION: found.outputs[BY_ACCELERATION]}
+    return without_unused(replace(found, outputs=derivatives))
+
+
+def _differentiated(given: _Arguments, outputs: Mapping[str, Iterable[Term]], names: Sequence[str]) -> StraightLineProgram:
+    """``differentiate`` by positions along the velocities, and by velocities."""
+    nq, nv = given.mechanism.nq, given.mechanism.nv
+    directions = [{position.place: rate.place for position, rate in one.items()} for one in given.directions()]
+    return differentiate(given.builder.program(outputs), names, [*directions, *range(nq, nq + nv)])
 
 
 def forward_dynamics_derivatives(
@@ -171,17 +143,17 @@ def forward_dynamics_derivatives(
     Each of the outputs ``by_position``, ``by_velocity`` and ``by_force`` holds nv columns of nv entries, one column after the other.
     """
     nv = mechanism.nv
-    writer = _Writer(mechanism, program.inputs, linear_velocity_in_body)
-    equations = writer.appended(program, writer.third)
-    accelerations = writer.solved(equations["mass"], writer.free(equations, writer.third))
-    of_forces = writer.appended(inverse_dynamics_derivatives(mechanism, program, linear_velocity_in_body), accelerations)
+    given = _Arguments(mechanism, Builder(program.inputs), linear_velocity_in_body)
+    equations = given.appended(program, given.third)
+    accelerations = vector(solve_symmetric(equations["mass"], right_hand_side(equations, given.third)))
+    of_forces = given.appended(inverse_dynamics_derivatives(mechanism, program, linear_velocity_in_body), accelerations)
 
-    def solved(columns: Sequence[int]) -> list[int]:
-        return [entry for at in range(0, nv * nv, nv) for entry in writer.solved(equations["mass"], columns[at : at + nv])]
+    def solved(columns: Sequence[Term]) -> list[Term]:
+        return [entry for at in range(0, nv * nv, nv) for entry in solve_symmetric(equations["mass"], columns[at : at + nv])]
 
-    outputs = {name: solved([writer.negative(entry) for entry in of_forces[name]]) for name in (BY_POSITION, BY_VELOCITY)}
-    outputs[BY_FORCE] = solved([writer.number(int(row == column)) for column in range(nv) for row in range(nv)])
-    return without_unused(writer.program(outputs))
+    outputs = {name: solved([-entry for entry in of_forces[name]]) for name in (BY_POSITION, BY_VELOCITY)}
+    outputs[BY_FORCE] = solved(given.builder.vector([int(row == column) for column in range(nv) for row in range(nv)]))
+    return without_unused(given.builder.program(outputs))
 
 
 def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool = False) -> StraightLineProgram:
@@ -189,12 +161,10 @@ def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_v
 
     Each holds 2 nv columns of nv entries, by positions and by velocities.
     """
-    nq, nv = mechanism.nq, mechanism.nv
-    writer = _Writer(mechanism, _with_accelerations(mechanism, program), linear_velocity_in_body)
-    terms = _terms(writer, writer.appended(program, writer.third))
-    directions = list(writer.directions())
-    found = differentiate(writer.program(terms), list(terms), [*directions, *range(nq, nq + nv)])
-    outputs = {name: _by_columns(found.outputs[derivative_name(name)], 2 * nv) for name in terms}
+    given = _Arguments(mechanism, Builder(_with_accelerations(mechanism, program)), linear_velocity_in_body)
+    terms = _terms(given, given.appended(program, given.third))
+    found = _differentiated(given, terms, list(terms))
+    outputs = {name: _by_columns(found.outputs[derivative_name(name)], 2 * mechanism.nv) for name in terms}
     return without_unused(replace(found, outputs=outputs))
 
 
@@ -210,37 +180,38 @@ def sizes_of_parts(
     dampers may pull at either side of what a coordinate moves: a column has as parts what coordinates that move with the same kinetic
     energy do to their forces. Lengths are kinetic-energy norms of accelerations, which are those of forces in the inverse of M.
     """
-    nq, nv = mechanism.nq, mechanism.nv
+    nv = mechanism.nv
     inputs = _with_accelerations(mechanism, program) if of_accelerations else program.inputs
-    writer = _Writer(mechanism, inputs, linear_velocity_in_body)
-    equations = writer.appended(program, writer.third)
-    mass, rows = equations["mass"], _rows(equations["mass"], nv)
-    units = [writer.add("sqrt", rows[place][place]) for place in range(nv)]
+    given = _Arguments(mechanism, Builder(inputs), linear_velocity_in_body)
+    builder, equations = given.builder, given.appended(program, given.third)
+    mass, rows, zero = equations["mass"], symmetric(equations["mass"], nv), builder.number(0)
+    units = [sqrt(rows[place, place]) for place in range(nv)]
 
-    def length(forces: Sequence[int]) -> int:
-        return writer.add("sqrt", writer.dot(forces, writer.solved(mass, forces)))
+    def size(forces: Sequence[Term]) -> Term:
+        return sqrt(dot(forces, solve_symmetric(mass, forces), zero))
 
-    def of_elements(directions: Sequence[Mapping[int, int]]) -> int:
-        columns = [writer.along(equations["passive"], direction) for direction in directions]
-        return writer.total(writer.quotient(length(column), unit) for column, unit in zip(columns, units, strict=True))
+    def of_elements(directions: Sequence[Mapping[Term, Term]]) -> Term:
+        columns = [along(equations["passive"], direction) for direction in directions]
+        return sum((size(column) / unit for column, unit in zip(columns, units, strict=True)), zero)
 
     if of_accelerations:
-        forces = list(_terms(writer, equations).values())
+        forces = list(_terms(given, equations).values())
     else:
-        forces = [equations["velocity"], equations["gravity"], equations["passive"], writer.third, writer.free(equations, writer.third)]
-    total = writer.total(length(one) for one in forces)
+        free = right_hand_side(equations, given.third)
+        forces = [equations["velocity"], equations["gravity"], equations["passive"], given.third, free]
+    total = sum((size(one) for one in forces), zero)
     rotating = [place for place, rotates in enumerate(mechanism.rotating) if rotates]
-    torques = writer.total(length([writer.number(int(row == place)) for row in range(nv)]) for place in rotating)
-    rates, one = writer.given[nq : nq + nv], writer.number(1)
-    twice_the_energy = writer.dot(rates, [writer.dot(row, rates) for row in rows])
-    by_turn = writer.sum(total, writer.product(twice_the_energy, torques))
-    speed = writer.product(writer.number(2), writer.product(writer.add("sqrt", twice_the_energy), torques))
-    by_position, by_velocity = of_elements(list(writer.directions())), writer.sum(speed, of_elements([{rate: one} for rate in rates]))
-    sizes = [writer.product(by_position, unit) for unit in units]
+    torques = sum((size(builder.vector([int(row == place) for row in range(nv)])) for place in rotating), zero)
+    rates, one = given.velocities, builder.number(1)
+    twice_the_energy = rates @ (rows @ rates)
+    by_turn = total + twice_the_energy * torques
+    speed = builder.number(2) * (sqrt(twice_the_energy) * torques)
+    by_position, by_velocity = of_elements(list(given.directions())), speed + of_elements([{rate: one} for rate in rates])
+    sizes = [by_position * unit for unit in units]
     for place in rotating:
-        sizes[place] = writer.sum(sizes[place], by_turn)
-    sizes += [writer.product(by_velocity, unit) for unit in units]
-    return without_unused(writer.program({"sizes": [*sizes, *[writer.number(0)] * nv]}))
+        sizes[place] = sizes[place] + by_turn
+    sizes += [by_velocity * unit for unit in units]
+    return without_unused(builder.program({"sizes": [*sizes, *[zero] * nv]}))
 
 
 def _with_accelerations(mechanism: Mechanism, program: StraightLineProgram) -> list[str]:
@@ -249,19 +220,13 @@ def _with_accelerations(mechanism: Mechanism, program: StraightLineProgram) -> l
     return [*program.inputs[: nq + nv], *(f"qdd{place}" for place in range(nv)), *program.inputs[nq + 2 * nv :]]
 
 
-def _terms(writer: _Writer, equations: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
+def _terms(given: _Arguments, equations: Mapping[str, Sequence[Term]]) -> dict[str, Sequence[Term]]:
     """M a, c, g and -p."""
-    inertial = [writer.dot(row, writer.third) for row in _rows(equations["mass"], writer.nv)]
-    passive = [writer.negative(force) for force in equations["passive"]]
-    return dict(zip(TERMS, (inertial, list(equations["velocity"]), list(equations["gravity"]), passive), strict=True))
+    inertial = symmetric(equations["mass"], given.mechanism.nv) @ given.third
+    passive = [-force for force in equations["passive"]]
+    return dict(zip(TERMS, (inertial, equations["velocity"], equations["gravity"], passive), strict=True))
 
 
 def _by_columns(entries: Sequence[int], columns: int) -> tuple[int, ...]:
     """Entries that stand by rows, one column after the other."""
     return tuple(place for column in range(columns) for place in entries[column::columns])
-
-
-def _rows(upper: Sequence[int], nv: int) -> list[list[int]]:
-    """A symmetric matrix, given by its upper triangle."""
-    entries = dict(zip(upper_triangle(nv), upper, strict=True))
-    return [[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)]

@@ -7,12 +7,12 @@ Asks no engine. What meshes weigh, which no file states, is given by who reads t
 ``equations`` and what is below them.
 
 Start with ``robot``: ``read_robot`` gives a ``Robot``, whose tree is the plain data, with what is left out and what no body can
-have. ``bounds`` raises what weighs too little; ``recursion``
-writes its program in the vectors of ``spatial`` and the joints of ``nodes``; ``mechanism`` makes a mechanism of it, for all that works
-on mechanisms, and ``accelerations`` evaluates it in balls.
+have. ``bounds`` raises what weighs too little. ``kinematics`` has the joints of a tree as ``nodes``, data of which everything else is a
+function: ``recursion`` writes its equations of motion in the axes of the bodies, ``mechanism`` makes a mechanism of them, for all that
+works on mechanisms, and ``accelerations`` evaluates them in balls. All are written in terms of ``harness.equations.term``.
 
-``free_bodies`` and ``reactions`` write other programs of the same tree, from the bodies as ``world_motion`` has them in the world: every
-body kept free, and what each joint transmits. ``constraints`` has the rows of what the file ties beside its joints.
+``world_motion`` has the bodies as they move along the world's axes. From it ``motion_quantities``, ``force_quantities``, ``regressor``
+and ``reactions`` write what engines compute besides, and ``constraints`` the rows of what the file ties beside its joints.
 ``steps`` writes the state after one step of an integrator by its rule, of the forces of ``step_forces``.
 
 Certified accelerations at states are those of ``harness.certify.robot_reference``.

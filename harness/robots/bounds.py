@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from harness.equations.kernels import BallKernel
-from harness.equations.program import without_unused
 from harness.files.tree import ORIGIN, Body, Bounds, Inertia, Placement, Pose, Tree, Vector, vector
-from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.rigid import Weights, joined
+from harness.robots.spatial import FileBuilder
 
 _BITS = 256
 Rows = Sequence[Sequence[Fraction]]
@@ -73,13 +72,10 @@ def _evaluated(body: Body) -> tuple[Fraction, Vector, Rows]:
     """Mass, first moments, and moments about the origin of the body's frame."""
     import flint
 
-    writer = BodyWriter(())
-    total = Rigid(writer.zero, writer.still, [writer.still] * 3)
-    for part in writer.parts(body):
-        total = writer.joined(total, part)
-    program = without_unused(writer.program({"all": [total.mass, *total.first, *(entry for row in total.second for entry in row)]}))
+    builder = FileBuilder(())
+    total = joined(builder, Weights(builder).parts(body))
     with flint.ctx.workprec(_BITS):
-        found = BallKernel(program, len(writer.parameters)).bind([float(value) for value in writer.parameters])()
+        found = builder.evaluated({"all": [total.mass, *total.first, *total.second.flat]})["all"]
         mass, x, y, z, *second = (_middle(value) for value in found)
     return mass, vector((x, y, z)), [second[3 * row : 3 * row + 3] for row in range(3)]
 

@@ -15,12 +15,15 @@ from fractions import Fraction
 from pathlib import Path
 
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL
+from harness.equations.term import Matrix, Term, Vector, cross, dot, sqrt, vector
 from harness.files.constraints import UNTURNED, End, FrameConstraint, JointConstraint, ModelConstraint, PointConstraint
 from harness.files.equalities import Linkage, Meeting, Rows, TendonLinkage, Weld
-from harness.files.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree, vector
-from harness.robots.nodes import Pair
-from harness.robots.spatial import Matrix, Three, transposed
-from harness.robots.world_motion import Moving, WorldWriter
+from harness.files.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree
+from harness.files.tree import vector as numbers_of
+from harness.robots.rigid import Spatial, power, spatial
+from harness.robots.spatial import Frame, angle, placed
+from harness.robots.world_motion import World
+from harness.robots.wrenches import accelerations_of_nodes
 
 # Joints and the multiples of their positions.
 Terms = Sequence[tuple[str, Fraction]]
@@ -32,17 +35,17 @@ class Row:
 
     Attributes:
         constraint: its name.
-        on_nodes: (number of a node, moment about the origin of its frame, force) of a multiplier of 1.
+        on_nodes: (number of a node, moment about the origin of its frame and force) of a multiplier of 1.
         on_columns: (place of a velocity, generalised force).
         residual: what the row leaves.
         known: the part of the row's acceleration that is due to neither the accelerations of nodes nor those of velocities.
     """
 
     constraint: str
-    residual: int
-    known: int
-    on_nodes: tuple[tuple[int, Three, Three], ...] = ()
-    on_columns: tuple[tuple[int, int], ...] = ()
+    residual: Term
+    known: Term
+    on_nodes: tuple[tuple[int, Spatial], ...] = ()
+    on_columns: tuple[tuple[int, Term], ...] = ()
 
 
 def untied(tree: Tree, joints: Sequence[str]) -> Tree:
@@ -62,177 +65,171 @@ def untied(tree: Tree, joints: Sequence[str]) -> Tree:
     return replace(tree, bodies=bodies)
 
 
-class ConstraintWriter(WorldWriter):
-    """Writes the rows of a file's constraints."""
+def rows_in(world: World, constraints: Mapping[str, Rows]) -> list[Row]:
+    """The rows of constraints by their names.
 
-    def rows(self, moving: list[Moving], constraints: Mapping[str, Rows]) -> list[Row]:
-        """The rows of constraints by their names.
+    Raises:
+        KeyError: one is about a body or joint that the tree does not have.
+    """
+    return [row for name, one in constraints.items() for row in _rows_of(world, name, one)]
 
-        Raises:
-            KeyError: one is about a body or joint that the tree does not have.
-        """
-        return [row for name, one in constraints.items() for row in self._rows_of(moving, name, one)]
 
-    def jacobian(self, moving: list[Moving], row: Row) -> Three:
-        """By which each velocity changes a row, (nv,)."""
-        found = [self.zero] * self.nv
-        for number, moment, force in row.on_nodes:
-            at = number
-            while at >= 0:
-                arm = self.less(moving[number].position, moving[at].position)
-                for (about, along), column in zip(moving[at].motions, moving[at].node.columns, strict=True):
-                    power = self.sum(self.dot(moment, about), self.dot(force, self.added(along, self.cross(about, arm))))
-                    found[column] = self.sum(found[column], power)
-                at = moving[at].node.parent
-        for column, factor in row.on_columns:
-            found[column] = self.sum(found[column], factor)
-        return found
+def jacobian_of(world: World, row: Row) -> Vector:
+    """By which each velocity changes a row, (nv,)."""
+    found = world.kinematics.builder.zeros(world.kinematics.nv)
+    for number, (moment, force) in row.on_nodes:
+        for one in world.up_from(number):
+            arm = world.moving[number].position + -one.position
+            for (about, along), column in one.rates:
+                found[column] = found[column] + (moment @ about + force @ (along + cross(about, arm)))
+    for column, factor in row.on_columns:
+        found[column] = found[column] + factor
+    return found
 
-    def rate(self, jacobian: Three) -> int:
-        """How fast the velocities change a row."""
-        return self.dot(jacobian, range(self._first_rate, self._first_rate + self.nv))
 
-    def biases(self, moving: list[Moving], rows: Sequence[Row]) -> Three:
-        """The accelerations that rows have where no velocity changes."""
-        carried: list[Pair] = []
-        for one in moving:
-            spin, acceleration = carried[one.node.parent] if one.node.parent >= 0 else (self.still, self.still)
-            acceleration = self.added(self.added(acceleration, self.cross(spin, one.arm)), one.bias[1])
-            carried.append((self.added(spin, one.bias[0]), acceleration))
-        found = []
-        for row in rows:
-            total = row.known
-            for number, moment, force in row.on_nodes:
-                spin, acceleration = carried[number]
-                total = self.sum(total, self.sum(self.dot(moment, spin), self.dot(force, acceleration)))
-            found.append(total)
-        return found
+def _biases(world: World, rows: Sequence[Row]) -> list[Term]:
+    """The accelerations that rows have where no velocity changes."""
+    carried = accelerations_of_nodes(world, world.kinematics.builder.zeros(world.kinematics.nv))
+    return [sum((power(acts, carried[number]) for number, acts in row.on_nodes), row.known) for row in rows]
 
-    def equations(self, moving: list[Moving], rows: Sequence[Row]) -> dict[str, Three]:
-        """The outputs of ``harness.equations.constraints`` for rows."""
-        jacobian = [self.jacobian(moving, row) for row in rows]
-        return {
-            RESIDUAL: [row.residual for row in rows],
-            JACOBIAN: [entry for row in jacobian for entry in row],
-            RATE: [self.rate(row) for row in jacobian],
-            BIAS: self.biases(moving, rows),
-        }
 
-    # Kinds.
+def equations_of_rows(world: World, rows: Sequence[Row]) -> dict[str, list[Term]]:
+    """The outputs of ``harness.equations.constraints`` for rows."""
+    jacobian = [jacobian_of(world, row) for row in rows]
+    return {
+        RESIDUAL: [row.residual for row in rows],
+        JACOBIAN: [entry for row in jacobian for entry in row],
+        RATE: [row @ world.kinematics.coordinates.velocities for row in jacobian],
+        BIAS: _biases(world, rows),
+    }
 
-    def _rows_of(self, moving: list[Moving], name: str, constraint: Rows) -> list[Row]:
-        if isinstance(constraint, Meeting):
-            return self._held(moving, name, constraint)
-        if isinstance(constraint, TendonLinkage):
-            sums: list[Terms] = [tendon.terms for tendon in constraint.tendons]
-        else:
-            sums = [((joint, Fraction(1)),) for joint in (constraint.joint, constraint.leader) if joint is not None]
-        follower, *leaders = sums
-        return [self._coupled(name, follower, leaders, self.numbers(constraint.coefficients))]
 
-    def _held(self, moving: list[Moving], name: str, meeting: Meeting) -> list[Row]:
-        """That two points meet; and of frames, that they turn alike."""
-        signs = self.number(1), self.number(-1)
-        numbers, arms, positions, drawn, turns = [], [], [], [], []
-        for body, (own_turn, point) in zip(meeting.bodies, self._frames_of(meeting), strict=True):
-            number, turn, shift = self.frames[body]
-            one = moving[number] if number >= 0 else None
-            turn, arm = self.multiplied(turn, own_turn), self.added(shift, self.turned(turn, point))
-            if one is not None:
-                turn, arm = self.multiplied(one.orientation, turn), self.turned(one.orientation, arm)
-            spin = self.still if one is None else one.spin
-            numbers.append(number)
-            arms.append(arm)
-            positions.append(arm if one is None else self.added(one.position, arm))
-            drawn.append(self.cross(spin, self.cross(spin, arm)))
-            turns.append(turn)
-        found = []
-        for axis, unit in enumerate(self.identity):
-            acts = [
-                (number, self.times(sign, self.cross(arm, unit)), self.times(sign, unit))
-                for number, arm, sign in zip(numbers, arms, signs, strict=True)
-                if number >= 0
-            ]
-            residual, known = (self.difference(values[0][axis], values[1][axis]) for values in (positions, drawn))
-            found.append(Row(name, residual, known, tuple(acts)))
-        return found + (self._turned_alike(moving, name, meeting, numbers, turns) if isinstance(meeting, Weld) else [])
+# Kinds.
 
-    def _turned_alike(self, moving: list[Moving], name: str, weld: Weld, numbers: Sequence[int], turns: Sequence[Matrix]) -> list[Row]:
-        """The rows of the orientations of two frames, written along the axes of the second.
 
-        With the quaternion (w, u) between them and the angular velocity s of the first against the second, u' = (w s + s x u) / 2 and
-        w' = -s . u / 2.
-        """
-        half = self.number(Fraction(1, 2))
-        between = self.multiplied(transposed(turns[1]), turns[0])
-        trace = self.sum(self.sum(between[0][0], between[1][1]), between[2][2])
-        doubled = self.add("sqrt", self.sum(self.number(1), trace))
-        across = [self.difference(between[(axis + 2) % 3][(axis + 1) % 3], between[(axis + 1) % 3][(axis + 2) % 3]) for axis in range(3)]
-        w = self.product(half, doubled)
-        u = [self.quotient(self.product(half, value), doubled) for value in across]
-        first, second = (moving[number].spin if number >= 0 else self.still for number in numbers)
-        spin = self.turned_back(turns[1], self.less(first, second))
+def _rows_of(world: World, name: str, constraint: Rows) -> list[Row]:
+    if isinstance(constraint, Meeting):
+        return _held(world, name, constraint)
+    if isinstance(constraint, TendonLinkage):
+        sums: list[Terms] = [tendon.terms for tendon in constraint.tendons]
+    else:
+        sums = [((joint, Fraction(1)),) for joint in (constraint.joint, constraint.leader) if joint is not None]
+    follower, *leaders = sums
+    return [_coupled(world, name, follower, leaders, world.kinematics.builder.vector(constraint.coefficients))]
 
-        def rate(of: Three, real: int, imaginary: Three) -> Three:
-            return self.times(half, self.added(self.times(real, of), self.cross(of, imaginary)))
 
-        # The axes of the second frame turn with it.
-        drawn = rate(self.minus(self.cross(self.turned_back(turns[1], second), spin)), w, u)
-        moved = rate(spin, self.negative(self.product(half, self.dot(spin, u))), rate(spin, w, u))
-        scale, found = self.given(weld.torque_scale), []
-        for axis, unit in enumerate(self.identity):
-            along = self.added(self.times(w, unit), self.cross(u, unit))
-            moment = self.turned(turns[1], self.times(self.product(scale, half), along))
-            acts = [
-                (number, self.times(self.number(sign), moment), self.still)
-                for number, sign in zip(numbers, (1, -1), strict=True)
-                if number >= 0
-            ]
-            known = self.product(scale, self.sum(drawn[axis], moved[axis]))
-            found.append(Row(name, self.product(scale, u[axis]), known, tuple(acts)))
-        return found
+def _held(world: World, name: str, meeting: Meeting) -> list[Row]:
+    """That two points meet; and of frames, that they turn alike."""
+    builder, nodes = world.kinematics.builder, world.kinematics
+    signs = builder.number(1), builder.number(-1)
+    numbers, arms, positions, drawn, turns = [], [], [], [], []
+    for body, own in zip(meeting.bodies, _frames_of(world, meeting), strict=True):
+        number, frame = nodes.frames[body]
+        one = world.moving[number] if number >= 0 else None
+        turn, arm = frame.turn @ own.turn, frame.at(own.shift)
+        if one is not None:
+            turn, arm = one.orientation @ turn, one.orientation @ arm
+        spin = world.still if one is None else one.spin
+        numbers.append(number)
+        arms.append(arm)
+        positions.append(arm if one is None else one.position + arm)
+        drawn.append(cross(spin, cross(spin, arm)))
+        turns.append(turn)
+    found = []
+    for axis, unit in enumerate(builder.identity):
+        acts = [
+            (number, spatial(sign * cross(arm, unit), sign * unit))
+            for number, arm, sign in zip(numbers, arms, signs, strict=True)
+            if number >= 0
+        ]
+        residual, known = (values[0][axis] - values[1][axis] for values in (positions, drawn))
+        found.append(Row(name, residual, known, tuple(acts)))
+    return found + (_turned_alike(world, name, meeting, numbers, turns) if isinstance(meeting, Weld) else [])
 
-    def _frames_of(self, meeting: Meeting) -> list[tuple[Matrix, Three]]:
-        """The orientation and place of either frame in its body; of a second that is not given, where the first is at the reference."""
-        first = self.placed(self.identity, self.still, meeting.first)
-        if meeting.second is not None:
-            return [first, self.placed(self.identity, self.still, meeting.second)]
-        frames, floating = {WORLD: (self.identity, self.still)}, dict(meeting.floating)
-        for body in self.tree.bodies:
-            pose: Pose = floating.get(body.name, body.pose)
-            frames[body.name] = self.placed(*frames[body.parent], pose)
-        (turn, shift), (own_turn, own_shift) = (frames[name] for name in meeting.bodies)
-        there, at = self.placed(turn, shift, meeting.first)
-        return [first, (self.multiplied(transposed(own_turn), there), self.turned_back(own_turn, self.less(at, own_shift)))]
 
-    def _coupled(self, name: str, follower: Terms, leaders: Sequence[Terms], coefficients: Three) -> Row:
-        """That a sum of joint positions is a polynomial of another such sum, of one leader or none."""
-        position, columns = self._summed(follower)
-        constant, *_ = coefficients
-        if not leaders:
-            return Row(name, self.difference(position, constant), self.zero, on_columns=tuple(columns))
-        moved, led = self._summed(leaders[0])
-        value, slope, curvature = self.zero, self.zero, self.zero
-        # Horner's scheme, with the derivatives by the leader's position.
-        for coefficient in reversed(coefficients):
-            curvature = self.sum(self.product(curvature, moved), self.product(self.number(2), slope))
-            slope = self.sum(self.product(slope, moved), value)
-            value = self.sum(self.product(value, moved), coefficient)
-        rate = self.dot([factor for _, factor in led], [self._first_rate + column for column, _ in led])
-        columns += [(column, self.negative(self.product(factor, slope))) for column, factor in led]
-        known = self.negative(self.product(curvature, self.product(rate, rate)))
-        return Row(name, self.difference(position, value), known, on_columns=tuple(columns))
+def _turned_alike(world: World, name: str, weld: Weld, numbers: Sequence[int], turns: Sequence[Matrix]) -> list[Row]:
+    """The rows of the orientations of two frames, written along the axes of the second.
 
-    def _summed(self, terms: Terms) -> tuple[int, list[tuple[int, int]]]:
-        """A sum of multiples of positions, each from its reference, and by which each velocity changes it."""
-        nodes = {node.joint.name: node for node in self.nodes}
-        total, columns = self.zero, []
-        for name, multiple in terms:
-            joint, factor = nodes[name].joint, self.given(multiple)
-            moved = self.difference(self._position(joint), self.angle(joint.reference, joint.in_degrees))
-            total = self.sum(total, self.product(factor, moved))
-            columns.append((nodes[name].columns[0], self.product(factor, self.given(joint.multiplier))))
-        return total, columns
+    With the quaternion (w, u) between them and the angular velocity s of the first against the second, u' = (w s + s x u) / 2 and
+    w' = -s . u / 2.
+    """
+    builder = world.kinematics.builder
+    half = builder.number(Fraction(1, 2))
+    between = turns[1].T @ turns[0]
+    trace = (between[0, 0] + between[1, 1]) + between[2, 2]
+    doubled = sqrt(builder.number(1) + trace)
+    across = vector(between[(axis + 2) % 3, (axis + 1) % 3] - between[(axis + 1) % 3, (axis + 2) % 3] for axis in range(3))
+    w = half * doubled
+    u = vector((half * value) / doubled for value in across)
+    first, second = (world.moving[number].spin if number >= 0 else world.still for number in numbers)
+    spin = turns[1].T @ (first + -second)
+
+    def rate(of: Vector, real: Term, imaginary: Vector) -> Vector:
+        return half * (real * of + cross(of, imaginary))
+
+    # The axes of the second frame turn with it.
+    drawn = rate(-cross(turns[1].T @ second, spin), w, u)
+    moved = rate(spin, -(half * (spin @ u)), rate(spin, w, u))
+    scale, found = builder.number(weld.torque_scale), []
+    for axis, unit in enumerate(builder.identity):
+        along = w * unit + cross(u, unit)
+        moment = turns[1] @ ((scale * half) * along)
+        acts = [
+            (number, spatial(builder.number(sign) * moment, world.still))
+            for number, sign in zip(numbers, (1, -1), strict=True)
+            if number >= 0
+        ]
+        known = scale * (drawn[axis] + moved[axis])
+        found.append(Row(name, scale * u[axis], known, tuple(acts)))
+    return found
+
+
+def _frames_of(world: World, meeting: Meeting) -> list[Frame]:
+    """Either frame in its body; of a second that is not given, where the first is at the reference."""
+    builder = world.kinematics.builder
+    first = placed(builder, meeting.first)
+    if meeting.second is not None:
+        return [first, placed(builder, meeting.second)]
+    frames, floating = {WORLD: Frame(builder.identity, builder.still)}, dict(meeting.floating)
+    for body in world.kinematics.tree.bodies:
+        pose: Pose = floating.get(body.name, body.pose)
+        frames[body.name] = placed(builder, pose, frames[body.parent])
+    frame, own = (frames[name] for name in meeting.bodies)
+    there = placed(builder, meeting.first, frame)
+    return [first, Frame(own.turn.T @ there.turn, own.turn.T @ (there.shift + -own.shift))]
+
+
+def _coupled(world: World, name: str, follower: Terms, leaders: Sequence[Terms], coefficients: Vector) -> Row:
+    """That a sum of joint positions is a polynomial of another such sum, of one leader or none."""
+    builder = world.kinematics.builder
+    position, columns = _summed(world, follower)
+    constant, *_ = coefficients
+    if not leaders:
+        return Row(name, position - constant, builder.zero, on_columns=tuple(columns))
+    moved, led = _summed(world, leaders[0])
+    value = slope = curvature = builder.zero
+    # Horner's scheme, with the derivatives by the leader's position.
+    for coefficient in reversed(coefficients):
+        curved = curvature * moved
+        curvature = curved + builder.number(2) * slope
+        slope = slope * moved + value
+        value = value * moved + coefficient
+    rate = dot([factor for _, factor in led], [world.kinematics.coordinates.velocities[column] for column, _ in led], builder.zero)
+    columns += [(column, -(factor * slope)) for column, factor in led]
+    known = -(curvature * (rate * rate))
+    return Row(name, position - value, known, on_columns=tuple(columns))
+
+
+def _summed(world: World, terms: Terms) -> tuple[Term, list[tuple[int, Term]]]:
+    """A sum of multiples of positions, each from its reference, and by which each velocity changes it."""
+    builder, nodes = world.kinematics.builder, {node.joint.name: node for node in world.kinematics.nodes}
+    total, columns = builder.zero, []
+    for name, multiple in terms:
+        joint, factor = nodes[name].joint, builder.number(multiple)
+        moved = world.kinematics.coordinates.position(joint) - angle(builder, joint.reference, joint.in_degrees)
+        total = total + factor * moved
+        columns.append((nodes[name].columns[0], factor * builder.number(joint.multiplier)))
+    return total, columns
 
 
 def rows_of(tree: Tree, constraints: Iterable[ModelConstraint]) -> dict[str, Rows]:
@@ -266,7 +263,7 @@ def rows_of(tree: Tree, constraints: Iterable[ModelConstraint]) -> dict[str, Row
 
 def _pose(place: Place, number: int, end: End) -> Pose:
     turn = (Quaternion(_numbers(place, f"orientation {number}", end.turn)),) if end.turn != UNTURNED else ()
-    return (Placement(position=vector(_numbers(place, f"point {number}", end.point)), rotation=turn),)
+    return (Placement(position=numbers_of(_numbers(place, f"point {number}", end.point)), rotation=turn),)
 
 
 def _numbers(place: Place, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:

@@ -6,140 +6,134 @@ Classical Mechanics, section 1.4 (d'Alembert's principle).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from harness.robots.nodes import Pair
-from harness.robots.quantity_writer import Block, QuantityWriter
-from harness.robots.rigid import Rigid
-from harness.robots.spatial import Three
-from harness.robots.world_motion import Moving
+from harness.equations.term import Term, Vector, cross, length, sqrt
+from harness.robots.joint_forces import forces_of_joints
+from harness.robots.quantity import Block, TreeMotion, size_of
+from harness.robots.rigid import joined, power
+from harness.robots.spatial import Frame
+from harness.robots.world_motion import World
+from harness.robots.wrenches import Parts, parts_of_motion, root, size_of_wrench, weights, wrench
 
 
-class ForceQuantities(QuantityWriter):
-    """Writes the mass matrix and generalised forces of one tree."""
+def mass_matrix(motion: TreeMotion) -> Iterator[Block]:
+    """The entries of M, by rows, with the reflected inertias of joints.
 
-    def mass_matrix(self) -> Iterator[Block]:
-        """The entries of M, by rows, with the reflected inertias of joints.
+    Source: Featherstone, section 6.2, in one frame.
+    """
+    entries, lengths = _entries_of_mass(motion), _lengths_of_columns(motion)
+    for i, one in enumerate(motion.columns):
+        for j, other in enumerate(motion.columns):
+            entry = entries.get((min(i, j), max(i, j)), motion.builder.zero)
+            yield Block(f"entry of M for {one} and {other}", (entry,), lengths[i] * lengths[j])
 
-        Source: Featherstone, section 6.2, in one frame.
-        """
-        entries = self._entries_of_mass()
-        lengths = self._lengths_of_columns()
-        for i, one in enumerate(self.columns):
-            for j, other in enumerate(self.columns):
-                entry = entries.get((min(i, j), max(i, j)), self.zero)
-                yield Block(f"entry of M for {one} and {other}", (entry,), self.product(lengths[i], lengths[j]))
 
-    def inverse_dynamics(self) -> Iterator[Block]:
-        """The generalised force of each velocity that gives the accelerations, beside springs and dampers."""
-        moving = self._moving
-        parts = self._parts(moving, self.given_accelerations)
-        for number, (moment, force) in enumerate(self.pulls(self._moving)):
-            parts[number].append((self.minus(moment), self.minus(force)))
-        values, sizes = self._generalised(parts)
-        of_joints = self.forces_of_joints()
-        for node in self.nodes:
-            multiplier = self.given(node.joint.multiplier)
-            reflected = self.product(self.product(multiplier, multiplier), self.given(node.joint.armature))
-            for column in node.columns:
-                inertia = self.product(reflected, self.given_accelerations[column])
-                values[column] = self.sum(values[column], inertia)
-                sizes[column] = self.sum(sizes[column], self.size_of(inertia))
-        for column, name in enumerate(self.columns):
-            size = self.sum(sizes[column], self.size_of(of_joints[column]))
-            yield Block(f"generalised force on {name}", (self.difference(values[column], of_joints[column]),), size)
+def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
+    """The generalised force of each velocity that gives the accelerations, beside springs and dampers."""
+    nodes = motion.world.kinematics
+    parts = parts_of_motion(motion.world, nodes.coordinates.third)
+    for number, pull in enumerate(motion.world.pulls()):
+        parts[number].append(-pull)
+    values, sizes = generalised(motion.world, range(len(motion.moving)), parts, parts)
+    of_joints = forces_of_joints(nodes)
+    for node in nodes.nodes:
+        reflected = node.armature
+        for column in node.columns:
+            inertia = reflected * nodes.coordinates.third[column]
+            values[column] = values[column] + inertia
+            sizes[column] = sizes[column] + size_of(inertia)
+    for column, name in enumerate(motion.columns):
+        size = sizes[column] + size_of(of_joints[column])
+        yield Block(f"generalised force on {name}", (values[column] - of_joints[column],), size)
 
-    def power(self) -> Iterator[Block]:
-        """What the forces of inverse dynamics do: kinetic and potential energy gain as much, beside what dampers take."""
-        power, size = self.zero, self.zero
-        for velocity, block in zip(self.given_velocities, self.inverse_dynamics(), strict=True):
-            power = self.sum(power, self.product(velocity, block.values[0]))
-            size = self.sum(size, self.product(self.size_of(velocity), block.size))
-        yield Block("power of the applied forces", (power,), size)
 
-    def bias(self) -> Iterator[Block]:
-        """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
-        return self._forces_of(self._parts(self._moving, [self.zero] * self.nv), "bias force")
+def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
+    """What the forces of inverse dynamics do: kinetic and potential energy gain as much, beside what dampers take."""
+    found = size = motion.builder.zero
+    for velocity, block in zip(motion.world.kinematics.coordinates.velocities, inverse_dynamics(motion), strict=True):
+        found = found + velocity * block.values[0]
+        size = size + size_of(velocity) * block.size
+    yield Block("power of the applied forces", (found,), size)
 
-    def gravity(self) -> Iterator[Block]:
-        """What holds the tree at rest against its weight."""
-        return self._forces_of(self._weights(self._moving), "gravity force")
 
-    def _forces_of(self, parts: list[list[Pair]], kind: str) -> Iterator[Block]:
-        for name, value, size in zip(self.columns, *self._generalised(parts), strict=True):
-            yield Block(f"{kind} on {name}", (value,), size)
+def bias(motion: TreeMotion) -> Iterator[Block]:
+    """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
+    world = motion.world
+    return _forces_of(motion, parts_of_motion(world, world.kinematics.builder.zeros(world.kinematics.nv)), "bias force")
 
-    def _generalised(self, parts: list[list[Pair]]) -> tuple[Three, Three]:
-        """The generalised force of each velocity, and the sizes, of moments and forces on the bodies of nodes."""
-        values, sizes = [self.zero] * self.nv, [self.zero] * self.nv
-        for number, one in enumerate(self._moving):
-            moment, force = self._wrench(self._moving, parts, number, one.position)
-            size_of_moment, size_of_force = self._size(self._moving, parts, number, one.position)
-            for (about, along), column in zip(one.motions, one.node.columns, strict=True):
-                values[column] = self.sum(values[column], self.sum(self.dot(moment, about), self.dot(force, along)))
-                for motion, size in ((about, size_of_moment), (along, size_of_force)):
-                    sizes[column] = self.sum(sizes[column], self.product(self._length(motion), size))
-        return values, sizes
 
-    def _entries_of_mass(self) -> dict[tuple[int, int], int]:
-        moving = self._moving
-        composite = [self._rigid(one) for one in moving]
-        entries: dict[tuple[int, int], int] = {}
-        for number in reversed(range(len(moving))):
-            one = moving[number]
-            if one.node.parent >= 0:
-                carried = self.moved(composite[number], self.identity, one.arm)
-                composite[one.node.parent] = self.joined(composite[one.node.parent], carried)
-            own = list(zip(one.motions, one.node.columns, strict=True))
-            for place, (motion, column) in enumerate(own):
-                moment, force = self._momentum(composite[number], motion)
-                at, others = number, own[: place + 1]
-                while at >= 0:
-                    arm = self.less(one.position, moving[at].position)
-                    about = self.added(moment, self.cross(arm, force))
-                    for (angular, linear), row in others:
-                        # Joints that mimic another share its column: both products are part of its entry.
-                        times = self.number(2 if row == column and at != number else 1)
-                        power = self.product(times, self.sum(self.dot(about, angular), self.dot(force, linear)))
-                        entry = min(row, column), max(row, column)
-                        entries[entry] = self.sum(entries.get(entry, self.zero), power)
-                    at = moving[at].node.parent
-                    others = list(zip(moving[at].motions, moving[at].node.columns, strict=True))
-            multiplier = self.given(one.node.joint.multiplier)
-            reflected = self.product(self.product(multiplier, multiplier), self.given(one.node.joint.armature))
-            for column in one.node.columns:
-                entries[column, column] = self.sum(entries[column, column], reflected)
-        return entries
+def gravity(motion: TreeMotion) -> Iterator[Block]:
+    """What holds the tree at rest against its weight."""
+    return _forces_of(motion, weights(motion.world), "gravity force")
 
-    def _rigid(self, one: Moving) -> Rigid:
-        found = Rigid(self.zero, self.still, [self.still] * 3)
+
+def _forces_of(motion: TreeMotion, parts: Parts, kind: str) -> Iterator[Block]:
+    values, sizes = generalised(motion.world, range(len(motion.moving)), parts, parts)
+    for name, value, size in zip(motion.columns, values, sizes, strict=True):
+        yield Block(f"{kind} on {name}", (value,), size)
+
+
+def generalised(world: World, numbers: Iterable[int], parts: Parts, that_cancel: Parts) -> tuple[Vector, Vector]:
+    """The generalised force of each velocity of some nodes, and the sizes, of moments and forces on the bodies of nodes.
+
+    ``that_cancel`` are as long as what cancels in the components of ``parts``.
+    """
+    builder = world.kinematics.builder
+    values, sizes = builder.zeros(world.kinematics.nv), builder.zeros(world.kinematics.nv)
+    for number in numbers:
+        one = world.moving[number]
+        force = wrench(world, parts, number, one.position)
+        size_of_moment, size_of_force = size_of_wrench(world, that_cancel, number, one.position, root(world, number))
+        for (about, along), column in one.rates:
+            values[column] = values[column] + power(force, (about, along))
+            for motion, size in ((about, size_of_moment), (along, size_of_force)):
+                sizes[column] = sizes[column] + length(motion) * size
+    return values, sizes
+
+
+def _entries_of_mass(motion: TreeMotion) -> dict[tuple[int, int], Term]:
+    moving, builder = motion.moving, motion.builder
+    composite = [joined(builder, (lump.about_origin(builder) for lump in one.lumps)) for one in moving]
+    entries: dict[tuple[int, int], Term] = {}
+    for number in reversed(range(len(moving))):
+        one = moving[number]
+        if one.node.parent >= 0:
+            carried = composite[number].moved(Frame(builder.identity, one.arm))
+            composite[one.node.parent] = composite[one.node.parent] + carried
+        for place, (own, column) in enumerate(one.rates):
+            moment, force = composite[number].momentum(own)
+            for before in motion.world.up_from(number):
+                is_own = before is one
+                arm = one.position + -before.position
+                about = moment + cross(arm, force)
+                for other, row in one.rates[: place + 1] if is_own else before.rates:
+                    # Joints that mimic another share its column: both products are part of its entry.
+                    times = builder.number(2 if row == column and not is_own else 1)
+                    entry = min(row, column), max(row, column)
+                    entries[entry] = entries.get(entry, builder.zero) + times * power((about, force), other)
+        reflected = one.node.armature
+        for column in one.node.columns:
+            entries[column, column] = entries[column, column] + reflected
+    return entries
+
+
+def _lengths_of_columns(motion: TreeMotion) -> Vector:
+    """The length of each velocity's motion of all bodies in the metric of their masses, with all arms at their longest."""
+    builder = motion.builder
+    mass = inertia = builder.zero
+    for number, one in enumerate(motion.moving):
         for lump in one.lumps:
-            found = self.joined(found, self.moved(Rigid(lump.mass, self.still, lump.moments), self.identity, lump.centre))
-        return found
-
-    def _momentum(self, rigid: Rigid, motion: Pair) -> Pair:
-        """Moment of momentum about the point where ``rigid`` is taken, and momentum."""
-        angular, linear = motion
-        moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
-        return moment, self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
-
-    def _lengths_of_columns(self) -> Three:
-        """The length of each velocity's motion of all bodies in the metric of their masses, with all arms at their longest."""
-        mass = inertia = self.zero
-        for number, one in enumerate(self._moving):
-            for lump in one.lumps:
-                reach = self.sum(self._extent, self.sum(self._from_root(number), self._length(lump.centre)))
-                mass = self.sum(mass, lump.mass)
-                inertia = self.sum(inertia, self.product(lump.mass, self.product(reach, reach)))
-                for row in lump.moments:
-                    inertia = self.sum(inertia, self._length(row))
-        turning, sliding = self.add("sqrt", inertia), self.add("sqrt", mass)
-        found = [self.zero] * self.nv
-        for one in self._moving:
-            reflected = self.size_of(
-                self.product(self.given(one.node.joint.multiplier), self.add("sqrt", self.given(one.node.joint.armature)))
-            )
-            for (about, along), column in zip(one.motions, one.node.columns, strict=True):
-                motion = self.sum(self.product(self._length(about), turning), self.product(self._length(along), sliding))
-                found[column] = self.sum(found[column], self.sum(motion, reflected))
-        return found
+            reach = motion.extent + (motion.from_root(number) + length(lump.centre))
+            mass = mass + lump.mass
+            inertia = inertia + lump.mass * (reach * reach)
+            for row in lump.moments:
+                inertia = inertia + length(row)
+    turning, sliding = sqrt(inertia), sqrt(mass)
+    found = builder.zeros(motion.world.kinematics.nv)
+    for one in motion.moving:
+        joint = one.node.joint
+        reflected = size_of(builder.number(joint.multiplier) * sqrt(builder.number(joint.armature)))
+        for (about, along), column in one.rates:
+            found[column] = found[column] + ((length(about) * turning + length(along) * sliding) + reflected)
+    return found

@@ -12,12 +12,11 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.kernels import BallKernel
-from harness.equations.program import without_unused
 from harness.files.findings import Impossible
 from harness.files.tree import WORLD, Body, Inertia, Tree
 from harness.robots.bounds import bounded
-from harness.robots.rigid import BodyWriter
+from harness.robots.rigid import Weights
+from harness.robots.spatial import FileBuilder
 
 # Relative to the largest moment: what rounding the decimals of three moments can do.
 _ROUNDING = 2.0**-51
@@ -32,12 +31,11 @@ def total_mass(tree: Tree) -> float:
 
     if tree.total_mass is not None:
         return float(tree.total_mass)
-    writer = BodyWriter(())
-    place = writer.mass(bounded(tree))
-    program = without_unused(writer.program({"mass": [place]}))
+    builder = FileBuilder(())
+    mass = Weights(builder).mass(bounded(tree))
     with flint.ctx.workprec(_BITS):
-        (mass,) = BallKernel(program, len(writer.parameters)).bind([float(value) for value in writer.parameters])()
-        return float(mass)
+        [found] = builder.evaluated({"mass": [mass]})["mass"]
+        return float(found)
 
 
 def impossible_inertias(tree: Tree) -> tuple[Impossible, ...]:

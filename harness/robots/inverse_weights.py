@@ -16,24 +16,21 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from harness.equations.kernels import BallKernel
-from harness.equations.program import without_unused
+from harness.equations.term import Matrix, Term, Vector, cross, matrix
 from harness.files.constraints import End, Tendon, TendonConstraint
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Given, Joint, Tree, vector
 from harness.models.constraint_law import InverseWeight
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
 from harness.robots.bounds import bounded
-from harness.robots.rigid import BodyWriter, Rigid
+from harness.robots.rigid import Rigid, Spatial, Weights, joined, power, spatial
 from harness.robots.robot import tree_of
-from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.spatial import FileBuilder, Frame, direction, placed, unit
 
 _BITS = 192
 # IsNullPose and mjEPS of MuJoCo's compiler.
 _NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
-
-# A motion of the world's frame: angular velocity, and velocity of the world's origin.
-Motion = tuple[Three, Three]
 
 
 def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[InverseWeight, float]:
@@ -58,17 +55,16 @@ def inverse_weights_of(
     return _AtZero(bounded(tree), fuses, tendons).evaluated(list(dict.fromkeys(wanted)))
 
 
-class _AtZero(BodyWriter):
-    """Writes M, and rows J, of one tree in its zero position."""
+class _AtZero:
+    """M, and rows J, of one tree in its zero position."""
 
     def __init__(self, tree: Tree, fuses: bool, tendons: Iterable[Tendon]) -> None:
-        super().__init__(())
-        self._tree = tree
-        self.scale_to(tree)
-        self._motions: list[Motion] = []
+        self._builder = FileBuilder(())
+        self._tree, self._weights = tree, Weights(self._builder, tree)
+        self._motions: list[Spatial] = []
         self._columns: dict[str, list[int]] = {}
-        self._armatures: list[int] = []
-        self._frames: dict[str, tuple[Matrix, Three]] = {WORLD: (self.identity, self.still)}
+        self._armatures: list[Term] = []
+        self._frames = {WORLD: placed(self._builder, ())}
         # The velocities that move each body, of its own joints and of those before.
         self._moved_by: dict[str, list[int]] = {WORLD: []}
         self._rigids: dict[str, Rigid] = {}
@@ -80,110 +76,82 @@ class _AtZero(BodyWriter):
         self._tendons = {one.name: one for one in tendons}
 
     def _place(self, body: Body) -> None:
-        turn, shift = self._frames[body.name] = self.placed(*self._frames[body.parent], body.pose)
+        frame = self._frames[body.name] = placed(self._builder, body.pose, self._frames[body.parent])
         for joint in body.joints:
-            columns = self._columns[joint.name] = list(range(len(self._motions), len(self._motions) + len(self._add(joint, turn, shift))))
-            self._armatures += [self.given(joint.armature)] * len(columns)
+            first = len(self._motions)
+            self._motions += _motions(self._builder, joint, frame)
+            columns = self._columns[joint.name] = list(range(first, len(self._motions)))
+            self._armatures += [self._builder.number(joint.armature)] * len(columns)
         own = [column for joint in body.joints for column in self._columns[joint.name]]
         self._moved_by[body.name] = [*self._moved_by[body.parent], *own]
-        rigid = Rigid(self.zero, self.still, [self.still] * 3)
-        for part in self.parts(body):
-            rigid = self.joined(rigid, self.moved(part, turn, shift))
-        self._rigids[body.name] = rigid
+        self._rigids[body.name] = joined(self._builder, (part.moved(frame) for part in self._weights.parts(body)))
 
-    def _add(self, joint: Joint, turn: Matrix, shift: Three) -> list[Motion]:
-        """Add the motions of a joint of a body in its frame."""
-        frame, offset = self.placed(turn, shift, joint.pose)
-        anchor = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
-        if joint.kind in ("hinge", "slide"):
-            axis = self.turned(frame, self.direction(joint.axis))
-            found = [(axis, self.cross(anchor, axis)) if joint.kind == "hinge" else (self.still, axis)]
-        else:
-            found = [(axis, self.cross(anchor, axis)) for axis in transposed(turn)]
-            if joint.kind == "free":
-                found = [*((self.still, row) for row in self.identity), *found]
-        self._motions += found
-        return found
-
-    def _mass_matrix(self) -> list[list[int]]:
+    def _mass_matrix(self) -> Matrix:
         size = len(self._motions)
-        entries = [[self.zero] * size for _ in range(size)]
+        entries = self._builder.zeros(size, size)
         for body in self._tree.bodies:
             rigid, columns = self._rigids[body.name], self._moved_by[body.name]
             for column in columns:
-                angular, linear = self._motions[column]
-                moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
-                momentum = self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
+                momentum = rigid.momentum(self._motions[column])
                 for row in columns:
-                    power = self.sum(self.dot(self._motions[row][0], moment), self.dot(self._motions[row][1], momentum))
-                    entries[row][column] = self.sum(entries[row][column], power)
+                    entries[row, column] = entries[row, column] + power(self._motions[row], momentum)
         for column, armature in enumerate(self._armatures):
-            entries[column][column] = self.sum(entries[column][column], armature)
+            entries[column, column] = entries[column, column] + armature
         return entries
 
-    def _rows(self, wanted: InverseWeight) -> list[list[int]]:
+    def _rows(self, wanted: InverseWeight) -> Matrix:
         """The rows of J of an inverse weight."""
+        size = len(self._motions)
         if wanted.kind == "joint":
-            columns = self._columns[wanted.of]
             # Of a free joint the translations, as those of its first velocity.
-            return [[self.number(int(column == own)) for column in range(len(self._motions))] for own in columns[:3]]
+            own = self._columns[wanted.of][:3]
+            return matrix([[self._builder.number(int(column == one)) for column in range(size)] for one in own])
         if wanted.kind == "tendon":
-            return [self._tendon(self._tendons[wanted.of])]
+            return matrix([self._tendon(self._tendons[wanted.of])])
         columns = self._moved_by[wanted.of]
-        centre = self._centre(wanted.of) if wanted.kind == "translation" and columns else self.still
-        found = [[self.zero] * len(self._motions) for _ in range(3)]
+        centre = self._centre(wanted.of) if wanted.kind == "translation" and columns else self._builder.still
+        found = self._builder.zeros(3, size)
         for column in columns:
-            felt = self._motions[column][0] if wanted.kind == "rotation" else self._velocity(column, centre)
-            for axis in range(3):
-                found[axis][column] = felt[axis]
+            found[:, column] = self._motions[column][0] if wanted.kind == "rotation" else self._velocity(column, centre)
         return found
 
-    def _centre(self, name: str) -> Three:
+    def _centre(self, name: str) -> Vector:
         """The centre of mass of a body with all that is made one with it."""
-        whole = Rigid(self.zero, self.still, [self.still] * 3)
-        for body, carrier in self._carrier.items():
-            if carrier == self._carrier[name] and body != WORLD:
-                whole = self.joined(whole, self._rigids[body])
-        return [self.quotient(value, whole.mass) for value in whole.first]
+        bodies = [body for body, carrier in self._carrier.items() if carrier == self._carrier[name] and body != WORLD]
+        whole = joined(self._builder, (self._rigids[body] for body in bodies))
+        return whole.first / whole.mass
 
-    def _velocity(self, column: int, point: Three) -> Three:
+    def _velocity(self, column: int, point: Vector) -> Vector:
         angular, linear = self._motions[column]
-        return self.added(linear, self.cross(angular, point))
+        return linear + cross(angular, point)
 
-    def _tendon(self, tendon: Tendon) -> list[int]:
-        found = [self.zero] * len(self._motions)
+    def _tendon(self, tendon: Tendon) -> Vector:
+        found = self._builder.zeros(len(self._motions))
         for name, multiple in tendon.joints:
             (column,) = self._columns[name]
-            found[column] = self.sum(found[column], self.number(Fraction(multiple)))
+            found[column] = found[column] + Fraction(multiple)
         places = [self._point(end) for end in tendon.points]
         for (first, start), (second, end) in itertools.pairwise(places):
-            span = self.added(end, self.minus(start))
-            along = self.unit(span)
+            along = unit(end + -start)
             for sign, body, point in ((1, second, end), (-1, first, start)):
                 for column in self._moved_by[body]:
-                    rate = self.product(self.number(sign), self.dot(along, self._velocity(column, point)))
-                    found[column] = self.sum(found[column], rate)
+                    rate = self._builder.number(sign) * (along @ self._velocity(column, point))
+                    found[column] = found[column] + rate
         return found
 
-    def _point(self, end: End) -> tuple[str, Three]:
-        turn, shift = self._frames[end.body]
-        return end.body, self.added(shift, self.turned(turn, self.numbers(vector(end.point))))
+    def _point(self, end: End) -> tuple[str, Vector]:
+        return end.body, self._frames[end.body].at(self._builder.vector(vector(end.point)))
 
     def evaluated(self, wanted: Sequence[InverseWeight]) -> dict[InverseWeight, float]:
         """The inverse weights."""
         import flint
 
         sliders = {name: body for body in self._tree.bodies if self._only_slides(body) for name in (body.name, *_names(body.joints))}
-        rows = {one: [] if one.of in sliders and one.kind != "tendon" else self._rows(one) for one in wanted}
-        outputs = {"mass": [entry for row in self._mass_matrix() for entry in row]}
-        outputs |= {str(number): [entry for row in each for entry in row] for number, each in enumerate(rows.values())}
         masses = {name: self._rigids[body.name].mass for name, body in sliders.items()}
-        outputs["sliders"] = list(masses.values())
-        program = without_unused(self.program(outputs))
+        rows = {one: () if one.of in sliders and one.kind != "tendon" else self._rows(one).flat for one in wanted}
+        outputs = {"mass": self._mass_matrix().flat, **{str(number): each for number, each in enumerate(rows.values())}}
         with flint.ctx.workprec(_BITS):
-            evaluate = BallKernel(program, len(self.parameters)).bind([float(value) for value in self.parameters])
-            values = iter(evaluate())
-            found: dict[str, list[Any]] = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
+            found = self._builder.evaluated(outputs | {"sliders": masses.values()})
             mass = flint.arb_mat(len(self._motions), len(self._motions), found["mass"])
             of_slider = dict(zip(masses, found["sliders"], strict=True))
             weights = {}
@@ -198,11 +166,23 @@ class _AtZero(BodyWriter):
         """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
         hangs = body.parent == WORLD or (not self._moved_by[body.parent] and self._parent(body.parent) == WORLD)
         is_leaf = all(other.parent != body.name for other in self._tree.bodies)
-        slides = bool(body.joints) and all(joint.kind == "slide" and _is_along_one(joint) for joint in body.joints)
+        slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
         return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
 
     def _parent(self, name: str) -> str:
         return next(body.parent for body in self._tree.bodies if body.name == name)
+
+
+def _motions(builder: FileBuilder, joint: Joint, frame: Frame) -> list[Spatial]:
+    """The motion of the world's frame for each velocity of a joint of a body with a frame."""
+    own = placed(builder, joint.pose, frame)
+    anchor = own.at(builder.vector(joint.anchor))
+    kind = joint.kind
+    if kind.is_single:
+        axis = own.turn @ direction(builder, joint.axis)
+        return [spatial(builder.still, axis) if kind.linear else spatial(axis, cross(anchor, axis))]
+    found = [spatial(axis, cross(anchor, axis)) for axis in frame.turn.T]
+    return [*(spatial(builder.still, row) for row in builder.identity), *found] if kind.linear else found
 
 
 def _names(joints: Iterable[Joint]) -> tuple[str, ...]:

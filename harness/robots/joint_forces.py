@@ -1,57 +1,70 @@
-"""Springs and dampers in the joints of a tree, and those that couple joints, as instructions of a program.
+"""Springs and dampers in the joints of a tree, and those that couple joints, as terms of a program.
 
 Sources: MuJoCo documentation, XML reference, joint and tendon/fixed; http://wiki.ros.org/urdf/XML/joint, dynamics.
 """
 
 from __future__ import annotations
 
-from harness.files.tree import Coupling, Joint
-from harness.robots.nodes import NodeWriter
-from harness.robots.spatial import Three
+from dataclasses import dataclass
+
+from harness.equations.term import Term, Vector
+from harness.files.tree import Coupling, Joint, Spring
+from harness.robots.nodes import Kinematics
+from harness.robots.spatial import FileBuilder, angle
 
 
-class JointForceWriter(NodeWriter):
-    """Writes the generalised forces that joints apply by themselves."""
+@dataclass(frozen=True)
+class Line:
+    """A length on which a spring and a damper act, and the rate at which it grows."""
 
-    def forces_of_joints(self) -> Three:
-        """The generalised force [N or N m] of springs, dampers and couplings on each velocity."""
-        found = [self.zero] * self.nv
-        for node in self.nodes:
-            joint, multiplier = node.joint, self.given(node.joint.multiplier)
-            for column in node.columns if joint.damping else ():
-                rate = self.product(multiplier, self._first_rate + column)
-                force = self.product(multiplier, self.product(self.given(joint.damping), rate))
-                found[column] = self.difference(found[column], force)
-            if joint.stiffness and joint.kind in ("hinge", "slide"):
-                (column,) = node.columns
-                stretch = self.difference(*self.position_and_rest(joint))
-                force = self.product(multiplier, self.product(self.given(joint.stiffness), stretch))
-                found[column] = self.difference(found[column], force)
-        for coupling in self.tree.couplings:
-            self._couple(coupling, found)
-        return found
+    of: Spring | Coupling
+    rate: Term
 
-    def position_and_rest(self, joint: Joint) -> tuple[int, int]:
-        """The position of a hinge or slide, and that in which its spring is relaxed."""
-        return self._position(joint), self.angle(joint.spring_reference, joint.in_degrees)
+    def tension(self, builder: FileBuilder, stretch: Term) -> Term:
+        """The tension where the length is beyond the free one by ``stretch``."""
+        stiffness = builder.number(self.of.stiffness) * stretch
+        return stiffness + builder.number(self.of.damping) * self.rate
 
-    def coupled(self, coupling: Coupling) -> tuple[int, int, int, list[tuple[int, int]]]:
-        """The sum that a coupling makes of positions, that in which its spring is relaxed, its rate, and (velocity, its share in that)."""
-        joints = {node.joint.name: node for node in self.nodes}
-        total, rate, rest, columns = self.zero, self.zero, self.zero, []
-        for name, multiple in coupling.joints:
-            node, factor = joints[name], self.given(multiple)
-            slope = self.product(factor, self.given(node.joint.multiplier))
-            total = self.sum(total, self.product(factor, self._position(node.joint)))
-            rate = self.sum(rate, self.product(slope, self._first_rate + node.columns[0]))
-            rest = self.sum(rest, self.product(factor, self.angle(node.joint.spring_reference, node.joint.in_degrees)))
-            columns.append((node.columns[0], slope))
-        return total, rest if coupling.rest is None else self.given(coupling.rest), rate, columns
 
-    def _couple(self, coupling: Coupling, found: Three) -> None:
-        """Add the forces of a coupling to the generalised forces ``found``."""
-        total, rest, rate, columns = self.coupled(coupling)
-        stretch = self.difference(total, rest)
-        tension = self._tension(coupling, stretch, rate)
+def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vector:
+    """The generalised force [N or N m] of springs, dampers and couplings on each velocity; the couplings' are added to ``lines``."""
+    builder, coordinates = nodes.builder, nodes.coordinates
+    found = builder.zeros(nodes.nv)
+    for node in nodes.nodes:
+        joint, multiplier = node.joint, builder.number(node.joint.multiplier)
+        for column in node.columns if joint.damping else ():
+            rate = multiplier * coordinates.velocities[column]
+            found[column] = found[column] - multiplier * (builder.number(joint.damping) * rate)
+        if joint.stiffness and joint.kind.is_single:
+            (column,) = node.columns
+            position, rest = position_and_rest(nodes, joint)
+            stretch = position - rest
+            found[column] = found[column] - multiplier * (builder.number(joint.stiffness) * stretch)
+    for coupling in nodes.tree.couplings:
+        total, rest, rate, columns = coupled(nodes, coupling)
+        stretch, line = total - rest, Line(coupling, rate)
+        tension = line.tension(builder, stretch)
         for column, slope in columns:
-            found[column] = self.difference(found[column], self.product(slope, tension))
+            found[column] = found[column] - slope * tension
+        if lines is not None:
+            lines.append(line)
+    return found
+
+
+def position_and_rest(nodes: Kinematics, joint: Joint) -> tuple[Term, Term]:
+    """The position of a hinge or slide, and that in which its spring is relaxed."""
+    return nodes.coordinates.position(joint), angle(nodes.builder, joint.spring_reference, joint.in_degrees)
+
+
+def coupled(nodes: Kinematics, coupling: Coupling) -> tuple[Term, Term, Term, list[tuple[int, Term]]]:
+    """The sum that a coupling makes of positions, that in which its spring is relaxed, its rate, and (velocity, its share in that)."""
+    builder, joints = nodes.builder, {node.joint.name: node for node in nodes.nodes}
+    total, rate, rest, columns = builder.zero, builder.zero, builder.zero, []
+    for name, multiple in coupling.joints:
+        node, factor = joints[name], builder.number(multiple)
+        slope = factor * builder.number(node.joint.multiplier)
+        total = total + factor * nodes.coordinates.position(node.joint)
+        rate = rate + slope * nodes.coordinates.velocities[node.columns[0]]
+        rest = rest + factor * angle(builder, node.joint.spring_reference, node.joint.in_degrees)
+        columns.append((node.columns[0], slope))
+    return total, rest if coupling.rest is None else builder.number(coupling.rest), rate, columns

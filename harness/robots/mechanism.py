@@ -15,7 +15,6 @@ from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
 from harness.files.tree import Joint
-from harness.robots.nodes import SIZES
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
@@ -57,7 +56,7 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
     attitudes: list[int] = []
     first = 0
     for joint in joints:
-        _, velocities = SIZES[joint.kind]
+        _, velocities = joint.kind.sizes
         attitudes += [first + velocities - 3] if joint.kind in ("ball", "free") else []
         first += velocities
     values = [float(value) for value in recursion.parameters]

@@ -1,23 +1,18 @@
-"""The joints of a tree as nodes, each with what moves with it, as instructions of a program.
+"""The joints of a tree as nodes, each with what moves with it, as terms of a program.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 4 (trees and joint models).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from harness.files.tree import WORLD, Body, Coupling, Direction, Joint, Placement, Pose, Spring, Tree
+from harness.equations.term import Term, Vector, cross
+from harness.files.tree import WORLD, Body, Direction, Joint, Placement, Tree
 from harness.robots.bounds import bounded
-from harness.robots.rigid import BodyWriter, Rigid
-from harness.robots.spatial import Matrix, Three, transposed
-
-# A motion or a force as its two vectors.
-Pair = tuple[Three, Three]
-
-# Positions and velocities.
-SIZES = {"hinge": (1, 1), "slide": (1, 1), "planar": (3, 3), "ball": (4, 3), "free": (7, 6)}
+from harness.robots.rigid import Rigid, Spatial, Weights, nothing, spatial
+from harness.robots.spatial import FileBuilder, Frame, about, angle, direction, of_quaternion, placed, rotation
 
 
 @dataclass
@@ -25,126 +20,184 @@ class Node:
     """One joint with what moves with it; its frame stands in the joint's anchor.
 
     Attributes:
-        parent: index of the node before it, -1 for the world. turn, shift: its frame in that of the parent.
+        parent: index of the node before it, -1 for the world. frame: its frame in that of the parent.
         motions: the motion of the frame for each velocity; columns: their places in v.
         bias: the part of the acceleration of those motions that is due to their turning in the frame, for free joints.
+        rigid: the bodies that move with it.
     """
 
     parent: int
-    turn: Matrix
-    shift: Three
+    frame: Frame
     joint: Joint
-    motions: list[Pair]
+    motions: list[Spatial]
     columns: list[int]
-    bias: Pair
+    bias: Spatial
     rigid: Rigid
 
+    @property
+    def rates(self) -> list[tuple[Spatial, int]]:
+        """The motion of each velocity, and its place in v."""
+        return list(zip(self.motions, self.columns, strict=True))
 
-class NodeWriter(BodyWriter):
-    """Writes the nodes of one tree, parents before their children.
+    @property
+    def armature(self) -> Term:
+        """Inertia of the joint's rotor, reflected to its velocity [kg m^2 or kg]."""
+        return self.of_velocity("armature")
 
-    ``INPUTS`` names the three vectors that stand before the time: positions, velocities, and one more as long as these; ``further``
-    inputs stand between them and the time.
+    def of_velocity(self, coefficient: str) -> Term:
+        """A coefficient of the joint, of its velocity where that follows another one's: times the square of the multiplier."""
+        builder = self.rigid.mass.builder
+        multiplier = builder.number(self.joint.multiplier)
+        return (multiplier * multiplier) * builder.number(getattr(self.joint, coefficient))
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The inputs of a tree's program: q, v, a third vector as long as v, further ones, and the time.
+
+    Attributes:
+        joints: names of the joints that move by themselves, in the order of q and v.
+        positions: by joint. columns: by joint, the places of its velocities in v.
+        velocities, third: (nv,), the third vector holds applied forces or accelerations.
+        is_in_body: whether the linear velocity of a free joint is given in the body's frame, instead of its parent's.
     """
 
-    INPUTS = ("q", "v", "tau")
+    joints: tuple[str, ...]
+    positions: Mapping[str, Vector]
+    columns: Mapping[str, list[int]]
+    velocities: Vector
+    third: Vector
+    further: Vector
+    is_in_body: bool
 
-    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool, further: Sequence[str] = ()) -> None:
-        self._in_body = linear_velocity_in_body
-        self._order = order = list(dict.fromkeys(joints))
-        kinds = {joint.name: joint.kind for body in tree.bodies for joint in body.joints if not joint.follows}
-        if sorted(order) != sorted(kinds):
-            raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
-        sizes = [SIZES[kinds[name]] for name in order]
-        nq, self.nv = sum(positions for positions, _ in sizes), sum(velocities for _, velocities in sizes)
-        names = [f"{kind}{i}" for kind, count in zip(self.INPUTS, (nq, self.nv, self.nv), strict=True) for i in range(count)]
-        super().__init__((*names, *further, "t"))
-        self._first_rate = nq
-        self._places: dict[str, tuple[list[int], list[int]]] = {}
-        q = v = 0
-        for name, (positions, velocities) in zip(order, sizes, strict=True):
-            self._places[name] = list(range(q, q + positions)), list(range(v, v + velocities))
-            q, v = q + positions, v + velocities
-        self.tree = tree = bounded(tree)
-        self.scale_to(tree)
-        self._plant(tree)
-
-    # The tree.
-
-    def _plant(self, tree: Tree) -> None:
-        """Write the nodes of a tree, in place of any others."""
-        self.planted = tree
-        self.nodes: list[Node] = []
-        # Node, and the body's frame in that of the node.
-        self.frames: dict[str, tuple[int, Matrix, Three]] = {WORLD: (-1, self.identity, self.still)}
-        for body in tree.bodies:
-            self.frames[body.name] = self._grow(body.parent, body.pose, body.joints)
-            if self.frames[body.name][0] >= 0:
-                self._load(self.frames[body.name], body)
-
-    def _grow(self, parent: str, pose: Pose, joints: Iterable[Joint]) -> tuple[int, Matrix, Three]:
-        """Add the nodes of a body's joints; the body's frame in the last of them."""
-        node, turn, shift = self.frames[parent]
-        turn, shift = self.placed(turn, shift, pose)
-        for joint in joints:
-            frame, offset = self.placed(self.identity, self.still, joint.pose)
-            anchor = self.added(offset, self.turned(frame, self.numbers(joint.anchor)))
-            axis = self.turned(frame, self.direction(joint.axis)) if any(joint.axis) else self.still
-            self._add(node, turn, self.added(shift, self.turned(turn, anchor)), joint, axis)
-            node, turn, shift = len(self.nodes) - 1, self.identity, self.minus(anchor)
-        return node, turn, shift
-
-    def _add(self, parent: int, turn: Matrix, shift: Three, joint: Joint, axis: Three) -> None:
-        positions, columns = self._places[joint.follows or joint.name]
-        about = [(row, self.still) for row in self.identity]
-        bias: Pair = (self.still, self.still)
-        if joint.kind in ("hinge", "slide"):
-            multiplier = self.given(joint.multiplier)
-            position = self._position(joint)
-            moved, felt = self.difference(position, self.angle(joint.reference, joint.in_degrees)), self.times(multiplier, axis)
-            if joint.kind == "hinge":
-                turn, motions = self.multiplied(turn, self.about(axis, moved)), [(felt, self.still)]
-            else:
-                shift, motions = self.added(shift, self.turned(turn, self.times(moved, axis))), [(self.still, felt)]
-        elif joint.kind == "planar":
-            along = transposed(self.rotation(Placement(rotation=(Direction(joint.axis),))))
-            own = self.about(axis, positions[2])
-            moved_by = self.added(self.times(positions[0], along[0]), self.times(positions[1], along[1]))
-            shift, turn = self.added(shift, self.turned(turn, moved_by)), self.multiplied(turn, own)
-            motions = [*((self.still, self.turned_back(own, row)) for row in along[:2]), (axis, self.still)]
-            rate = self.added(*(self.times(self._first_rate + columns[i], along[i]) for i in range(2)))
-            # The velocity is given in the frame that does not turn.
-            turning = self.times(self._first_rate + columns[2], axis)
-            bias = (self.still, self.minus(self.cross(turning, self.turned_back(own, rate))))
-        elif joint.kind == "ball":
-            turn, motions = self.multiplied(turn, self.of_quaternion(positions)), about
-        elif self._in_body:
-            shift = self.added(shift, self.turned(turn, positions[:3]))
-            turn = self.multiplied(turn, self.of_quaternion(positions[3:]))
-            motions = [(self.still, row) for row in self.identity] + about
-        else:
-            shift = self.added(shift, self.turned(turn, positions[:3]))
-            own = self.of_quaternion(positions[3:])
-            turn = self.multiplied(turn, own)
-            motions = [(self.still, self.turned_back(own, row)) for row in self.identity] + about
-            rates = [self._first_rate + column for column in columns]
-            # The velocity is given in the parent's frame, which turns in the body's.
-            bias = (self.still, self.minus(self.cross(rates[3:], self.turned_back(own, rates[:3]))))
-        empty = Rigid(self.zero, self.still, [self.still] * 3)
-        self.nodes.append(Node(parent, turn, shift, joint, motions, columns, bias, empty))
-
-    def _load(self, frame: tuple[int, Matrix, Three], body: Body) -> None:
-        """Add a body's inertia to that of its node."""
-        number, turn, shift = frame
-        node = self.nodes[number]
-        for part in self.parts(body):
-            node.rigid = self.joined(node.rigid, self.moved(part, turn, shift))
-
-    def _position(self, joint: Joint) -> int:
+    def position(self, joint: Joint) -> Term:
         """The position of a hinge or slide, of those that follow another too."""
-        (place,), _ = self._places[joint.follows or joint.name]
-        return self.sum(self.product(self.given(joint.multiplier), place), self.given(joint.offset))
+        (place,) = self.positions[joint.follows or joint.name]
+        multiplier = place.builder.number(joint.multiplier)
+        found: Term = multiplier * place + joint.offset
+        return found
 
-    def _tension(self, line: Spring | Coupling, stretch: int, rate: int) -> int:
-        """The tension of a spring and damper on a length, by how much it is beyond the free one and how fast it grows."""
-        return self.sum(self.product(self.given(line.stiffness), stretch), self.product(self.given(line.damping), rate))
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The joints of one tree as nodes, parents before their children.
+
+    Attributes:
+        frames: by body, the number of its node, -1 for the world's, and the body's frame in that of the node.
+        weights: the inertia of its bodies.
+    """
+
+    builder: FileBuilder
+    tree: Tree
+    coordinates: Coordinates
+    weights: Weights
+    nodes: Sequence[Node]
+    frames: Mapping[str, tuple[int, Frame]]
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities."""
+        return len(self.coordinates.velocities)
+
+    @property
+    def still(self) -> Spatial:
+        """No motion, and no force."""
+        return self.builder.zeros(2, 3)
+
+    def with_tree(self, tree: Tree) -> Kinematics:
+        """Another tree with the same joints, at the same coordinates."""
+        return _grown(self.builder, tree, self.coordinates, self.weights)
+
+    def at_zero(self) -> Kinematics:
+        """The same tree in the position zero, where quaternions are 1."""
+        positions = {}
+        for name, values in self.coordinates.positions.items():
+            positions[name] = self.builder.zeros(len(values))
+            if len(values) > len(self.coordinates.columns[name]):
+                positions[name][-4] = self.builder.one
+        return _grown(self.builder, self.tree, replace(self.coordinates, positions=positions), self.weights)
+
+
+def kinematics(tree: Tree, joints: Sequence[str], is_in_body: bool = False, third: str = "tau", further: Sequence[str] = ()) -> Kinematics:
+    """The nodes of a tree in a program of their own, whose inputs are those of ``Coordinates``: v and q follow ``joints``.
+
+    Raises:
+        ValueError: the tree has other joints.
+    """
+    order = tuple(dict.fromkeys(joints))
+    kinds = {joint.name: joint.kind for joint in tree.joints if not joint.follows}
+    if sorted(order) != sorted(kinds):
+        raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
+    nq, nv = (sum(kinds[name].sizes[part] for name in order) for part in range(2))
+    sizes = {"q": nq, "v": nv, third: nv}
+    names = [*(f"{kind}{place}" for kind, size in sizes.items() for place in range(size)), *further, "t"]
+    builder = FileBuilder(names)
+    q, v, given = (builder.inputs_at(range(first, first + size)) for first, size in ((0, nq), (nq, nv), (nq + nv, nv)))
+    positions, columns, first, column = {}, {}, 0, 0
+    for name in order:
+        kind = kinds[name]
+        positions[name] = q[first : first + kind.positions]
+        columns[name] = list(range(column, column + kind.velocities))
+        first, column = first + kind.positions, column + kind.velocities
+    coordinates = Coordinates(order, positions, columns, v, given, builder.inputs_at(range(nq + 2 * nv, len(names) - 1)), is_in_body)
+    tree = bounded(tree)
+    return _grown(builder, tree, coordinates, Weights(builder, tree))
+
+
+def _grown(builder: FileBuilder, tree: Tree, coordinates: Coordinates, weights: Weights) -> Kinematics:
+    nodes: list[Node] = []
+    frames = {WORLD: (-1, Frame(builder.identity, builder.still))}
+    for body in tree.bodies:
+        number, frame = frames[body.name] = _grow(builder, coordinates, nodes, frames[body.parent], body)
+        for part in weights.parts(body) if number >= 0 else ():
+            nodes[number].rigid = nodes[number].rigid + part.moved(frame)
+    return Kinematics(builder, tree, coordinates, weights, nodes, frames)
+
+
+def _grow(builder: FileBuilder, coordinates: Coordinates, nodes: list[Node], parent: tuple[int, Frame], body: Body) -> tuple[int, Frame]:
+    """Add the nodes of a body's joints; the last of them, and the body's frame in it."""
+    number, frame = parent[0], placed(builder, body.pose, parent[1])
+    for joint in body.joints:
+        own = placed(builder, joint.pose)
+        anchor = own.at(builder.vector(joint.anchor))
+        axis = own.turn @ direction(builder, joint.axis) if any(joint.axis) else builder.still
+        nodes.append(_node(builder, coordinates, number, Frame(frame.turn, frame.at(anchor)), joint, axis))
+        number, frame = len(nodes) - 1, Frame(builder.identity, -anchor)
+    return number, frame
+
+
+def _node(builder: FileBuilder, coordinates: Coordinates, parent: int, at: Frame, joint: Joint, axis: Vector) -> Node:
+    """The node of a joint whose frame at zero is ``at``, in that of the parent, and whose unit axis is given in that frame."""
+    name, kind, turn, shift, still = joint.follows or joint.name, joint.kind, at.turn, at.shift, builder.still
+    positions, columns = coordinates.positions[name], coordinates.columns[name]
+    rates = coordinates.velocities[columns]
+    bias = spatial(still, still)
+    if kind.is_single:
+        multiplier = builder.number(joint.multiplier)
+        position = coordinates.position(joint)
+        moved, felt = position - angle(builder, joint.reference, joint.in_degrees), multiplier * axis
+        if kind.turning[0]:
+            turn, motions = turn @ about(axis, moved), [spatial(felt, still)]
+        else:
+            shift, motions = shift + turn @ (moved * axis), [spatial(still, felt)]
+    elif kind.has_axis:
+        along = rotation(builder, Placement(rotation=(Direction(joint.axis),))).T
+        own = about(axis, positions[2])
+        moved = positions[0] * along[0] + positions[1] * along[1]
+        shift, turn = shift + turn @ moved, turn @ own
+        motions = [*(spatial(still, own.T @ row) for row in along[:2]), spatial(axis, still)]
+        rate = rates[0] * along[0] + rates[1] * along[1]
+        # The velocity is given in the frame that does not turn.
+        bias = spatial(still, -cross(rates[2] * axis, own.T @ rate))
+    else:
+        if kind.linear:
+            shift = shift + turn @ positions[:3]
+        own = of_quaternion(positions[-4:])
+        turn = turn @ own
+        motions = [spatial(row, still) for row in builder.identity]
+        if kind.linear:
+            motions = [*(spatial(still, row) for row in (builder.identity if coordinates.is_in_body else own)), *motions]
+        if kind.linear and not coordinates.is_in_body:
+            # The velocity is given in the parent's frame, which turns in the body's.
+            bias = spatial(still, -cross(rates[3:], own.T @ rates[:3]))
+    return Node(parent, Frame(turn, shift), joint, motions, columns, bias, nothing(builder))

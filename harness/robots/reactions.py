@@ -1,8 +1,7 @@
 """What joints transmit, as a program of positions, velocities, accelerations, and the numbers of a file.
 
 The reaction of a joint is what the parent does to the child through it: what everything behind the joint needs for its motion,
-beyond its weight, the springs between points that pull at it, and the constraints that hold it. It is written along the world's axes,
-as in ``harness.robots.free_bodies``, where the same reactions are unknowns of linear equations.
+beyond its weight, the springs between points that pull at it, and the constraints that hold it. It is written along the world's axes.
 
 Source: Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum and angular momentum of a system of particles).
 """
@@ -14,15 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
+from harness.equations.term import Term
 from harness.files.constraints import ModelConstraint
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Tree
-from harness.robots.constraints import Row, rows_of, untied
-from harness.robots.nodes import Pair
-from harness.robots.spatial import Three
-from harness.robots.world_motion import Moving, WorldWriter
-from harness.robots.wrenches import WrenchWriter
+from harness.robots.constraints import rows_in, rows_of, untied
+from harness.robots.nodes import kinematics
+from harness.robots.world_motion import Moving, in_world
+from harness.robots.wrenches import parts_of_motion, root, size_of_wrench, wrench
 
 _BITS = 256
 
@@ -65,40 +64,31 @@ def reactions_program(
     Raises:
         ValueError: a tree has other joints, or a constraint couples tendons.
     """
-    further = tuple(f"lambda{place}" for place in range(len(bearing)))
-    return _Reactions(untied(tree, joints), joints, linear_velocity_in_body, further).written(points_of, constraints, bearing)
-
-
-class _Reactions(WrenchWriter):
-    """Writes the reactions of one tree."""
-
-    def written(self, points_of: Tree | None, constraints: Sequence[ModelConstraint], bearing: Sequence[int]) -> Reactions:
-        moving = self.moving()
-        parts = self._parts(moving, self.given_accelerations)
-        rows = self.rows(moving, rows_of(self.tree, constraints))
-        self._add_constraints(parts, [rows[number] for number in bearing])
-        for number, (moment, force) in enumerate(self.pulls(moving)):
-            parts[number].append((self.minus(moment), self.minus(force)))
-        points = self.points(moving) if points_of is None else self.positions_of(untied(points_of, self._order))
-        chosen = [(number, one.node.joint.name) for number, one in enumerate(moving) if _transmits(one)]
-        vectors: dict[str, Three] = {"force": [], "moment": []}
-        sizes: dict[str, Three] = {"force": [], "moment": []}
-        for number, name in chosen:
-            moment, force = self._wrench(moving, parts, number, points[name])
-            size_of_moment, size_of_force = self._size(moving, parts, number, points[name])
-            vectors["force"] += force
-            vectors["moment"] += moment
-            sizes["force"].append(size_of_force)
-            sizes["moment"].append(size_of_moment)
-        program, of_sizes = self.program(vectors), self.program(sizes)
-        return Reactions(without_unused(program), without_unused(of_sizes), self.parameters, tuple(name for _, name in chosen))
-
-    def _add_constraints(self, parts: list[list[Pair]], rows: Sequence[Row]) -> None:
-        """Add what bodies need against the forces of constraints, which are -J' times the multipliers."""
-        first = self._first_rate + 2 * self.nv
-        for place, row in enumerate(rows):
-            for number, moment, force in row.on_nodes:
-                parts[number].append((self.times(first + place, moment), self.times(first + place, force)))
+    further = [f"lambda{place}" for place in range(len(bearing))]
+    world = in_world(kinematics(untied(tree, joints), joints, linear_velocity_in_body, "qdd", further))
+    nodes, builder = world.kinematics, world.kinematics.builder
+    parts = parts_of_motion(world, nodes.coordinates.third)
+    rows = rows_in(world, rows_of(nodes.tree, constraints))
+    for multiplier, row in zip(nodes.coordinates.further, (rows[number] for number in bearing), strict=True):
+        # What bodies need against the forces of constraints, which are -J' times the multipliers.
+        for number, acts in row.on_nodes:
+            parts[number].append(multiplier * acts)
+    for number, pull in enumerate(world.pulls()):
+        parts[number].append(-pull)
+    of_points = world if points_of is None else world.of_other(untied(points_of, nodes.coordinates.joints))
+    points = of_points.points
+    chosen = [(number, one.node.joint.name) for number, one in enumerate(world.moving) if _transmits(one)]
+    vectors: dict[str, list[Term]] = {"force": [], "moment": []}
+    sizes: dict[str, list[Term]] = {"force": [], "moment": []}
+    for number, name in chosen:
+        moment, force = wrench(world, parts, number, points[name])
+        size_of_moment, size_of_force = size_of_wrench(world, parts, number, points[name], root(world, number, of_points.kinematics))
+        vectors["force"] += force.tolist()
+        vectors["moment"] += moment.tolist()
+        sizes["force"].append(size_of_force)
+        sizes["moment"].append(size_of_moment)
+    program, of_sizes = (without_unused(builder.program(outputs)) for outputs in (vectors, sizes))
+    return Reactions(program, of_sizes, builder.parameters, tuple(name for _, name in chosen))
 
 
 def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
@@ -114,14 +104,11 @@ def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
 
 def _points_at_one_position(tree: Tree, joints: Sequence[str]) -> dict[str, list[Any]]:
     """The points in balls, at a position that no two trees agree at by chance."""
-    writer = WorldWriter(tree, joints, False)
-    points = writer.points(writer.moving())
-    program = writer.program(points)
-    numbers = [float(value) for value in writer.parameters]
-    inputs = [math.sqrt(place + 2.0) for place in range(len(program.inputs) - len(numbers))]
-    values = iter(BallKernel(program, len(numbers)).bind(numbers)(*inputs))
-    return {name: [next(values) for _ in range(3)] for name in points}
+    world = in_world(kinematics(tree, joints))
+    coordinates = world.kinematics.coordinates
+    count = sum(map(len, coordinates.positions.values())) + 2 * world.kinematics.nv + 1
+    return world.kinematics.builder.evaluated(world.points, [math.sqrt(place + 2.0) for place in range(count)])
 
 
 def _transmits(one: Moving) -> bool:
-    return one.node.joint.kind != "free" and not one.node.joint.follows
+    return one.node.joint.kind != JointKind.FREE and not one.node.joint.follows

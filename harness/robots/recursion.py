@@ -13,11 +13,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.files.tree import Given, Pose, Spring, Tree
-from harness.robots.joint_forces import JointForceWriter
-from harness.robots.nodes import Node, Pair
-from harness.robots.rigid import Rigid
-from harness.robots.spatial import Matrix, Three
+from harness.equations.term import Matrix, Term, Vector, cross, length
+from harness.files.tree import Given, Pose, Tree
+from harness.robots.joint_forces import Line, forces_of_joints
+from harness.robots.nodes import Kinematics, Node, kinematics
+from harness.robots.rigid import Spatial, power, spatial
+from harness.robots.spatial import placed
 
 
 @dataclass(frozen=True)
@@ -39,157 +40,139 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     Raises:
         ValueError: the tree has other joints.
     """
-    return RecursionWriter(tree, joints, linear_velocity_in_body).written()
+    nodes = kinematics(tree, joints, linear_velocity_in_body)
+    outputs, _ = equations_of_motion(nodes)
+    return Recursion(without_unused(nodes.builder.program(outputs)), nodes.builder.parameters)
 
 
-class RecursionWriter(JointForceWriter):
-    """Writes the program of one tree."""
+def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:
+    """The terms of the equations of motion by their names, and the lengths on which springs and dampers act."""
+    velocities, lines = _velocities(nodes), list[Line]()
+    outputs = {
+        "mass": _mass_matrix(nodes),
+        "velocity": _velocity_terms(nodes, velocities),
+        "gravity": _gravity_terms(nodes),
+        "passive": _passive_forces(nodes, velocities, lines),
+    }
+    return outputs, lines
 
-    def _down(self, node: Node, motion: Pair) -> Pair:
-        """A motion of the parent's frame, as one of the node's."""
-        angular, linear = motion
-        return self.turned_back(node.turn, angular), self.turned_back(node.turn, self.added(linear, self.cross(angular, node.shift)))
 
-    def _up(self, node: Node, force: Pair) -> Pair:
-        """A force on the node's frame, as one on the parent's."""
-        moment, linear = self.turned(node.turn, force[0]), self.turned(node.turn, force[1])
-        return self.added(moment, self.cross(node.shift, linear)), linear
+def _down(node: Node, motion: Spatial) -> Spatial:
+    """A motion of the parent's frame, as one of the node's."""
+    (angular, linear), back = motion, node.frame.turn.T
+    return spatial(back @ angular, back @ (linear + cross(angular, node.frame.shift)))
 
-    def _momentum(self, rigid: Rigid, motion: Pair) -> Pair:
-        angular, linear = motion
-        moment = self.added(self.turned(rigid.second, angular), self.cross(rigid.first, linear))
-        return moment, self.added(self.times(rigid.mass, linear), self.cross(angular, rigid.first))
 
-    def _power(self, motion: Pair, force: Pair) -> int:
-        return self.sum(self.dot(motion[0], force[0]), self.dot(motion[1], force[1]))
+def _up(node: Node, force: Spatial) -> Spatial:
+    """A force on the node's frame, as one on the parent's."""
+    moment, linear = node.frame.turn @ force[0], node.frame.turn @ force[1]
+    return spatial(moment + cross(node.frame.shift, linear), linear)
 
-    def _both(self, one: Pair, other: Pair) -> Pair:
-        return self.added(one[0], other[0]), self.added(one[1], other[1])
 
-    def _of_joint(self, node: Node) -> Pair:
-        """The motion that the joint's velocities give its frame."""
-        found: Pair = (self.still, self.still)
-        for (angular, linear), column in zip(node.motions, node.columns, strict=True):
-            rate = self._first_rate + column
-            found = self._both(found, (self.times(rate, angular), self.times(rate, linear)))
-        return found
+def _of_joint(nodes: Kinematics, node: Node) -> Spatial:
+    """The motion that the joint's velocities give its frame."""
+    found = nodes.still
+    for motion, column in node.rates:
+        found = found + nodes.coordinates.velocities[column] * motion
+    return found
 
-    def _velocities(self) -> list[Pair]:
-        found: list[Pair] = []
-        for node in self.nodes:
-            before = found[node.parent] if node.parent >= 0 else (self.still, self.still)
-            found.append(self._both(self._down(node, before), self._of_joint(node)))
-        return found
 
-    def _generalised(self, forces: list[Pair]) -> Three:
-        """The generalised forces that hold the given forces on the nodes."""
-        found, carried = [self.zero] * self.nv, list(forces)
-        for number in reversed(range(len(self.nodes))):
-            node = self.nodes[number]
-            for motion, column in zip(node.motions, node.columns, strict=True):
-                # A joint and those that mimic it share a column.
-                found[column] = self.sum(found[column], self._power(motion, carried[number]))
-            if node.parent >= 0:
-                carried[node.parent] = self._both(carried[node.parent], self._up(node, carried[number]))
-        return found
+def _velocities(nodes: Kinematics) -> list[Spatial]:
+    found: list[Spatial] = []
+    for node in nodes.nodes:
+        before = found[node.parent] if node.parent >= 0 else nodes.still
+        found.append(_down(node, before) + _of_joint(nodes, node))
+    return found
 
-    def _velocity_terms(self, velocities: list[Pair]) -> Three:
-        accelerations: list[Pair] = []
-        forces = []
-        for node, velocity in zip(self.nodes, velocities, strict=True):
-            angular, linear = velocity
-            of_joint = self._of_joint(node)
-            before = accelerations[node.parent] if node.parent >= 0 else (self.still, self.still)
-            turning = (
-                self.cross(angular, of_joint[0]),
-                self.added(self.cross(angular, of_joint[1]), self.cross(linear, of_joint[0])),
-            )
-            accelerations.append(self._both(self._both(self._down(node, before), turning), node.bias))
-            moment, momentum = self._momentum(node.rigid, velocity)
-            gyroscopic = (self.added(self.cross(angular, moment), self.cross(linear, momentum)), self.cross(angular, momentum))
-            forces.append(self._both(self._momentum(node.rigid, accelerations[-1]), gyroscopic))
-        return self._generalised(forces)
 
-    def _gravity_terms(self) -> Three:
-        upward = self.minus(self.numbers(self.tree.gravity))
-        accelerations: list[Pair] = []
-        for node in self.nodes:
-            before = accelerations[node.parent] if node.parent >= 0 else (self.still, upward)
-            accelerations.append(self._down(node, before))
-        return self._generalised([self._momentum(node.rigid, one) for node, one in zip(self.nodes, accelerations, strict=True)])
+def _generalised(nodes: Kinematics, forces: Sequence[Spatial]) -> Vector:
+    """The generalised forces that hold the given forces on the nodes."""
+    found, carried = nodes.builder.zeros(nodes.nv), list(forces)
+    for number in reversed(range(len(nodes.nodes))):
+        node = nodes.nodes[number]
+        for motion, column in node.rates:
+            # A joint and those that mimic it share a column.
+            found[column] = found[column] + power(motion, carried[number])
+        if node.parent >= 0:
+            carried[node.parent] = carried[node.parent] + _up(node, carried[number])
+    return found
 
-    def _mass_matrix(self) -> Three:
-        composite = [node.rigid for node in self.nodes]
-        entries: dict[tuple[int, int], int] = {}
-        for number in reversed(range(len(self.nodes))):
-            node = self.nodes[number]
-            if node.parent >= 0:
-                composite[node.parent] = self.joined(composite[node.parent], self.moved(composite[number], node.turn, node.shift))
-            own = list(zip(node.motions, node.columns, strict=True))
-            for place, (motion, column) in enumerate(own):
-                force, at, others = self._momentum(composite[number], motion), number, own[: place + 1]
-                while at >= 0:
-                    for other, row in others:
-                        # Of two nodes that share a column, both products are part of its entry.
-                        times = self.number(2 if row == column and at != number else 1)
-                        entry = min(row, column), max(row, column)
-                        entries[entry] = self.sum(entries.get(entry, self.zero), self.product(times, self._power(other, force)))
-                    force, at = self._up(self.nodes[at], force), self.nodes[at].parent
-                    others = list(zip(self.nodes[at].motions, self.nodes[at].columns, strict=True))
-            multiplier = self.given(node.joint.multiplier)
-            armature = self.product(self.product(multiplier, multiplier), self.given(node.joint.armature))
-            for column in node.columns:
-                entries[column, column] = self.sum(entries[column, column], armature)
-        return [entries.get(pair, self.zero) for pair in upper_triangle(self.nv)]
 
-    # Springs and dampers.
+def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
+    accelerations: list[Spatial] = []
+    forces = []
+    for node, (angular, linear) in zip(nodes.nodes, velocities, strict=True):
+        of_joint = _of_joint(nodes, node)
+        before = accelerations[node.parent] if node.parent >= 0 else nodes.still
+        turning = spatial(cross(angular, of_joint[0]), cross(angular, of_joint[1]) + cross(linear, of_joint[0]))
+        accelerations.append((_down(node, before) + turning) + node.bias)
+        moment, momentum = node.rigid.momentum((angular, linear))
+        gyroscopic = spatial(cross(angular, moment) + cross(linear, momentum), cross(angular, momentum))
+        forces.append(node.rigid.momentum(accelerations[-1]) + gyroscopic)
+    return _generalised(nodes, forces)
 
-    def _passive_forces(self, velocities: list[Pair]) -> Three:
-        found = self.forces_of_joints()
-        on_nodes: list[Pair] = [(self.still, self.still)] * len(self.nodes)
-        for spring in self.tree.springs:
-            self._pull(spring, velocities, on_nodes)
-        return self.added(found, self._generalised(on_nodes))
 
-    def _pull(self, spring: Spring, velocities: list[Pair], on_nodes: list[Pair]) -> None:
-        """Add the forces of a spring between two points to those on their nodes."""
-        ends = [self._end(body, pose, velocities) for body, pose in spring.ends]
+def _gravity_terms(nodes: Kinematics) -> Vector:
+    upward = spatial(nodes.builder.still, -nodes.builder.vector(nodes.tree.gravity))
+    accelerations: list[Spatial] = []
+    for node in nodes.nodes:
+        accelerations.append(_down(node, accelerations[node.parent] if node.parent >= 0 else upward))
+    return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, accelerations, strict=True)])
+
+
+def _mass_matrix(nodes: Kinematics) -> list[Term]:
+    """The upper triangle by rows."""
+    builder, composite = nodes.builder, [node.rigid for node in nodes.nodes]
+    entries: dict[tuple[int, int], Term] = {}
+    for number in reversed(range(len(nodes.nodes))):
+        node = nodes.nodes[number]
+        if node.parent >= 0:
+            composite[node.parent] = composite[node.parent] + composite[number].moved(node.frame)
+        for place, (motion, column) in enumerate(node.rates):
+            force, at, others = composite[number].momentum(motion), number, node.rates[: place + 1]
+            while at >= 0:
+                for other, row in others:
+                    # Of two nodes that share a column, both products are part of its entry.
+                    times = builder.number(2 if row == column and at != number else 1)
+                    entry = min(row, column), max(row, column)
+                    entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
+                force, at = _up(nodes.nodes[at], force), nodes.nodes[at].parent
+                others = nodes.nodes[at].rates
+        armature = node.armature
+        for column in node.columns:
+            entries[column, column] = entries[column, column] + armature
+    return [entries.get(pair, builder.zero) for pair in upper_triangle(nodes.nv)]
+
+
+def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: list[Line]) -> Vector:
+    """Those of springs and dampers; what these act on is added to ``lines``."""
+    builder, found = nodes.builder, forces_of_joints(nodes, lines)
+    on_nodes = [nodes.still] * len(nodes.nodes)
+    for spring in nodes.tree.springs:
+        ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
         (first, rate_of_first), (second, rate_of_second) = ((position, rate) for _, _, position, rate, _ in ends)
-        between = self.added(second, self.minus(first))
-        length = self.add("sqrt", self.dot(between, between))
-        along = [self.quotient(value, length) for value in between]
-        rate = self.dot(along, self.added(rate_of_second, self.minus(rate_of_first)))
-        stretch = self.difference(length, self.given(spring.free_length))
-        tension = self._tension(spring, stretch, rate)
+        between = second + -first
+        distance = length(between)
+        along = between / distance
+        line = Line(spring, along @ (rate_of_second + -rate_of_first))
+        tension = line.tension(builder, distance - spring.free_length)
+        lines.append(line)
         for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
             if node >= 0:
-                force = self.turned_back(turn, self.times(self.product(self.number(sign), tension), along))
-                on_nodes[node] = self._both(on_nodes[node], (self.cross(arm, force), force))
+                force = turn.T @ ((builder.number(sign) * tension) * along)
+                on_nodes[node] = on_nodes[node] + spatial(cross(arm, force), force)
+    return found + _generalised(nodes, on_nodes)
 
-    def _end(self, body: str, pose: Pose, velocities: list[Pair]) -> tuple[int, Three, Three, Three, Matrix]:
-        """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
-        node, turn, shift = self.frames[body]
-        _, arm = self.placed(turn, shift, pose)
-        if node < 0:
-            return node, arm, arm, self.still, self.identity
-        angular, linear = velocities[node]
-        rate, position, orientation, at = self.added(linear, self.cross(angular, arm)), arm, self.identity, node
-        while at >= 0:
-            above = self.nodes[at]
-            position = self.added(above.shift, self.turned(above.turn, position))
-            orientation, at = self.multiplied(above.turn, orientation), above.parent
-        return node, arm, position, self.turned(orientation, rate), orientation
 
-    def written(self) -> Recursion:
-        """The program of what the tree says."""
-        return Recursion(without_unused(self.program(self.outputs_of_tree())), self.parameters)
-
-    def outputs_of_tree(self) -> Mapping[str, Three]:
-        """The places of what the equations of motion hold."""
-        velocities = self._velocities()
-        return {
-            "mass": self._mass_matrix(),
-            "velocity": self._velocity_terms(velocities),
-            "gravity": self._gravity_terms(),
-            "passive": self._passive_forces(velocities),
-        }
+def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[int, Vector, Vector, Vector, Matrix]:
+    """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
+    number, frame = nodes.frames[body]
+    arm = placed(nodes.builder, pose, frame).shift
+    if number < 0:
+        return number, arm, arm, nodes.builder.still, nodes.builder.identity
+    angular, linear = velocities[number]
+    rate, position, orientation, at = linear + cross(angular, arm), arm, nodes.builder.identity, number
+    while at >= 0:
+        above = nodes.nodes[at]
+        position, orientation, at = above.frame.at(position), above.frame.turn @ orientation, above.parent
+    return number, arm, position, orientation @ rate, orientation

@@ -1,94 +1,146 @@
-"""Rigid bodies of a tree as instructions of a program: mass, first moments and moments of inertia.
+"""Rigid bodies of a tree as terms of a program: mass, first moments and moments of inertia.
 
 Source: Featherstone, Rigid Body Dynamics Algorithms, sections 2.13 (rigid body inertia) and 6.2 (composite rigid bodies).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
+from harness.equations.term import Matrix, Term, Vector, cross, matrix, vector
 from harness.files.tree import Body, Inertia, Solid, Tree
-from harness.robots.solids import SolidWriter
-from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.solids import mass_and_moments
+from harness.robots.spatial import FileBuilder, Frame, by_entries, placed
+
+# A motion, the angular velocity and the velocity of a frame's origin, or a force, the moment about it and the force: (2, 3).
+Spatial = Vector
 
 
-@dataclass
+def spatial(angular: Vector, linear: Vector) -> Spatial:
+    """A motion or a force of its two vectors."""
+    return matrix((angular, linear))
+
+
+def power(motion: Spatial, force: Spatial) -> Term:
+    """What a force does along a motion."""
+    found: Term = motion[0] @ force[0] + motion[1] @ force[1]
+    return found
+
+
+@dataclass(frozen=True)
 class Rigid:
     """Mass, first moments and moments about the origin of a frame."""
 
-    mass: int
-    first: Three
+    mass: Term
+    first: Vector
     second: Matrix
 
+    def __add__(self, other: Rigid) -> Rigid:
+        """Both as one body."""
+        second = self.second + other.second
+        return Rigid(self.mass + other.mass, self.first + other.first, second)
 
-@dataclass
+    def moved(self, frame: Frame) -> Rigid:
+        """The same about the origin of what ``frame`` stands in, its own being that of ``frame``."""
+        turn, shift = frame.turn, frame.shift
+        first = turn @ self.first
+        second = turn @ self.second @ turn.T
+        half = first + (self.mass * Fraction(1, 2)) * shift
+        two, zero = self.mass.builder.number(2), self.mass.builder.number(0)
+        # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
+        trace = two * (shift @ half)
+
+        def entry(i: int, j: int) -> Term:
+            mixed = shift[i] * half[j] + half[i] * shift[j]
+            found: Term = second[i, j] + ((trace if i == j else zero) - mixed)
+            return found
+
+        moments = by_entries(entry)
+        return Rigid(self.mass, first + self.mass * shift, moments)
+
+    def momentum(self, motion: Spatial) -> Spatial:
+        """Moment of momentum about the origin, and momentum."""
+        angular, linear = motion
+        moment = self.second @ angular + cross(self.first, linear)
+        return spatial(moment, self.mass * linear + cross(angular, self.first))
+
+
+@dataclass(frozen=True)
 class Lump:
     """A part of a body: its mass, its centre of mass, and its moments of inertia about that, in the axes and from the origin of a frame."""
 
-    mass: int
-    centre: Three
+    mass: Term
+    centre: Vector
     moments: Matrix
 
+    def in_frame(self, frame: Frame) -> Lump:
+        """The same in what ``frame`` stands in, its own being ``frame``."""
+        centre = frame.at(self.centre)
+        return Lump(self.mass, centre, along_axes(frame.turn, self.moments))
 
-class BodyWriter(SolidWriter):
-    """Writes what bodies weigh."""
+    def about_origin(self, builder: FileBuilder) -> Rigid:
+        """The lump about the origin of its frame."""
+        return Rigid(self.mass, builder.still, self.moments).moved(Frame(builder.identity, self.centre))
 
-    _scale: int | None = None
 
-    def scale_to(self, tree: Tree) -> None:
-        """From here on, scale all bodies as the tree's ``total_mass`` says."""
-        if tree.total_mass is not None:
-            self._scale = self.quotient(self.given(tree.total_mass), self.mass(tree))
+def along_axes(turn: Matrix, moments: Matrix) -> Matrix:
+    """Moments of inertia along other axes."""
+    return turn @ moments @ turn.T
 
-    def mass(self, tree: Tree) -> int:
+
+def nothing(builder: FileBuilder) -> Rigid:
+    """No body."""
+    return Rigid(builder.zero, builder.still, builder.zeros(3, 3))
+
+
+def joined(builder: FileBuilder, parts: Iterable[Rigid]) -> Rigid:
+    """All parts as one body."""
+    return sum(parts, nothing(builder))
+
+
+class Weights:
+    """The inertia of the bodies of one tree, all scaled as its ``total_mass`` says."""
+
+    def __init__(self, builder: FileBuilder, tree: Tree | None = None) -> None:
+        self._builder = builder
+        self._scale: Term | None = None
+        if tree is not None and tree.total_mass is not None:
+            total = builder.number(tree.total_mass)
+            self._scale = total / self.mass(tree)
+
+    def mass(self, tree: Tree) -> Term:
         """The mass of all bodies."""
-        total = self.zero
-        for body in tree.bodies:
-            for part in self.parts(body):
-                total = self.sum(total, part.mass)
-        return total
+        return sum((part.mass for body in tree.bodies for part in self.parts(body)), self._builder.zero)
 
     def parts(self, body: Body) -> Iterator[Rigid]:
         """A body's inertia and solids, each about the origin of the body's frame."""
         for lump in self.lumps(body):
-            yield self.moved(Rigid(lump.mass, self.still, lump.moments), self.identity, lump.centre)
+            yield lump.about_origin(self._builder)
 
     def lumps(self, body: Body) -> Iterator[Lump]:
         """A body's inertia and solids, each about its own centre of mass, in the body's frame."""
+        builder, scale = self._builder, self._scale
         given: tuple[Inertia | Solid, ...] = (body.inertia, *body.solids) if body.inertia else body.solids
         for part in given:
-            turn, centre = self.placed(self.identity, self.still, part.pose)
-            mass, moments = self._of_inertia(part) if isinstance(part, Inertia) else self._of_solid(part)
-            if self._scale is not None:
-                mass, moments = self.product(self._scale, mass), [self.times(self._scale, row) for row in moments]
-            yield Lump(mass, centre, self.multiplied(self.multiplied(turn, moments), transposed(turn)))
+            frame = placed(builder, part.pose)
+            mass, moments = _of_inertia(builder, part) if isinstance(part, Inertia) else _of_solid(builder, part)
+            if scale is not None:
+                mass, moments = scale * mass, scale * moments
+            yield Lump(mass, frame.shift, along_axes(frame.turn, moments))
 
-    def _of_inertia(self, inertia: Inertia) -> tuple[int, Matrix]:
-        xx, yy, zz, xy, xz, yz = (self.given(moment) for moment in inertia.moments)
-        return self.given(inertia.mass), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
-    def _of_solid(self, solid: Solid) -> tuple[int, Matrix]:
-        mass, principal = self.solid(solid)
-        return mass, [[principal[i] if i == j else self.zero for j in range(3)] for i in range(3)]
+def _of_inertia(builder: FileBuilder, inertia: Inertia) -> tuple[Term, Matrix]:
+    xx, yy, zz, xy, xz, yz = builder.vector(inertia.moments)
+    return builder.number(inertia.mass), matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
-    def joined(self, one: Rigid, other: Rigid) -> Rigid:
-        second = [self.added(a, b) for a, b in zip(one.second, other.second, strict=True)]
-        return Rigid(self.sum(one.mass, other.mass), self.added(one.first, other.first), second)
 
-    def moved(self, rigid: Rigid, turn: Matrix, shift: Three) -> Rigid:
-        """The same about the origin of the frame in which its own stands at ``shift``, turned by ``turn``."""
-        first = self.turned(turn, rigid.first)
-        second = self.multiplied(self.multiplied(turn, rigid.second), transposed(turn))
-        half = self.added(first, self.times(self.product(rigid.mass, self.number(Fraction(1, 2))), shift))
-        # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
-        trace = self.product(self.number(2), self.dot(shift, half))
-        rows = []
-        for i in range(3):
-            row = []
-            for j in range(3):
-                mixed = self.sum(self.product(shift[i], half[j]), self.product(half[i], shift[j]))
-                row.append(self.sum(second[i][j], self.difference(trace if i == j else self.zero, mixed)))
-            rows.append(row)
-        return Rigid(rigid.mass, self.added(first, self.times(rigid.mass, shift)), rows)
+def _of_solid(builder: FileBuilder, solid: Solid) -> tuple[Term, Matrix]:
+    mass, principal = mass_and_moments(builder, solid)
+    return mass, matrix([[principal[i] if i == j else builder.zero for j in range(3)] for i in range(3)])
+
+
+def centre_of_mass(rigid: Rigid) -> Vector:
+    """(3,) from the origin of the frame."""
+    return vector(component / rigid.mass for component in rigid.first)

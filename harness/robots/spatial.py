@@ -1,4 +1,4 @@
-"""Vectors, rotations and frames as instructions of a program.
+"""Rotations and frames of a model file, as terms of a program.
 
 Sources: Featherstone, Rigid Body Dynamics Algorithms, section 2.2 (frames), and appendix A (rotations); MuJoCo documentation,
 Modeling, section Frame orientations.
@@ -6,177 +6,70 @@ Modeling, section Frame orientations.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
-from harness.equations.calculus import ProgramWriter
-from harness.equations.program import StraightLineProgram
-from harness.files.tree import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn, Vector
+from harness.equations.kernels import BallKernel
+from harness.equations.program import StraightLineProgram, without_unused
+from harness.equations.term import Builder, Matrix, Number, Term, Vector, cos, cross, matrix, sin, sqrt, vector
+from harness.files.tree import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn
+from harness.files.tree import Vector as Numbers
 
-# Places of instructions: a vector, and a matrix by rows.
-Three = list[int]
-Matrix = list[Three]
 _HALF_TURN = ((1, 0, 0), (0, -1, 0), (0, 0, -1))
 
 
-class SpatialWriter(ProgramWriter):
-    """A program that is written in vectors of three and in matrices; it begins with its inputs alone.
+class FileBuilder(Builder):
+    """A program about a model file.
 
-    The numbers of a file become further inputs, in the order in which they are first met. Zeros do not: they are exact, and leave
+    The numbers of the file become further inputs, in the order in which they are first met. Zeros do not: they are exact, and leave
     the program sparse.
     """
 
     def __init__(self, inputs: Sequence[str]) -> None:
-        super().__init__(StraightLineProgram(tuple(inputs), (), {}))
-        self._own_inputs = self.inputs
         # The place of each number of the file among the parameters.
         self._parameters: dict[Hashable, tuple[int, Given]] = {}
-        self.zero = self.number(0)
-        self.still: Three = [self.zero] * 3
-        self.identity: Matrix = [[self.number(int(i == j)) for j in range(3)] for i in range(3)]
+        self._own = tuple(inputs)
+        super().__init__(inputs)
+        self.zero, self.one = self.number(0), self.number(1)
+        self.still: Vector = self.zeros(3)
+        self.identity: Matrix = matrix([[self.number(int(i == j)) for j in range(3)] for i in range(3)])
 
-    # Vectors and matrices.
-
-    def added(self, first: Three, second: Three) -> Three:
-        return [self.sum(a, b) for a, b in zip(first, second, strict=True)]
-
-    def times(self, factor: int, values: Three) -> Three:
-        return [self.product(factor, value) for value in values]
-
-    def minus(self, values: Three) -> Three:
-        return [self.negative(value) for value in values]
-
-    def turned(self, matrix: Matrix, values: Three) -> Three:
-        return [self.dot(row, values) for row in matrix]
-
-    def turned_back(self, matrix: Matrix, values: Three) -> Three:
-        return self.turned(transposed(matrix), values)
-
-    def multiplied(self, first: Matrix, second: Matrix) -> Matrix:
-        return [[self.dot(row, column) for column in transposed(second)] for row in first]
-
-    def given(self, value: Fraction) -> int:
+    def number(self, value: Number) -> Term:
         """A number of the file as an input, and any other one as a literal."""
         if not isinstance(value, Given) or not value:
-            return self.number(value)
-        number, _ = self._parameters.setdefault(value.key, (len(self._parameters), value))
-        return self.add("input", len(self._own_inputs) + number)
+            return super().number(value)
+        place, _ = self._parameters.setdefault(value.key, (len(self._parameters), value))
+        return self.add("input", len(self._own) + place)
 
     @property
     def parameters(self) -> tuple[Given, ...]:
         """The numbers of the file that are inputs, in their order."""
         return tuple(value for _, value in self._parameters.values())
 
-    def program(self, outputs: Mapping[str, Sequence[int]]) -> StraightLineProgram:
+    def program(self, outputs: Mapping[str, Iterable[Term]]) -> StraightLineProgram:
         """What was written, with the names of its parameters behind those of the inputs that it began with."""
-        self.inputs = (*self._own_inputs, *(parameter_name(value) for value in self.parameters))
+        self.names = (*self._own, *(parameter_name(value) for value in self.parameters))
         return super().program(outputs)
 
-    def numbers(self, values: Iterable[Fraction]) -> Three:
-        return [self.given(value) for value in values]
+    def evaluated(self, outputs: Mapping[str, Iterable[Term]], inputs: Sequence[float] = ()) -> dict[str, list[Any]]:
+        """``outputs`` at the numbers of the file, and at ``inputs``, as ``arb`` at the working precision in force."""
+        program, numbers = without_unused(self.program(outputs)), [float(value) for value in self.parameters]
+        values = iter(BallKernel(program, len(numbers)).bind(numbers)(*inputs))
+        return {name: [next(values) for _ in places] for name, places in program.outputs.items()}
 
-    def direction(self, values: Vector) -> Three:
-        """A vector at length 1; exactly a unit vector where it has one component only."""
-        if sum(map(bool, values)) == 1:
-            return [self.number((value > 0) - (value < 0)) for value in values]
-        return self.unit(self.numbers(values))
 
-    def skew(self, values: Three) -> Matrix:
-        """The matrix of the vector product with ``values``."""
-        x, y, z = values
-        return [[self.zero, self.negative(z), y], [z, self.zero, self.negative(x)], [self.negative(y), x, self.zero]]
+@dataclass(frozen=True)
+class Frame:
+    """A frame that stands in another one: its orientation, a rotation matrix, and its origin [m]."""
 
-    def unit(self, values: Three) -> Three:
-        """A vector at length 1."""
-        length = self.dot(values, values)
-        return values if self._values.get(length) == 1 else [self.quotient(value, self.add("sqrt", length)) for value in values]
+    turn: Matrix
+    shift: Vector
 
-    # Rotations.
-
-    def about(self, axis: Three, angle: int) -> Matrix:
-        """The rotation about a unit axis, by Rodrigues' formula."""
-        sine, cosine = (self.add(name, angle) for name in ("sin", "cos"))
-        skew = self.skew(self.times(sine, axis))
-        rows = []
-        for i in range(3):
-            row = []
-            for j in range(3):
-                along = self.product(axis[i], axis[j])
-                across = self.difference(self.identity[i][j], along)
-                row.append(self.sum(self.sum(along, self.product(cosine, across)), skew[i][j]))
-            rows.append(row)
-        return rows
-
-    def of_quaternion(self, quaternion: Sequence[int]) -> Matrix:
-        """The rotation by a quaternion of any length."""
-        w, *rest = quaternion
-        scale = self.quotient(self.number(2), self.dot(quaternion, quaternion))
-        skew = self.skew(self.times(self.product(scale, w), rest))
-        size = self.dot(rest, rest)
-        rows = []
-        for i in range(3):
-            products = [self.product(rest[i], value) for value in rest]
-            products[i] = self.difference(products[i], size)
-            rows.append([self.sum(self.identity[i][j], self.sum(self.product(scale, products[j]), skew[i][j])) for j in range(3)])
-        return rows
-
-    def angle(self, value: Fraction, in_degrees: bool) -> int:
-        """An angle of a file in radians."""
-        written = self.given(value)
-        if not in_degrees or not value:
-            return written
-        return self.product(self.number(Fraction(1, 180)), self.product(written, self.add("pi")))
-
-    def rotation(self, placement: Placement) -> Matrix:
-        """The orientation of a frame, as its file gives it."""
-        found = self.identity
-        for part in placement.rotation:
-            if isinstance(part, Turn):
-                turn = self.about(self.direction(part.axis), self.angle(part.angle, part.in_degrees)) if part.angle else self.identity
-            elif isinstance(part, Quaternion):
-                turn = self.of_quaternion(self._quaternion(part.components))
-            elif isinstance(part, Axes):
-                first, second = self.direction(part.x), self.direction(part.y)
-                second = self.unit(self.added(second, self.minus(self.times(self.dot(first, second), first))))
-                turn = transposed([first, second, self.cross(first, second)])
-            else:
-                turn = self._of_direction(part)
-            found = self.multiplied(found, turn)
-        return found
-
-    def _quaternion(self, components: Sequence[Fraction]) -> Three:
-        """A quaternion of the file; exactly a unit quaternion where it has one component only."""
-        if sum(map(bool, components)) == 1:
-            return [self.number((value > 0) - (value < 0)) for value in components]
-        return self.numbers(components)
-
-    def _of_direction(self, part: Direction) -> Matrix:
-        """The least rotation that turns z into a direction; half a turn about x for the opposite one."""
-        if part.start == ORIGIN:
-            direction = self.direction(part.end)
-        else:
-            direction = self.added(self.numbers(part.end), self.minus(self.numbers(part.start)))
-        along = [end - start for end, start in zip(part.end, part.start, strict=True)]
-        if not any(along[:2]):
-            return [[self.number(value) for value in row] for row in _HALF_TURN] if along[2] < 0 else self.identity
-        x, y, z = direction
-        # Twice the angle of this quaternion, and of all directions only the opposite one has none.
-        w = self.sum(self.add("sqrt", self.dot(direction, direction)), z)
-        return self.of_quaternion([w, self.negative(y), x, self.zero])
-
-    def origin(self, placement: Placement) -> Three:
-        """The origin of a frame."""
-        position = self.numbers(placement.position)
-        if placement.other_end is None:
-            return position
-        return self.times(self.number(Fraction(1, 2)), self.added(position, self.numbers(placement.other_end)))
-
-    def placed(self, turn: Matrix, shift: Three, pose: Pose) -> tuple[Matrix, Three]:
-        """A pose in a frame, in what that frame stands in."""
-        for placement in pose:
-            position = self.origin(placement)
-            turn, shift = self.multiplied(turn, self.rotation(placement)), self.added(shift, self.turned(turn, position))
-        return turn, shift
+    def at(self, point: Vector) -> Vector:
+        """A point of the frame in the other one."""
+        return self.shift + self.turn @ point
 
 
 def parameter_name(value: Given) -> str:
@@ -185,5 +78,118 @@ def parameter_name(value: Given) -> str:
     return f"{place.path.name}:{place.line}: {place.tag} {value.attribute}[{value.index}]"
 
 
-def transposed(matrix: Matrix) -> Matrix:
-    return [list(column) for column in zip(*matrix, strict=True)]
+def by_entries(entry: Callable[[int, int], Term]) -> Matrix:
+    """(3, 3) of its entries, which are written row by row."""
+    return matrix([[entry(i, j) for j in range(3)] for i in range(3)])
+
+
+def direction(builder: FileBuilder, values: Numbers) -> Vector:
+    """A vector at length 1; exactly a unit vector where it has one component only."""
+    return _unit_axis(builder, values) if sum(map(bool, values)) == 1 else unit(builder.vector(values))
+
+
+def _unit_axis(builder: FileBuilder, values: Sequence[Fraction]) -> Vector:
+    return builder.vector([(value > 0) - (value < 0) for value in values])
+
+
+def unit(values: Vector) -> Vector:
+    """A vector at length 1."""
+    squared = values @ values
+    return values if squared.value == 1 else values / sqrt(squared)
+
+
+def skew(values: Vector) -> Matrix:
+    """The matrix of the vector product with ``values``."""
+    x, y, z = values
+    zero = x.builder.number(0)
+    return matrix([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+
+
+def about(axis: Vector, angle: Term) -> Matrix:
+    """The rotation about a unit axis, by Rodrigues' formula."""
+    sine, cosine = sin(angle), cos(angle)
+    across = skew(sine * axis)
+
+    def entry(i: int, j: int) -> Term:
+        along = axis[i] * axis[j]
+        found: Term = along + cosine * (int(i == j) - along) + across[i, j]
+        return found
+
+    return by_entries(entry)
+
+
+def of_quaternion(quaternion: Vector) -> Matrix:
+    """The rotation by a quaternion of any length."""
+    w, rest = quaternion[0], quaternion[1:]
+    two = w.builder.number(2)
+    scale = two / (quaternion @ quaternion)
+    across = skew((scale * w) * rest)
+    size = rest @ rest
+    rows = []
+    for i in range(3):
+        products = rest[i] * rest
+        products[i] = products[i] - size
+        rows.append([int(i == j) + (scale * products[j] + across[i, j]) for j in range(3)])
+    return matrix(rows)
+
+
+def angle(builder: FileBuilder, value: Fraction, in_degrees: bool) -> Term:
+    """An angle of a file in radians."""
+    written = builder.number(value)
+    return builder.number(Fraction(1, 180)) * (written * builder.add("pi")) if in_degrees and value else written
+
+
+def rotation(builder: FileBuilder, placement: Placement) -> Matrix:
+    """The orientation of a frame, as its file gives it."""
+    found = builder.identity
+    for part in placement.rotation:
+        found = found @ _rotation(builder, part)
+    return found
+
+
+def _rotation(builder: FileBuilder, part: Turn | Quaternion | Axes | Direction) -> Matrix:
+    if isinstance(part, Turn):
+        if not part.angle:
+            return builder.identity
+        axis = direction(builder, part.axis)
+        return about(axis, angle(builder, part.angle, part.in_degrees))
+    if isinstance(part, Quaternion):
+        # Exactly a unit quaternion where it has one component only.
+        has_one = sum(map(bool, part.components)) == 1
+        return of_quaternion(_unit_axis(builder, part.components) if has_one else builder.vector(part.components))
+    if isinstance(part, Axes):
+        first, second = direction(builder, part.x), direction(builder, part.y)
+        second = unit(second + -((first @ second) * first))
+        return matrix([first, second, cross(first, second)]).T
+    return _of_direction(builder, part)
+
+
+def _of_direction(builder: FileBuilder, part: Direction) -> Matrix:
+    """The least rotation that turns z into a direction; half a turn about x for the opposite one."""
+    is_from_origin = part.start == ORIGIN
+    towards = direction(builder, part.end) if is_from_origin else builder.vector(part.end) + -builder.vector(part.start)
+    along = [end - start for end, start in zip(part.end, part.start, strict=True)]
+    if not any(along[:2]):
+        return matrix([[builder.number(value) for value in row] for row in _HALF_TURN]) if along[2] < 0 else builder.identity
+    x, y, z = towards
+    # Twice the angle of this quaternion, and of all directions only the opposite one has none.
+    w = sqrt(towards @ towards) + z
+    return of_quaternion(vector((w, -y, x, builder.zero)))
+
+
+def origin(builder: FileBuilder, placement: Placement) -> Vector:
+    """The origin of a frame."""
+    position = builder.vector(placement.position)
+    if placement.other_end is None:
+        return position
+    half = builder.number(Fraction(1, 2))
+    return half * (position + builder.vector(placement.other_end))
+
+
+def placed(builder: FileBuilder, pose: Pose, frame: Frame | None = None) -> Frame:
+    """A pose in a frame, in what that frame stands in; without one, the pose as a frame."""
+    found = frame or Frame(builder.identity, builder.still)
+    for placement in pose:
+        position = origin(builder, placement)
+        found = Frame(found.turn @ rotation(builder, placement), found.at(position))
+    return found

@@ -14,7 +14,6 @@ from typing import Any
 from harness.equations.kernels import BallKernel
 from harness.equations.program import upper_triangle, without_unused
 from harness.files.tree import Given, Joint, SpringDampers, Tree
-from harness.robots.nodes import SIZES
 from harness.robots.recursion import recursion_program
 
 _BITS = 192
@@ -58,13 +57,13 @@ def _inertias(tree: Tree) -> dict[str, Any]:
     with flint.ctx.workprec(_BITS):
         evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
         reference = [coordinate for joint in joints for coordinate in _reference(joint)]
-        nv = sum(SIZES[joint.kind][1] for joint in joints)
+        nv = sum(joint.kind.velocities for joint in joints)
         entries = dict(zip(upper_triangle(nv), evaluate(*reference, *[0.0] * (2 * nv + 1)), strict=True))
         inverse = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)]).inv()
         found, column = {}, 0
         for joint in joints:
             found[joint.name] = 1 / inverse[column, column]
-            column += SIZES[joint.kind][1]
+            column += joint.kind.velocities
         return found
 
 
@@ -75,4 +74,4 @@ def _reference(joint: Joint) -> list[Any]:
     if joint.kind.is_single:
         written = flint.arb(float(joint.reference))
         return [written * flint.arb.pi() / 180 if joint.in_degrees else written]
-    return [*[0.0] * (SIZES[joint.kind][0] - 4), 1.0, 0.0, 0.0, 0.0]
+    return [*[0.0] * (joint.kind.positions - 4), 1.0, 0.0, 0.0, 0.0]

@@ -8,9 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from harness.equations.derivatives import along
 from harness.equations.program import StraightLineProgram, without_unused
-from harness.files.tree import Coupling, Given, Spring, Tree
-from harness.robots.recursion import RecursionWriter
+from harness.equations.term import Vector
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Given, Tree
+from harness.robots.nodes import Kinematics, kinematics
+from harness.robots.recursion import equations_of_motion
 
 JOINT_DAMPING, JOINT_STIFFNESS = "joint damping", "joint stiffness"
 LINES, LINE_DAMPING, LINE_STIFFNESS = "lines", "line damping", "line stiffness"
@@ -41,47 +45,38 @@ def step_forces(tree: Tree, joints: Sequence[str]) -> StepForces:
     Raises:
         ValueError: the tree has other joints.
     """
-    return _Writer(tree, joints, False).step_forces()
+    nodes = kinematics(tree, joints)
+    equations, lines = equations_of_motion(nodes)
+    builder, velocities = nodes.builder, nodes.coordinates.velocities
+    slopes = [along([line.rate], {velocity: builder.one})[0] for line in lines for velocity in velocities]
+    outputs = {
+        **equations,
+        JOINT_DAMPING: _of_joints(nodes, "damping"),
+        JOINT_STIFFNESS: _of_joints(nodes, "stiffness"),
+        LINES: slopes,
+        LINE_DAMPING: builder.vector([line.of.damping for line in lines]),
+        LINE_STIFFNESS: builder.vector([line.of.stiffness for line in lines]),
+    }
+    carrying = {node.parent for node in nodes.nodes}
+    alone = [node for number, node in enumerate(nodes.nodes) if node.joint.kind == JointKind.FREE and number not in carrying]
+    floating = tuple(node.columns[0] for node in alone)
+    return StepForces(without_unused(builder.program(outputs)), builder.parameters, frozenset(_related(nodes)), floating)
 
 
-class _Writer(RecursionWriter):
-    """Writes the forces of one tree."""
+def _of_joints(nodes: Kinematics, coefficient: str) -> Vector:
+    found = nodes.builder.zeros(nodes.nv)
+    for node in nodes.nodes:
+        value = node.of_velocity(coefficient)
+        for column in node.columns:
+            found[column] = found[column] + value
+    return found
 
-    def step_forces(self) -> StepForces:
-        self._lines: list[tuple[Spring | Coupling, int]] = []
-        outputs = dict(self.outputs_of_tree())
-        rates = range(self._first_rate, self._first_rate + self.nv)
-        unit = self.number(1)
-        slopes = [[self.along([rate], {place: unit})[0] for place in rates] for _, rate in self._lines]
-        outputs |= {
-            JOINT_DAMPING: self._of_joints("damping"),
-            JOINT_STIFFNESS: self._of_joints("stiffness"),
-            LINES: [slope for row in slopes for slope in row],
-            LINE_DAMPING: [self.given(line.damping) for line, _ in self._lines],
-            LINE_STIFFNESS: [self.given(line.stiffness) for line, _ in self._lines],
-        }
-        carrying = {node.parent for node in self.nodes}
-        floating = tuple(node.columns[0] for number, node in enumerate(self.nodes) if node.joint.kind == "free" and number not in carrying)
-        return StepForces(without_unused(self.program(outputs)), self.parameters, frozenset(self._related()), floating)
 
-    def _tension(self, line: Spring | Coupling, stretch: int, rate: int) -> int:
-        self._lines.append((line, rate))
-        return super()._tension(line, stretch, rate)
-
-    def _of_joints(self, coefficient: str) -> list[int]:
-        found = [self.zero] * self.nv
-        for node in self.nodes:
-            multiplier = self.given(node.joint.multiplier)
-            value = self.product(self.product(multiplier, multiplier), self.given(getattr(node.joint, coefficient)))
-            for column in node.columns:
-                found[column] = self.sum(found[column], value)
-        return found
-
-    def _related(self) -> set[tuple[int, int]]:
-        found: set[tuple[int, int]] = set()
-        for number, node in enumerate(self.nodes):
-            at = number
-            while at >= 0:
-                found |= {(min(i, j), max(i, j)) for i in node.columns for j in self.nodes[at].columns}
-                at = self.nodes[at].parent
-        return found
+def _related(nodes: Kinematics) -> set[tuple[int, int]]:
+    found: set[tuple[int, int]] = set()
+    for number, node in enumerate(nodes.nodes):
+        at = number
+        while at >= 0:
+            found |= {(min(i, j), max(i, j)) for i in node.columns for j in nodes.nodes[at].columns}
+            at = nodes.nodes[at].parent
+    return found

@@ -11,13 +11,13 @@ functions of turns in three dimensions).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from harness.equations.calculus import ProgramWriter
-from harness.equations.program import StraightLineProgram, upper_triangle, with_operands, without_unused
-from harness.equations.program_derivatives import derivative_name, differentiate
+from harness.equations.derivatives import derivative_name, differentiate
+from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
+from harness.equations.term import Builder, Matrix, Term, Vector, cross, dot, length, vector
 from harness.files.tree import Given
 from harness.models.step_rule import Part, StepRule
 from harness.robots.step_forces import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
@@ -29,8 +29,6 @@ LARGEST_TURN = 2.0
 
 NOTHING = "nothing"
 _VELOCITY_TERMS = {Part.VELOCITY_TERMS, Part.VELOCITY_TERMS_OF_FREE_BODIES}
-
-Matrix = list[list[int]]
 
 
 @dataclass(frozen=True)
@@ -60,85 +58,94 @@ def positions(rule: StepRule) -> str:
 def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[StepRule]) -> Steps:
     """One step by each of ``rules``; ``attitudes`` are the places in v of what is of a rotation, as of a ``Mechanism``."""
     nv = len(forces.program.outputs["velocity"])
-    first = forces.program.inputs.index("t") - 2 * nv
+    # Positions and velocities stand before the applied forces.
+    first = forces.program.inputs.index("t") - nv
     slopes = ["velocity"] if any(_VELOCITY_TERMS & rule.implicit for rule in rules) else []
-    program = differentiate(forces.program, slopes, range(first, first + nv))
+    program = differentiate(forces.program, slopes, range(first - nv, first))
     lengths = tuple(f"h{place}" for place in range(len(rules)))
     program = replace(program, inputs=(*program.inputs, *lengths))
-    return _Writer(program, forces, attitudes).written(rules)
+    builder = Builder(program.inputs)
+    start = builder.append(program)
+    q, v = builder.inputs_at(range(first - nv)), builder.inputs_at(range(first - nv, first))
+    stepper = _Stepper(program, forces, attitudes, builder, start, q, v)
+    outputs: dict[str, Iterable[Term]] = {}
+    for rule, step in zip(rules, builder.inputs[len(builder.inputs) - len(rules) :], strict=True):
+        outputs[positions(rule)], outputs[velocities(rule)] = stepper.after(rule, step)
+    outputs[NOTHING] = [builder.number(0)]
+    return Steps(without_unused(builder.program(outputs)), forces.parameters)
 
 
-class _Writer(ProgramWriter):
-    """Writes the steps of one tree; ``program`` holds its forces, their derivatives and the step lengths as last inputs."""
+@dataclass(frozen=True)
+class _Stepper:
+    """One tree about to make a step.
 
-    def __init__(self, program: StraightLineProgram, forces: StepForces, attitudes: Sequence[int]) -> None:
-        super().__init__(program)
-        self._program, self._forces, self._attitudes = program, forces, attitudes
-        self._nv = nv = len(program.outputs["velocity"])
-        self._nq = program.inputs.index("t") - 2 * nv
-        self._start = [*range(self._nq)], [*range(self._nq, self._nq + nv)]
+    Attributes:
+        program: its forces, their derivatives and the step lengths as last inputs; ``outputs`` are its outputs at ``q`` and ``v``.
+        attitudes: the places in v of what is of a rotation.
+    """
 
-    def written(self, rules: Sequence[StepRule]) -> Steps:
-        outputs: dict[str, list[int]] = {}
-        for place, rule in enumerate(rules, start=len(self.inputs) - len(rules)):
-            after = self._by_stages(rule, place) if rule.stages else self._in_one_stage(rule, place)
-            outputs[positions(rule)], outputs[velocities(rule)] = after
-        outputs[NOTHING] = [self.number(0)]
-        return Steps(without_unused(self.program(outputs)), self._forces.parameters)
+    program: StraightLineProgram
+    forces: StepForces
+    attitudes: Sequence[int]
+    builder: Builder
+    outputs: Mapping[str, Sequence[Term]]
+    q: Vector
+    v: Vector
 
-    def _in_one_stage(self, rule: StepRule, length: int) -> tuple[list[int], list[int]]:
-        q, v = self._start
+    @property
+    def nv(self) -> int:
+        return len(self.v)
+
+    def after(self, rule: StepRule, step: Term) -> tuple[Vector, Vector]:
+        """Positions and velocities after a step of a length."""
+        return self._by_stages(rule, step) if rule.stages else self._in_one_stage(rule, step)
+
+    def _in_one_stage(self, rule: StepRule, step: Term) -> tuple[Vector, Vector]:
         stiff = self._stiffness(rule)
         matrix = self._mass(self.outputs)
         for row, (of_rates, of_positions) in enumerate(zip(self._damping(rule), stiff, strict=True)):
-            for column in range(self._nv):
-                implicit = self.sum(of_rates[column], self.product(length, of_positions[column]))
-                matrix[row][column] = self.sum(matrix[row][column], self.product(length, implicit))
+            for column in range(self.nv):
+                implicit = of_rates[column] + step * of_positions[column]
+                matrix[row, column] = matrix[row, column] + step * implicit
         force = self._force(self.outputs)
-        ahead = [self.product(length, self.dot(row, v)) for row in stiff]
-        accelerations = self.solved(matrix, [self.difference(*pair) for pair in zip(force, ahead, strict=True)])
-        after = self._moved(v, length, accelerations)
-        return self._turned(q, length, v if rule.with_old_velocities else after), after
+        ahead = vector([step * (row @ self.v) for row in stiff])
+        accelerations = solved(matrix, force - ahead)
+        after = _moved(self.v, step, accelerations)
+        return self._turned(step, self.v if rule.with_old_velocities else after), after
 
-    def _by_stages(self, rule: StepRule, length: int) -> tuple[list[int], list[int]]:
-        q, v = self._start
+    def _by_stages(self, rule: StepRule, step: Term) -> tuple[Vector, Vector]:
         # Of the coordinates in which the rotations of a stage are where that of the start is zero.
-        slopes, accelerations = [v], [self._acceleration(self.outputs)]
+        slopes, accelerations = [self.v], [self._acceleration(self.outputs)]
         for weights in rule.stages:
             slope = self._mixed(weights, slopes)
-            rates = self._moved(v, length, self._mixed(weights, accelerations))
-            accelerations.append(self._acceleration(self._evaluated(self._turned(q, length, slope), rates)))
-            slopes.append(self._in_coordinates(length, slope, rates))
-        return self._turned(q, length, self._mixed(rule.weights, slopes)), self._moved(v, length, self._mixed(rule.weights, accelerations))
+            rates = _moved(self.v, step, self._mixed(weights, accelerations))
+            accelerations.append(self._acceleration(self._evaluated(self._turned(step, slope), rates)))
+            slopes.append(self._in_coordinates(step, slope, rates))
+        after = self._turned(step, self._mixed(rule.weights, slopes))
+        return after, _moved(self.v, step, self._mixed(rule.weights, accelerations))
 
     # The equations of motion.
 
-    def _evaluated(self, q: Sequence[int], v: Sequence[int]) -> Mapping[str, Sequence[int]]:
+    def _evaluated(self, q: Vector, v: Vector) -> Mapping[str, Sequence[Term]]:
         """The outputs at another state, under the same forces."""
-        moved, places = [*q, *v], list[int]()
-        moved += range(len(moved), len(self._program.inputs))
-        for instruction in self._program.instructions:
-            operation, *operands = instruction
-            places.append(moved[operands[0]] if operation == "input" else self.again(*with_operands(instruction, places)))
-        return {name: [places[index] for index in indices] for name, indices in self._program.outputs.items()}
+        return self.builder.append(self.program, [*q, *v, *self.builder.inputs[len(q) + len(v) :]])
 
-    def _force(self, outputs: Mapping[str, Sequence[int]]) -> list[int]:
-        first = self._nq + self._nv
-        passive = [self.sum(first + place, force) for place, force in enumerate(outputs["passive"])]
-        held = [self.sum(*pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
-        return [self.difference(*pair) for pair in zip(passive, held, strict=True)]
+    def _force(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
+        first = len(self.q) + self.nv
+        passive, velocity, gravity = (vector(outputs[name]) for name in ("passive", "velocity", "gravity"))
+        return self.builder.inputs_at(range(first, first + self.nv)) + passive - (velocity + gravity)
 
-    def _acceleration(self, outputs: Mapping[str, Sequence[int]]) -> list[int]:
-        return self.solved(self._mass(outputs), self._force(outputs))
+    def _acceleration(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
+        return solved(self._mass(outputs), self._force(outputs))
 
-    def _mass(self, outputs: Mapping[str, Sequence[int]]) -> Matrix:
+    def _mass(self, outputs: Mapping[str, Sequence[Term]]) -> Matrix:
         matrix = self._nothing()
-        for (i, j), entry in zip(upper_triangle(self._nv), outputs["mass"], strict=True):
-            matrix[i][j] = matrix[j][i] = entry
+        for (i, j), entry in zip(upper_triangle(self.nv), outputs["mass"], strict=True):
+            matrix[i, j] = matrix[j, i] = entry
         return matrix
 
     def _nothing(self) -> Matrix:
-        return [[self.number(0)] * self._nv for _ in range(self._nv)]
+        return self.builder.zeros(self.nv, self.nv)
 
     # What a rule takes implicitly.
 
@@ -147,21 +154,21 @@ class _Writer(ProgramWriter):
         found = self._of_lines(LINE_DAMPING) if Part.LINE_DAMPERS in rule.implicit else self._nothing()
         if Part.JOINT_DAMPERS in rule.implicit:
             for place, damping in enumerate(self.outputs[JOINT_DAMPING]):
-                found[place][place] = self.sum(found[place][place], damping)
+                found[place, place] = found[place, place] + damping
         if rule.along_branches:
-            for i, j in set(upper_triangle(self._nv)) - self._forces.related:
-                found[i][j] = found[j][i] = self.number(0)
+            for i, j in set(upper_triangle(self.nv)) - self.forces.related:
+                found[i, j] = found[j, i] = self.builder.number(0)
         slopes = self.outputs.get(derivative_name("velocity"), [])
         for row, column in self._implicit_velocity_terms(rule):
-            found[row][column] = self.sum(found[row][column], slopes[row * self._nv + column])
+            found[row, column] = found[row, column] + slopes[row * self.nv + column]
         return found
 
     def _implicit_velocity_terms(self, rule: StepRule) -> list[tuple[int, int]]:
         """Rows and columns of the derivatives of velocity terms that the rule takes; they are zero across branches."""
-        everything = range(self._nv)
+        everything = range(self.nv)
         if Part.VELOCITY_TERMS in rule.implicit:
             return [(row, column) for row in everything for column in everything]
-        blocks = self._forces.floating if Part.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit else ()
+        blocks = self.forces.floating if Part.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit else ()
         return [(row, column) for first in blocks for row in everything[first : first + 6] for column in everything[first : first + 6]]
 
     def _stiffness(self, rule: StepRule) -> Matrix:
@@ -169,91 +176,91 @@ class _Writer(ProgramWriter):
         found = self._of_lines(LINE_STIFFNESS) if Part.LINE_SPRINGS in rule.implicit else self._nothing()
         if Part.JOINT_SPRINGS in rule.implicit:
             for place, stiffness in enumerate(self.outputs[JOINT_STIFFNESS]):
-                found[place][place] = self.sum(found[place][place], stiffness)
+                found[place, place] = found[place, place] + stiffness
         return found
 
     def _of_lines(self, coefficient: str) -> Matrix:
         """The sum over all lengths of J' times their coefficient times J."""
         found, slopes = self._nothing(), self.outputs[LINES]
         for number, value in enumerate(self.outputs[coefficient]):
-            row = slopes[number * self._nv : (number + 1) * self._nv]
-            for i, j in upper_triangle(self._nv):
-                found[i][j] = found[j][i] = self.sum(found[i][j], self.product(value, self.product(row[i], row[j])))
+            row = slopes[number * self.nv : (number + 1) * self.nv]
+            for i, j in upper_triangle(self.nv):
+                found[i, j] = found[j, i] = found[i, j] + value * (row[i] * row[j])
         return found
 
     # Steps of vectors and rotations.
 
-    def _mixed(self, weights: Sequence[Fraction], vectors: Sequence[Sequence[int]]) -> list[int]:
-        return [self.dot([self.number(weight) for weight in weights], each) for each in zip(*vectors, strict=True)]
+    def _mixed(self, weights: Sequence[Fraction], vectors: Sequence[Vector]) -> Vector:
+        return vector([self.builder.vector(weights) @ vector(each) for each in zip(*vectors, strict=True)])
 
-    def _moved(self, values: Sequence[int], length: int, rates: Sequence[int]) -> list[int]:
-        return [self.sum(value, self.product(length, rate)) for value, rate in zip(values, rates, strict=True)]
-
-    def _turned(self, q: Sequence[int], length: int, rates: Sequence[int]) -> list[int]:
+    def _turned(self, step: Term, rates: Vector) -> Vector:
         """q + h v, rotations as of ``harness.models.step_rule``."""
-        after: list[int] = []
+        after: list[Term] = []
         place = 0
-        while place < self._nv:
-            if place in self._attitudes:
-                after += self._rotated(q[len(after) : len(after) + 4], length, rates[place : place + 3])
+        while place < self.nv:
+            if place in self.attitudes:
+                after += _rotated(self.q[len(after) : len(after) + 4], step, rates[place : place + 3])
                 place += 3
             else:
-                after += self._moved(q[len(after) : len(after) + 1], length, rates[place : place + 1])
+                after.append(self.q[len(after)] + step * rates[place])
                 place += 1
-        return after
+        return vector(after)
 
-    def _rotated(self, quaternion: Sequence[int], length: int, rate: Sequence[int]) -> list[int]:
-        """The quaternion at length 1, followed by the turn h times ``rate`` about the body's axes."""
-        size = self.add("sqrt", self.dot(quaternion, quaternion))
-        w, *vector = (self.quotient(component, size) for component in quaternion)
-        half, square = self._half(length, rate)
-        cosine, turn = self._series(square, _COSINE), [self.product(self._series(square, _SINE), component) for component in half]
-        along = [self.sum(self.product(w, one), self.product(cosine, other)) for one, other in zip(turn, vector, strict=True)]
-        crossed = self.cross(vector, turn)
-        return [
-            self.difference(self.product(w, cosine), self.dot(vector, turn)),
-            *(self.sum(*pair) for pair in zip(along, crossed, strict=True)),
-        ]
-
-    def _in_coordinates(self, length: int, slope: Sequence[int], rates: Sequence[int]) -> list[int]:
+    def _in_coordinates(self, step: Term, slope: Vector, rates: Vector) -> Vector:
         """The slopes, at h ``slope`` from the start, of coordinates whose motion has the ``rates``."""
-        found = list(rates)
-        for first in self._attitudes:
-            half, square = self._half(length, slope[first : first + 3])
-            once = self.cross(half, rates[first : first + 3])
-            factor = self.quotient(self._series(square, _DIFFERENCE), self._series(square, _SINE))
-            twice = [self.product(factor, component) for component in self.cross(half, once)]
-            found[first : first + 3] = [
-                self.sum(self.sum(*three[:2]), three[2]) for three in zip(found[first : first + 3], once, twice, strict=True)
-            ]
+        found = rates.copy()
+        for first in self.attitudes:
+            half, square = _half(step, slope[first : first + 3])
+            once = cross(half, rates[first : first + 3])
+            factor = _series(square, _DIFFERENCE) / _series(square, _SINE)
+            twice = factor * cross(half, once)
+            found[first : first + 3] = [(rate + one) + two for rate, one, two in zip(found[first : first + 3], once, twice, strict=True)]
         return found
 
-    def _half(self, length: int, rate: Sequence[int]) -> tuple[list[int], int]:
-        """Half the turn of a step, and its square."""
-        half = [self.product(self.product(self.number(Fraction(1, 2)), length), component) for component in rate]
-        return half, self.dot(half, half)
 
-    def _series(self, value: int, coefficients: Sequence[Fraction]) -> int:
-        """The polynomial by Horner's rule, the constant first."""
-        total = self.number(coefficients[-1])
-        for coefficient in reversed(coefficients[:-1]):
-            total = self.sum(self.product(total, value), self.number(coefficient))
-        return total
+def _moved(values: Vector, step: Term, rates: Vector) -> Vector:
+    return vector(value + step * rate for value, rate in zip(values, rates, strict=True))
 
-    def solved(self, matrix: Matrix, right: Sequence[int]) -> list[int]:
-        """The solution of linear equations, by elimination without pivots from the last unknown to the first."""
-        rows, values, count = [list(row) for row in matrix], list(right), len(right)
-        for pivot in reversed(range(count)):
-            for row in range(pivot):
-                factor = self.quotient(rows[row][pivot], rows[pivot][pivot])
-                for column in range(pivot):
-                    rows[row][column] = self.difference(rows[row][column], self.product(factor, rows[pivot][column]))
-                values[row] = self.difference(values[row], self.product(factor, values[pivot]))
-        found: list[int] = []
-        for row in range(count):
-            known = self.dot(rows[row][:row], found)
-            found.append(self.quotient(self.difference(values[row], known), rows[row][row]))
-        return found
+
+def _rotated(quaternion: Vector, step: Term, rate: Vector) -> list[Term]:
+    """The quaternion at length 1, followed by the turn h times ``rate`` about the body's axes."""
+    w, *rest = quaternion / length(quaternion)
+    part = vector(rest)
+    half, square = _half(step, rate)
+    cosine, turn = _series(square, _COSINE), _series(square, _SINE) * half
+    along = vector(w * one + cosine * other for one, other in zip(turn, part, strict=True))
+    crossed = cross(part, turn)
+    return [w * cosine - part @ turn, *(along + crossed)]
+
+
+def _half(step: Term, rate: Vector) -> tuple[Vector, Term]:
+    """Half the turn of a step, and its square."""
+    half = (step.builder.number(Fraction(1, 2)) * step) * rate
+    return half, half @ half
+
+
+def _series(value: Term, coefficients: Sequence[Fraction]) -> Term:
+    """The polynomial by Horner's rule, the constant first."""
+    total = value.builder.number(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * value + coefficient
+    return total
+
+
+def solved(matrix: Matrix, right: Vector) -> Vector:
+    """The solution of linear equations, by elimination without pivots from the last unknown to the first."""
+    rows, values = matrix.copy(), right.copy()
+    for pivot in reversed(range(len(values))):
+        for row in range(pivot):
+            factor = rows[row, pivot] / rows[pivot, pivot]
+            for column in range(pivot):
+                rows[row, column] = rows[row, column] - factor * rows[pivot, column]
+            values[row] = values[row] - factor * values[pivot]
+    found: list[Term] = []
+    for row, value in enumerate(values):
+        known = dot(rows[row, :row], found, value.builder.number(0))
+        found.append((value - known) / rows[row, row])
+    return vector(found)
 
 
 def _coefficient(power: int) -> Fraction:

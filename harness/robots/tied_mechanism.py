@@ -15,21 +15,22 @@ import numpy as np
 from harness.arrays import Array
 from harness.equations.constraint_forces import by_multipliers, constrained_program
 from harness.equations.constraints import JACOBIAN, Constraints
-from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.states import States
 from harness.files.constraints import ModelConstraint
 from harness.files.equalities import Rows
 from harness.files.tree import Given, Tree
-from harness.robots.constraints import ConstraintWriter, Row, rows_of, untied
-from harness.robots.free_body_equations import independent_rows
+from harness.robots.constraints import Row, equations_of_rows, rows_in, rows_of, untied
 from harness.robots.mechanism import RobotMechanism, mechanism_of
+from harness.robots.nodes import kinematics
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
-from harness.robots.world_motion import Moving
+from harness.robots.world_motion import World, in_world
 
 _BITS = 64
+# Of the length of the longest row, and of what is left of a row of length 1 beside those before.
+_NO_MOTION, _DEPENDENT = 1e-12, 1e-9
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,10 @@ def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows],
     Raises:
         KeyError: one is about a body or joint that the tree does not have. ValueError: the tree has other joints.
     """
-    writer = ConstraintWriter(tree, joints, False)
-    moving = writer.moving()
-    rows, places = writer.rows(moving, equalities), tuple(determined)
-    redundant, assembly = (not places,) * len(rows), (0.0,) * writer.nv
-    return _tied(writer, joints, moving, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
+    world = in_world(kinematics(tree, joints))
+    rows, places = rows_in(world, equalities), tuple(determined)
+    redundant, assembly = (not places,) * len(rows), (0.0,) * world.kinematics.nv
+    return _tied(world, joints, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
 
 
 def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declared: Constraints, states: States) -> Tied:
@@ -85,16 +85,14 @@ def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declare
     robot = replace(robot, tree=untied(robot.tree, robot.joints))
     if robot.degrees_of_freedom != len(robot.joints):
         raise ValueError("a joint of several degrees of freedom stands beside constraints; expected hinges and slides")
-    writer = ConstraintWriter(robot.tree, robot.joints, False)
-    moving = writer.moving()
-    rows = writer.rows(moving, rows_of(robot.tree, constraints))
-    bearing, chosen = _choice(writer, moving, rows, states)
+    world = in_world(kinematics(robot.tree, robot.joints))
+    rows = rows_in(world, rows_of(robot.tree, constraints))
+    bearing, chosen = _choice(world, rows, states)
     if len(chosen) != len(declared.independent):
         raise ValueError(f"the file's constraints determine {len(chosen)} coordinates; expected {len(declared.independent)}")
     tied = _tied(
-        writer,
+        world,
         robot.joints,
-        moving,
         [rows[number] for number in bearing],
         redundant=tuple(number not in chosen for number in bearing),
         positions=declared.positions,
@@ -110,33 +108,30 @@ def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declare
     return Tied(mechanism, tied.parameters, tuple(bearing), len(chosen) == len(bearing))
 
 
-def _tied(writer: ConstraintWriter, joints: Sequence[str], moving: list[Moving], rows: Sequence[Row], **declared: Any) -> TiedTree:
+def _tied(world: World, joints: Sequence[str], rows: Sequence[Row], **declared: Any) -> TiedTree:
     """Rows that were written, beside the equations of motion of their tree; ``declared`` is what else ``Constraints`` holds."""
-    recursion = recursion_program(writer.tree, joints)
-    own = without_unused(writer.program(writer.equations(moving, rows)))
-    given = tuple({value.key: value for value in (*recursion.parameters, *writer.parameters)}.values())
+    recursion, builder = recursion_program(world.kinematics.tree, joints), world.kinematics.builder
+    own = without_unused(builder.program(equations_of_rows(world, rows)))
+    given = tuple({value.key: value for value in (*recursion.parameters, *builder.parameters)}.values())
     constraints = Constraints(
         rows=tuple(row.constraint for row in rows),
         holonomic=len(rows),
-        program=_widened(own, writer.parameters, given),
+        program=_widened(own, builder.parameters, given),
         tree=_widened(recursion.program, recursion.parameters, given),
         **declared,
     )
     return TiedTree(constraints, given)
 
 
-def _choice(writer: ConstraintWriter, moving: list[Moving], rows: Sequence[Row], states: States) -> tuple[list[int], list[int]]:
+def _choice(world: World, rows: Sequence[Row], states: States) -> tuple[list[int], list[int]]:
     """The rows that some velocity changes, and of these as many as are independent, at all states."""
     import flint
 
-    program = writer.program({JACOBIAN: writer.equations(moving, rows)[JACOBIAN]})
-    numbers = [float(value) for value in writer.parameters]
-    evaluate = BallKernel(without_unused(program), len(numbers)).bind(numbers)
-    found: list[Array] = []
+    jacobian = {JACOBIAN: equations_of_rows(world, rows)[JACOBIAN]}
+    given = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
     with flint.ctx.workprec(_BITS):
-        for index in range(len(states)):
-            given = np.concatenate([states.q[index], states.v[index], states.tau[index], states.time[index : index + 1]])
-            found.append(np.array([float(ball) for ball in evaluate(*given.tolist())]).reshape(len(rows), -1))
+        entries = [world.kinematics.builder.evaluated(jacobian, one)[JACOBIAN] for one in given.tolist()]
+    found = [np.array([float(ball) for ball in own]).reshape(len(rows), -1) for own in entries]
     bearing = sorted({row for jacobian in found for row in independent_rows(jacobian)[0]})
     _, chosen = max((independent_rows(jacobian) for jacobian in found), key=lambda choice: len(choice[1]))
     return bearing, chosen
@@ -151,3 +146,26 @@ def _widened(program: StraightLineProgram, parameters: Sequence[Given], given: S
         ("input", places[instruction[1]]) if instruction[0] == "input" else instruction for instruction in program.instructions
     )
     return replace(program, inputs=(*own, *(parameter_name(value) for value in given)), instructions=instructions)
+
+
+def independent_rows(jacobian: Array) -> tuple[list[int], list[int]]:
+    """Of rows, (m, nv), those that some velocity changes, and a maximal number of these that are independent, found in float64.
+
+    That the chosen ones are independent is for a solution in balls to prove.
+    """
+    lengths = np.linalg.norm(jacobian, axis=1)
+    if not np.isfinite(lengths).all():
+        return list(range(len(jacobian))), list(range(len(jacobian)))
+    moving = np.flatnonzero(lengths > _NO_MOTION * lengths.max(initial=0.0))
+    left = jacobian[moving] / lengths[moving, None]
+    chosen: list[int] = []
+    while len(chosen) < len(moving):
+        sizes = np.linalg.norm(left, axis=1)
+        pivot = int(sizes.argmax())
+        if sizes[pivot] <= _DEPENDENT:
+            break
+        chosen.append(pivot)
+        along = left[pivot] / sizes[pivot]
+        left = left - np.outer(left @ along, along)
+        left[chosen] = 0.0
+    return moving.tolist(), sorted(moving[chosen].tolist())

@@ -1,4 +1,4 @@
-"""The bodies of a tree as they move in the world: positions, velocities and accelerations along its axes, as instructions of a program.
+"""The bodies of a tree as they move in the world: positions, velocities and accelerations along its axes, as terms of a program.
 
 Accelerations are the classical ones, of points. Nothing here is a spatial vector, and no inertia is carried from one frame to
 another: each lump of a body keeps its own centre of mass.
@@ -8,16 +8,18 @@ Source: Goldstein, Classical Mechanics, sections 4.9 and 4.10 (rates in turning 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from harness.equations.term import Matrix, Vector, cross, length
 from harness.files.tree import Pose, Tree
-from harness.robots.joint_forces import JointForceWriter
-from harness.robots.nodes import Node, Pair
-from harness.robots.rigid import Lump
-from harness.robots.spatial import Matrix, Three, transposed
+from harness.robots.joint_forces import Line
+from harness.robots.nodes import Kinematics, Node
+from harness.robots.rigid import Lump, Spatial, spatial
+from harness.robots.spatial import Frame, placed
 
 
-@dataclass
+@dataclass(frozen=True)
 class Moving:
     """The frame of one node in the world, everything along the world's axes.
 
@@ -31,115 +33,136 @@ class Moving:
 
     node: Node
     orientation: Matrix
-    position: Three
-    arm: Three
-    spin: Three
-    velocity: Three
-    motions: list[Pair]
-    bias: Pair
+    position: Vector
+    arm: Vector
+    spin: Vector
+    velocity: Vector
+    motions: list[Spatial]
+    bias: Spatial
     lumps: list[Lump]
 
+    @property
+    def rates(self) -> list[tuple[Spatial, int]]:
+        """The motion of each velocity, and its place in v."""
+        return list(zip(self.motions, self.node.columns, strict=True))
 
-class WorldWriter(JointForceWriter):
-    """Writes the motion of the nodes of one tree in the world."""
+    def velocity_at(self, arm: Vector) -> Vector:
+        """The velocity of the point at an arm from the origin."""
+        return self.velocity + cross(self.spin, arm)
 
-    def less(self, first: Three, second: Three) -> Three:
-        return self.added(first, self.minus(second))
 
-    def moving(self) -> list[Moving]:
-        """The frames of the nodes, parents before their children."""
-        found: list[Moving] = []
-        lumps = self._lumps()
-        for node, own in zip(self.nodes, lumps, strict=True):
-            parent = found[node.parent] if node.parent >= 0 else None
-            turn, position, spin, velocity = self._of_parent(parent)
-            orientation, arm = self.multiplied(turn, node.turn), self.turned(turn, node.shift)
-            motions = [(self.turned(orientation, angular), self.turned(orientation, linear)) for angular, linear in node.motions]
-            turning, sliding = self.still, self.still
-            for (angular, linear), column in zip(motions, node.columns, strict=True):
-                rate = self._first_rate + column
-                turning = self.added(turning, self.times(rate, angular))
-                sliding = self.added(sliding, self.times(rate, linear))
-            own_spin, carried = self.added(spin, turning), self.added(self.cross(spin, arm), sliding)
-            bias_of_spin = self.added(self.cross(spin, turning), self.turned(orientation, node.bias[0]))
-            bias = self.added(self.cross(spin, carried), self.added(self.cross(own_spin, sliding), self.turned(orientation, node.bias[1])))
-            found.append(
-                Moving(
-                    node=node,
-                    orientation=orientation,
-                    position=self.added(position, arm),
-                    arm=arm,
-                    spin=own_spin,
-                    velocity=self.added(velocity, carried),
-                    motions=motions,
-                    bias=(bias_of_spin, bias),
-                    lumps=[Lump(one.mass, self.turned(orientation, one.centre), self._axes(orientation, one.moments)) for one in own],
-                )
-            )
-        return found
+@dataclass(frozen=True)
+class World:
+    """The nodes of one tree as they move in the world."""
 
-    def positions_of(self, tree: Tree) -> dict[str, Three]:
-        """The origin of the joint frame that is fixed in each jointed body, of another tree with the same joints; see ``points``."""
-        self._plant(tree)
-        return self.points(self.moving())
+    kinematics: Kinematics
+    moving: Sequence[Moving]
 
-    def points(self, moving: list[Moving]) -> dict[str, Three]:
+    @property
+    def still(self) -> Vector:
+        return self.kinematics.builder.still
+
+    def up_from(self, number: int) -> Iterator[Moving]:
+        """A node, those before it, and the first of its tree."""
+        while number >= 0:
+            yield self.moving[number]
+            number = self.moving[number].node.parent
+
+    def behind(self, number: int) -> Iterator[int]:
+        """The nodes that a joint carries, its own first."""
+        for other in range(number, len(self.moving)):
+            at = other
+            while at > number:
+                at = self.moving[at].node.parent
+            if at == number:
+                yield other
+
+    @property
+    def points(self) -> dict[str, Vector]:
         """By the name of a joint, the anchor in the world of the last joint of its body, which moves with the body."""
-        last = [self._last_of_body(number) for number in range(len(self.nodes))]
-        return {one.node.joint.name: moving[number].position for one, number in zip(moving, last, strict=True)}
-
-    def _last_of_body(self, number: int) -> int:
-        """Of the nodes that the joints of one body are, the last."""
-        name = self.nodes[number].joint.name
-        body = next(body for body in self.planted.bodies if name in {joint.name for joint in body.joints})
-        return self.frames[body.name][0]
-
-    def _lumps(self) -> list[list[Lump]]:
-        """The bodies that move with each node, in the node's frame."""
-        found: list[list[Lump]] = [[] for _ in self.nodes]
-        for body in self.planted.bodies:
-            number, turn, shift = self.frames[body.name]
-            for lump in self.lumps(body) if number >= 0 else ():
-                centre = self.added(shift, self.turned(turn, lump.centre))
-                found[number].append(Lump(lump.mass, centre, self._axes(turn, lump.moments)))
+        nodes = self.kinematics
+        found = {}
+        for one in self.moving:
+            name = one.node.joint.name
+            body = next(body for body in nodes.tree.bodies if name in {joint.name for joint in body.joints})
+            found[name] = self.moving[nodes.frames[body.name][0]].position
         return found
 
-    def _axes(self, turn: Matrix, moments: Matrix) -> Matrix:
-        """Moments of inertia along other axes."""
-        return self.multiplied(self.multiplied(turn, moments), transposed(turn))
-
-    def _of_parent(self, parent: Moving | None) -> tuple[Matrix, Three, Three, Three]:
-        if parent is None:
-            return self.identity, self.still, self.still, self.still
-        return parent.orientation, parent.position, parent.spin, parent.velocity
+    def of_other(self, tree: Tree) -> World:
+        """Another tree with the same joints, at the same coordinates."""
+        return in_world(self.kinematics.with_tree(tree))
 
     # Springs between points.
 
-    def pulls(self, moving: list[Moving]) -> list[Pair]:
+    def pulls(self) -> list[Spatial]:
         """What springs between points do to each node: moment about the origin of its frame, and force."""
-        found: list[Pair] = [(self.still, self.still) for _ in moving]
-        for spring in self.tree.springs:
-            ends = [self._end(moving, body, pose) for body, pose in spring.ends]
+        builder, found = self.kinematics.builder, [self.kinematics.still for _ in self.moving]
+        for spring in self.kinematics.tree.springs:
+            ends = [self.end(body, pose) for body, pose in spring.ends]
             (_, _, first, rate_of_first), (_, _, second, rate_of_second) = ends
-            between = self.less(second, first)
-            length = self.add("sqrt", self.dot(between, between))
-            along = [self.quotient(value, length) for value in between]
-            rate = self.dot(along, self.less(rate_of_second, rate_of_first))
-            stretch = self.difference(length, self.given(spring.free_length))
-            tension = self._tension(spring, stretch, rate)
-            pull = self.times(tension, along)
-            for (number, arm, _, _), force in zip(ends, (pull, self.minus(pull)), strict=True):
+            between = second + -first
+            distance = length(between)
+            along = between / distance
+            line = Line(spring, along @ (rate_of_second + -rate_of_first))
+            tension = line.tension(builder, distance - spring.free_length)
+            pull = tension * along
+            for (number, arm, _, _), force in zip(ends, (pull, -pull), strict=True):
                 if number >= 0:
-                    moment, before = found[number]
-                    found[number] = self.added(moment, self.cross(arm, force)), self.added(before, force)
+                    found[number] = found[number] + spatial(cross(arm, force), force)
         return found
 
-    def _end(self, moving: list[Moving], body: str, pose: Pose) -> tuple[int, Three, Three, Three]:
+    def end(self, body: str, pose: Pose) -> tuple[int, Vector, Vector, Vector]:
         """Node of a point, and along the world's axes its arm from the node's origin, its position and its velocity."""
-        number, turn, shift = self.frames[body]
-        _, local = self.placed(turn, shift, pose)
+        number, frame = self.kinematics.frames[body]
+        local = placed(self.kinematics.builder, pose, frame).shift
         if number < 0:
             return number, local, local, self.still
-        one = moving[number]
-        arm = self.turned(one.orientation, local)
-        return number, arm, self.added(one.position, arm), self.added(one.velocity, self.cross(one.spin, arm))
+        one = self.moving[number]
+        arm = one.orientation @ local
+        return number, arm, one.position + arm, one.velocity_at(arm)
+
+
+def in_world(nodes: Kinematics) -> World:
+    """The motion of the nodes of a tree in the world."""
+    found: list[Moving] = []
+    builder, lumps = nodes.builder, _lumps(nodes)
+    for node, own in zip(nodes.nodes, lumps, strict=True):
+        parent = found[node.parent] if node.parent >= 0 else None
+        turn, position, spin, velocity = (
+            (builder.identity, builder.still, builder.still, builder.still)
+            if parent is None
+            else (parent.orientation, parent.position, parent.spin, parent.velocity)
+        )
+        orientation, arm = turn @ node.frame.turn, turn @ node.frame.shift
+        motions = [spatial(orientation @ angular, orientation @ linear) for angular, linear in node.motions]
+        turning, sliding = builder.still, builder.still
+        for (angular, linear), column in zip(motions, node.columns, strict=True):
+            rate = nodes.coordinates.velocities[column]
+            turning, sliding = turning + rate * angular, sliding + rate * linear
+        own_spin, carried = spin + turning, cross(spin, arm) + sliding
+        bias_of_spin = cross(spin, turning) + orientation @ node.bias[0]
+        bias = cross(spin, carried) + (cross(own_spin, sliding) + orientation @ node.bias[1])
+        found.append(
+            Moving(
+                node=node,
+                orientation=orientation,
+                position=position + arm,
+                arm=arm,
+                spin=own_spin,
+                velocity=velocity + carried,
+                motions=motions,
+                bias=spatial(bias_of_spin, bias),
+                lumps=[one.in_frame(Frame(orientation, builder.still)) for one in own],
+            )
+        )
+    return World(nodes, found)
+
+
+def _lumps(nodes: Kinematics) -> list[list[Lump]]:
+    """The bodies that move with each node, in the node's frame."""
+    found: list[list[Lump]] = [[] for _ in nodes.nodes]
+    for body in nodes.tree.bodies:
+        number, frame = nodes.frames[body.name]
+        for lump in nodes.weights.lumps(body) if number >= 0 else ():
+            found[number].append(lump.in_frame(frame))
+    return found

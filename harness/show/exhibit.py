@@ -21,7 +21,8 @@ from harness.library import Library, member_of
 from harness.models.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
 from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
-from harness.robots.free_bodies import free_bodies
+from harness.robots.constraints import rows_of, untied
+from harness.robots.nodes import kinematics
 from harness.robots.robot import tree_of
 from harness.show.placement import Pose, place
 from harness.study import Part, Rounds
@@ -221,12 +222,16 @@ def sizes_of_formulations(exhibit: Exhibit) -> str:
     forces = 0 if mechanism.constraints is None else len(mechanism.constraints.independent)
     by_lagrange = f"{mechanism.nv + forces} by Lagrange" + (f", {forces} of them forces of constraints" if forces else "")
     try:
-        free = free_bodies(tree_of(model, mechanism.gravity), mechanism.joints, constraints=model.constraints)
+        tree = untied(tree_of(model, mechanism.gravity), mechanism.joints)
+        rows_of(tree, model.constraints)
+        joints = kinematics(tree, mechanism.joints).nodes
     except (InvalidInput, ValueError) as problem:
         return f"{by_lagrange}; with every body free none, as {problem}"
-    accelerations = f"6 accelerations of {'its body' if free.bodies == 1 else f'each of {free.bodies} bodies'}"
-    others = f"{free.rows} reactions, and {forces} forces of constraints" if forces else f"and {free.rows} reactions"
-    size = 6 * free.bodies + free.rows + forces
+    # A body without mass stands between two joints of one body; a joint that follows another is stiff in all directions.
+    bodies, rows = len(joints), sum(6 if node.joint.follows else 6 - node.joint.kind.velocities for node in joints)
+    accelerations = f"6 accelerations of {'its body' if bodies == 1 else f'each of {bodies} bodies'}"
+    others = f"{rows} reactions, and {forces} forces of constraints" if forces else f"and {rows} reactions"
+    size = 6 * bodies + rows + forces
     return f"{by_lagrange}; {size} with every body free: {accelerations}, {others}"
 
 

@@ -8,6 +8,7 @@ import flint
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, TREES
+from free_bodies import BoundFreeBodies, free_bodies
 
 from harness.arrays import Array
 from harness.certify.certified import Certified
@@ -24,8 +25,6 @@ from harness.equations.program import StraightLineProgram
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.robots.free_bodies import free_bodies
-from harness.robots.free_body_equations import BoundFreeBodies
 from harness.robots.robot import tree_of
 from harness.verdict import AGREEMENT
 

@@ -9,6 +9,7 @@ import flint
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, MODELLED, is_tied
+from free_bodies import free_bodies
 from support import make_library
 
 from harness.arrays import Array
@@ -22,7 +23,6 @@ from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.models.model_file import parse_model, read_model
-from harness.robots.free_bodies import free_bodies
 from harness.robots.robot import tree_of
 from harness.verdict import AGREEMENT
 

@@ -13,12 +13,13 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness.certify.forward_mode import jacobians
 from harness.certify.sampling import generic_sample
 from harness.equations.assembly import lagrange_program, program_of
-from harness.equations.calculus import ProgramWriter
 from harness.equations.derivation import load_atlas, load_mechanism
+from harness.equations.derivatives import along, gradient
 from harness.equations.kernels import BallKernel
 from harness.equations.lagrange import derive
 from harness.equations.program import UNARY, StraightLineProgram, assemble
 from harness.equations.system import TIME, System
+from harness.equations.term import Builder, matrix
 from harness.library import Library
 
 LIBRARY = Library.built_in()
@@ -84,25 +85,37 @@ def test_calculus_needs_at_most_two_thirds_of_the_instructions_of_sympy(name: st
 @pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
 def test_gradients_and_derivatives_along_a_motion(expression: sp.Expr) -> None:
     program = assemble([x, y], {"f": [expression]})
-    writer = ProgramWriter(program)
-    (place,) = writer.outputs["f"]
-    gradient = writer.gradient(place, [0, 1])
-    along = writer.along([place], {0: writer.number(3), 1: writer.number(-2)})
-    values = in_balls(writer.program({"gradient": gradient, "along": along}), [0.375, 0.625])
+    builder = Builder(program.inputs)
+    (term,) = builder.append(program)["f"]
+    first, second = builder.inputs
+    slopes = gradient(term, [first, second])
+    rates = along([term], {first: builder.number(3), second: builder.number(-2)})
+    values = in_balls(builder.program({"gradient": slopes, "along": rates}), [0.375, 0.625])
     expected = jacobians(program, np.array([[0.375], [0.625]]))["f"][0, :, 0]
     assert [float(value) for value in values[:2]] == pytest.approx(expected, rel=1e-14)
     assert float(values[2]) == pytest.approx(3 * expected[0] - 2 * expected[1], rel=1e-13, abs=1e-14)
 
 
 def test_numbers_are_worked_out_while_a_program_is_written() -> None:
-    writer = ProgramWriter(assemble([x, y], {"f": [x], "g": [y]}))
-    (f,), (g,) = writer.outputs.values()
-    before = len(writer.instructions)
-    half = writer.add("div", f, writer.number(2))
-    assert writer.product(writer.number(2), half) == f
-    assert writer.product(writer.number(0), g) == writer.sum(writer.number(2), writer.number(-2)) == writer.difference(g, g)
-    assert writer.negative(writer.negative(f)) == writer.product(writer.number(1), f) == writer.sum(None, f) == f
-    assert {instruction[0] for instruction in writer.instructions[before:]} == {"rational", "div", "neg"}
+    builder = Builder([x, y])
+    f, g = builder.inputs
+    before = len(builder.instructions)
+    half = builder.add("div", f, builder.number(2))
+    assert 2 * half is f
+    assert 0 * g is builder.number(2) + builder.number(-2) is g - g
+    negative = -f
+    assert -negative is 1 * f is f + 0 is f
+    assert {instruction[0] for instruction in builder.instructions[before:]} == {"rational", "div", "neg"}
+
+
+def test_vectors_of_terms_are_numpy_arrays() -> None:
+    builder = Builder([x, y])
+    f, g = builder.inputs
+    square = matrix([[f, g], [-g, f]])
+    program = builder.program({"found": [*(square @ builder.vector([1, 2])), *(square.T @ square).flat, *(f * square[0] / 2)]})
+    values = [float(value) for value in in_balls(program, [0.375, 0.625])]
+    expected = np.array([[0.375, 0.625], [-0.625, 0.375]])
+    assert values == [*(expected @ [1, 2]), *(expected.T @ expected).flat, *(0.375 * expected[0] / 2)]
 
 
 def test_a_kinetic_energy_whose_rates_cancel_by_algebra_alone_is_left_to_sympy() -> None:

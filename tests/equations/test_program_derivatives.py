@@ -8,9 +8,9 @@ import pytest
 from harness.certify.forward_mode import jacobians, values
 from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_mechanism
+from harness.equations.derivatives import derivative_name, differentiate
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import StraightLineProgram
-from harness.equations.program_derivatives import derivative_name, differentiate
 from harness.library import Library
 
 OUTPUTS = ["velocity", "passive"]

@@ -10,6 +10,7 @@ import flint
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, MODELS, is_tied
+from free_bodies import free_bodies
 from robot_files import EVERYTHING, URDF_WITH_EVERYTHING
 
 from harness.arrays import Array
@@ -23,7 +24,6 @@ from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.states import States
 from harness.files.tree import Tree
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.robots.free_bodies import free_bodies
 from harness.robots.reactions import have_same_points, reactions_program
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import read_robot, tree_of

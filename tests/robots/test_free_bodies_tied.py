@@ -10,6 +10,7 @@ import flint
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, MODELS, is_tied
+from free_bodies import FreeBodies, free_bodies
 
 from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
@@ -17,9 +18,8 @@ from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.models.model_file import parse_model, read_model
-from harness.robots.free_bodies import free_bodies
-from harness.robots.free_body_equations import FreeBodies, independent_rows
 from harness.robots.robot import tree_of
+from harness.robots.tied_mechanism import independent_rows
 
 STATES = 5
 BITS = 192

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.equations.kernels import BallKernel
 from harness.files.tree import Solid, vector
-from harness.robots.solids import SolidWriter
+from harness.robots.solids import mass_and_moments
+from harness.robots.spatial import FileBuilder
 
 SIZES = st.floats(0.05, 3).map(Fraction)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
@@ -24,11 +24,10 @@ Numbers = tuple[float, ...]
 
 def weighed(solid: Solid) -> np.ndarray:
     """Mass and principal moments, in balls."""
-    writer = SolidWriter(())
-    mass, moments = writer.solid(solid)
-    program = writer.program({"found": [mass, *moments]})
+    builder = FileBuilder(())
+    mass, moments = mass_and_moments(builder, solid)
     with flint.ctx.workprec(128):
-        return np.array([float(value) for value in BallKernel(program, 0).bind(())()])
+        return np.array([float(value) for value in builder.evaluated({"found": [mass, *moments]})["found"]])
 
 
 def integral(function: Callable[[float], np.ndarray], low: float, high: float) -> np.ndarray:

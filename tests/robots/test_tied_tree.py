@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.equations.constraint_forces import Column, Tied, by_multipliers, by_reduction, constrained_program
+from harness.equations.constraint_forces import Tied, by_multipliers, by_reduction, constrained_program
 from harness.equations.states import States
+from harness.equations.term import Vector
 from harness.files.tree import Joint, Tree
 from harness.robots.accelerations import accelerations_of
 from harness.robots.recursion import Recursion, recursion_program
@@ -38,7 +39,7 @@ def short(size: tuple[int, int], rng: np.random.Generator) -> Array:
 
 @pytest.mark.parametrize("way", [by_multipliers, by_reduction])
 @pytest.mark.parametrize("name", ["four_bar.urdf", "mimic.urdf"])
-def test_followers_held_by_forces_move_as_those_that_share_a_velocity(name: str, way: Callable[[Tied], tuple[Column, Column]]) -> None:
+def test_followers_held_by_forces_move_as_those_that_share_a_velocity(name: str, way: Callable[[Tied], tuple[Vector, Vector]]) -> None:
     robot = read_robot(FILES / name)
     joints = robot.tree.joints
     names = [joint.name for joint in joints]

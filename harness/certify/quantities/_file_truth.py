@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -24,11 +23,10 @@ from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
-from harness.robots.quantity_writer import Block, ComputedQuantity, QuantityWriter
+from harness.robots.quantity import Block, ComputedQuantity, TreeMotion, computed, tree_motion
 from harness.storage import Kept
 from harness.verdict import AGREEMENT
 
-Writer = TypeVar("Writer", bound=QuantityWriter)
 # States at which a file is held against the energies.
 HELD_AT = 4
 # What a joint's applied force at the end of its range gives its coordinate alone [1/s^2]; see ``harness.certify.sampling``.
@@ -55,8 +53,7 @@ class FileTruth(Truth):
     def __init__(
         self,
         question: Question,
-        writer: type[Writer],
-        blocks_of: Callable[[Writer], Iterable[Block]],
+        blocks_of: Callable[[TreeMotion], Iterable[Block]],
         answer: Callable[[Model, Asked], Array],
     ) -> None:
         mechanism = question.mechanism
@@ -65,8 +62,8 @@ class FileTruth(Truth):
         robot = question.robot_of(question.declared)
         self._robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
         read = question.robot_of(question.read)
-        own = writer(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree, question.has_other_points)
-        self._written: ComputedQuantity = own.written(blocks_of(own))
+        own = tree_motion(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree, question.has_other_points)
+        self._written: ComputedQuantity = computed(own, blocks_of)
         self.blocks: Sequence[str] = self._written.blocks
         places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)
         self._kernel = QuantityKernel(self._written.program, places.tolist(), sizes=self._written.sizes)

@@ -14,12 +14,12 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._file_truth import Asked, FileTruth
 from harness.engines import Model, NotOffered, answer_of
-from harness.robots.force_quantities import ForceQuantities
-from harness.robots.quantity_writer import Block
+from harness.robots import force_quantities
+from harness.robots.quantity import Block, TreeMotion
 
 
-def _quantity(name: str, blocks_of: Callable[[ForceQuantities], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
-    return Quantity(name, lambda question: FileTruth(question, ForceQuantities, blocks_of, answer))
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
+    return Quantity(name, lambda question: FileTruth(question, blocks_of, answer))
 
 
 def _mass_matrix(model: Model, asked: Asked) -> Array:
@@ -49,16 +49,14 @@ def _power(model: Model, asked: Asked) -> Array:
     return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
 
 
-def _of_trees(
-    question: Question, blocks_of: Callable[[ForceQuantities], Iterable[Block]], answer: Callable[[Model, Asked], Array]
-) -> Truth:
+def _of_trees(question: Question, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Truth:
     if question.mechanism.constraints is not None:
         raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
-    return FileTruth(question, ForceQuantities, blocks_of, answer)
+    return FileTruth(question, blocks_of, answer)
 
 
-MASS_MATRIX = _quantity("mass_matrix", ForceQuantities.mass_matrix, _mass_matrix)
-BIAS = _quantity("bias", ForceQuantities.bias, _bias)
-GRAVITY = _quantity("gravity", ForceQuantities.gravity, _gravity)
-INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda question: _of_trees(question, ForceQuantities.inverse_dynamics, _inverse_dynamics))
-POWER = Quantity("power", lambda question: _of_trees(question, ForceQuantities.power, _power))
+MASS_MATRIX = _quantity("mass_matrix", force_quantities.mass_matrix, _mass_matrix)
+BIAS = _quantity("bias", force_quantities.bias, _bias)
+GRAVITY = _quantity("gravity", force_quantities.gravity, _gravity)
+INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda question: _of_trees(question, force_quantities.inverse_dynamics, _inverse_dynamics))
+POWER = Quantity("power", lambda question: _of_trees(question, force_quantities.power_of_forces, _power))

@@ -10,12 +10,12 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity
 from harness.certify.quantities._file_truth import Asked, FileTruth
 from harness.engines import Model, answer_of
-from harness.robots.motion_quantities import MotionQuantities
-from harness.robots.quantity_writer import Block
+from harness.robots import motion_quantities
+from harness.robots.quantity import Block, TreeMotion
 
 
-def _quantity(name: str, blocks_of: Callable[[MotionQuantities], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
-    return Quantity(name, lambda question: FileTruth(question, MotionQuantities, blocks_of, answer))
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
+    return Quantity(name, lambda question: FileTruth(question, blocks_of, answer))
 
 
 def _energies(model: Model, asked: Asked) -> Array:
@@ -48,8 +48,8 @@ def _jacobians(model: Model, asked: Asked) -> Array:
     return np.ascontiguousarray(found.transpose(0, 1, 3, 2))
 
 
-ENERGY = _quantity("energy", MotionQuantities.energy, _energies)
-MOMENTUM = _quantity("momentum", MotionQuantities.momentum, _momenta)
-POSITION = _quantity("position", MotionQuantities.positions, _positions)
-VELOCITY = _quantity("velocity", MotionQuantities.velocities, _velocities)
-JACOBIAN = _quantity("jacobian", MotionQuantities.jacobians, _jacobians)
+ENERGY = _quantity("energy", motion_quantities.energy, _energies)
+MOMENTUM = _quantity("momentum", motion_quantities.momentum, _momenta)
+POSITION = _quantity("position", motion_quantities.positions, _positions)
+VELOCITY = _quantity("velocity", motion_quantities.velocities, _velocities)
+JACOBIAN = _quantity("jacobian", motion_quantities.jacobians, _jacobians)

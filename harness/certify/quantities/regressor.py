@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._file_truth import Asked, FileTruth
 from harness.engines import Model, NotOffered, answer_of
-from harness.robots.regressor import PARAMETERS, RegressorQuantities, carrying_joints
+from harness.robots.regressor import PARAMETERS, carrying_joints, regressor
 
 
 def _truth(question: Question) -> Truth:
@@ -28,7 +28,7 @@ def _truth(question: Question) -> Truth:
         found = answer_of(model, "regressor", (asked.q, asked.v, asked.qdd), shape)
         return np.ascontiguousarray(found[:, :, [asked.joints.index(name) for name in carrying]].transpose(0, 2, 3, 1))
 
-    return FileTruth(replace(question, declared=read), RegressorQuantities, RegressorQuantities.regressor, answers)
+    return FileTruth(replace(question, declared=read), regressor, answers)
 
 
 # To write and to compile its programs takes seconds.

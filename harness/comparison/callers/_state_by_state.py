@@ -16,7 +16,6 @@ from harness.arrays import Array
 from harness.comparison.questions import Asked, Refused, Request, projected
 from harness.engines import Unsupported
 from harness.engines.rotations import Columns, rotation
-from harness.robots.nodes import SIZES
 
 _SINGLE_AXIS = ("hinge", "slide")
 
@@ -38,7 +37,9 @@ class StateByState:
         self.request, self.places, self.width = request, places, width
         self.found = tuple(joint for joint in request.joints if joint.name in places)
         self.further = tuple(name for name in places if name not in {joint.name for joint in request.joints})
-        self.columns = Columns([joint.name for joint in self.found], {joint.name: SIZES[joint.kind] for joint in self.found})
+        self.columns = Columns(
+            [joint.name for joint in self.found], {joint.name: (len(joint.positions), len(joint.velocities)) for joint in self.found}
+        )
         self.q_columns = [column for joint in self.found for column in joint.positions]
         self.v_columns = [column for joint in self.found for column in joint.velocities]
         self.couplings = None if request.couplings is None else request.couplings[self.v_columns]
