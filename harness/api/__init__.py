@@ -116,8 +116,8 @@ def diagnose(
         harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
     """
     from harness.certify.quantities import require_quantity
+    from harness.comparison.wanted import wanted_diagnosis
     from harness.crosscheck.assignment import refuse_robots
-    from harness.diagnosis.wanted import wanted_diagnosis
     from harness.study import run_study
 
     require_quantity(quantity)

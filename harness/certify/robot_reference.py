@@ -27,19 +27,19 @@ class RobotReference:
     def __init__(self, robot: Robot, linear_velocity_in_body: bool = False, mechanism: Mechanism | None = None) -> None:
         self.robot = robot
         self.mechanism: Mechanism = mechanism_of(robot) if mechanism is None else mechanism
-        self._kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
+        self.kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body)
 
     def evaluate(self, states: States, numbers: Array | None = None) -> Reference:
         """The reference at ``states``, whose q, v and tau follow ``robot.joints``; see ``recursion_program`` for the coordinates.
 
         ``numbers``, (n, parameters of ``mechanism``), gives each state numbers of its own in place of the file's.
         """
-        return self._kernel.evaluate(states, numbers)
+        return self.kernel.evaluate(states, numbers)
 
     def derivatives(self, states: States, accelerations: Array) -> Array:
         """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; inputs are q, v, tau, t and the file's numbers."""
         found = np.zeros((len(states), self.mechanism.nv, len(self.mechanism.program.inputs)))
-        for chart, chosen in self._kernel.by_chart(states):
+        for chart, chosen in self.kernel.by_chart(states):
             inputs = np.ascontiguousarray(self.mechanism.inputs(states[chosen]).T)
             found[chosen] = chart.derivatives(inputs, np.ascontiguousarray(accelerations[chosen]))
         return found

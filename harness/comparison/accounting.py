@@ -14,8 +14,8 @@ import numpy as np
 
 from harness.certify.compare import compare
 from harness.comparison.questions import Answers
-from harness.comparison.readings import Reading
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
+from harness.explain.changes.readings import Reading
 from harness.results.comparison import FELT, Effect
 from harness.robots.robot import Robot
 from harness.verdict import AGREEMENT

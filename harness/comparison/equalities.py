@@ -20,7 +20,6 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
 from harness.comparison.asking import ask_engine
 from harness.comparison.questions import Answers, Caller, Held, Question
-from harness.comparison.readings import element_at, find_readings
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
 from harness.equations.constraint_forces import Softness, softened_program
@@ -28,6 +27,7 @@ from harness.equations.constraints import RESIDUAL
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
 from harness.equations.states import States
+from harness.explain.changes.readings import element_at, find_readings
 from harness.files.equalities import Equality, Meeting, TendonLinkage
 from harness.files.tree import WORLD
 from harness.models.constraint_law import ConstraintLaw

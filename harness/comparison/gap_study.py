@@ -18,12 +18,12 @@ from harness.comparison.matching import match, renamed_to
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
 from harness.comparison.questions import Refused
-from harness.comparison.readings import find_readings
 from harness.comparison.same_states import SameStates
 from harness.comparison.states import asked_joints, request_of
 from harness.engines import installed_version, load_engine, runs_elsewhere
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
+from harness.explain.changes.readings import find_readings
 from harness.library import nearest
 from harness.models.step_rule import StepRule
 from harness.models.xml import read_any

@@ -15,9 +15,9 @@ from harness.certify.compare import Comparison, compare
 from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
 from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
 from harness.comparison.questions import Answers, Caller
-from harness.comparison.readings import find_readings
-from harness.comparison.rest import are_of_several_mass_matrices, single_numbers, unexplained, why_refused
+from harness.comparison.rest import is_explained_by_number, unexplained, why_refused
 from harness.comparison.truth import Meant, read_as
+from harness.explain.changes.readings import find_readings
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.verdict import AGREEMENT, Verdict
@@ -62,7 +62,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
 def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Caller) -> str:
     """Why digits are lost in what the readings leave; "" where they are not, or a number of the file explains it."""
     accelerations = answers.of(read.robot.joints)
-    if are_of_several_mass_matrices(read) and any(single_numbers(read, accelerations)):
+    if is_explained_by_number(read, accelerations):
         return ""
     if _are_all(after, Verdict.AGREES, Verdict.UNSTABLE):
         return ILL_CONDITIONED

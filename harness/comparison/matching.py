@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from harness.comparison.readings import with_joints, with_tree
+from harness.explain.changes.readings import with_joints, with_tree
 from harness.files.tree import Joint, Tree
 from harness.robots.robot import Robot
 

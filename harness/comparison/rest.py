@@ -1,13 +1,12 @@
 """What readings leave of an answer: which single number of the file, were it another, would explain it.
 
-The change of an acceleration by a number is linear for small changes: M d(qdd) = d(force - M qdd), with the derivatives that data
-roundoff is made of. A number whose best change leaves the least of the error is named with the value that the engine behaves as with.
+The numbers of a file are the parameters of its truth. One whose best value leaves the least of the error is named with that value, at
+which the truth is certified anew: no change is taken for linear.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -17,6 +16,8 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.comparison.questions import Answers
 from harness.comparison.truth import Meant, reference_of
+from harness.explain.fit import left_by
+from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.table import error_text
 from harness.robots.robot import Robot
 from harness.verdict import AGREEMENT
@@ -27,70 +28,51 @@ MOST_NAMED, WORTH_NAMING = 3, 0.1
 SAME_MATRIX = 1e-12
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A number of the file whose change explains an error.
-
-    Attributes:
-        number: its place in the parameters of the robot's mechanism. by: the change. left: share of the error that it leaves.
-    """
-
-    number: int
-    by: float
-    left: float
-
-
 def unexplained(meant: Meant, answers: Answers) -> list[str]:
     """Sentences on an answer that differs from what the tree means."""
     accelerations = answers.of(meant.robot.joints)
-    found = list(single_numbers(meant, accelerations))
-    mechanism = reference_of(meant.robot).mechanism
+    side = _side(meant, accelerations)
+    size = float(np.linalg.norm(side.here))
+    found = []
+    for one in search_parameters(side).found() if 0 < size < np.inf else ():
+        residual = None if one.value is None else side.residual_at(one.change, one.value)
+        left = np.inf if residual is None else float(np.linalg.norm(residual)) / size
+        found.append((not one.explains, left, one))
     sentences = []
-    for one in found[:MOST_NAMED]:
-        name, value, _ = mechanism.parameters[one.number]
-        sentences.append(
-            f"{name} = {value:g}: the engine behaves as with {value + one.by:.10g}, which leaves {one.left:.1e} of the difference"
-        )
+    for _, left, one in sorted(found, key=lambda of: of[:2])[:MOST_NAMED]:
+        if left < WORTH_NAMING:
+            named = f"{one.change.place.attribute} = {one.change.start:g}"
+            sentences.append(f"{named}: the engine behaves as with {one.value:.10g}, which leaves {left:.1e} of the difference")
     return sentences or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
 
 
-def single_numbers(meant: Meant, accelerations: Array) -> Iterator[Candidate]:
-    """The numbers whose change explains most of the error of accelerations (n, nv), the best first."""
-    columns, error = _whitened(meant, accelerations)
-    size = float(np.linalg.norm(error))
-    if not 0 < size < np.inf:
-        return
-    candidates = []
-    for number, column in enumerate(columns):
-        length = float(np.linalg.norm(column))
-        if 0 < length < np.inf:
-            by = float((column / length * error).sum()) / length
-            left = float(np.linalg.norm(error - by * column)) / size
-            candidates.append(Candidate(number, by, left))
-    yield from (one for one in sorted(candidates, key=lambda one: one.left) if one.left < WORTH_NAMING)
+def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
+    """True where a small change of one number of the file leaves little of the errors of accelerations (n, nv).
+
+    Where M is the same at all states it must leave as little of what a change of M leaves, as its rounding there is.
+    """
+    side = _side(meant, accelerations)
+    if not 0 < float(np.linalg.norm(side.here)) < np.inf:
+        return False
+    least = min((left_by(column.values[side.seen], side.here) for column in side.columns()), default=1.0)
+    return least < WORTH_NAMING * _left_by_rounding(side)
 
 
-def are_of_several_mass_matrices(meant: Meant) -> bool:
-    """False where M is the same at all states, whose rounding then moves every answer as a wrong number of the file would."""
-    factors = meant.truth.norm_factor[meant.truth.certified]
-    matrices = factors.transpose(0, 2, 1) @ factors
-    return bool(np.ptp(matrices, axis=0).max(initial=0.0) > SAME_MATRIX * np.abs(matrices).max(initial=0.0))
+def _side(meant: Meant, accelerations: Array) -> TextbookSide:
+    """The answers beside the truth of the file, at the states that have both."""
+    kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
+    return TextbookSide(reference_of(meant.robot).kernel, meant.states[kept], accelerations[kept])
 
 
-def _whitened(meant: Meant, accelerations: Array) -> tuple[list[Array], Array]:
-    """For each number of the file the change of qdd by it, and the error, both in units of data roundoff, (n, nv)."""
-    reference = reference_of(meant.robot)
-    mechanism = reference.mechanism
-    truth, kept = meant.truth, np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
-    slopes = reference.derivatives(meant.states[kept], truth.high[kept])
-    inputs = mechanism.nq + 2 * mechanism.nv + 1
-    scale = truth.data_roundoff[kept, None]
-    error = np.einsum("nij,nj->ni", truth.norm_factor[kept], (accelerations - truth.high - truth.low)[kept]) / scale
-    columns = []
-    for number in range(len(mechanism.parameters)):
-        # |M^-1 f|_M = |R^-T f| with M = R' R.
-        columns.append(np.linalg.solve(truth.norm_factor[kept].transpose(0, 2, 1), slopes[:, :, inputs + number, None])[:, :, 0] / scale)
-    return columns, error
+def _left_by_rounding(side: TextbookSide) -> float:
+    """Share of the residual that the best change of a constant M leaves, d(qdd) = -M^-1 dM qdd; 1 where M varies."""
+    truth = side.truth[side.seen]
+    matrices = truth.norm_factor.transpose(0, 2, 1) @ truth.norm_factor
+    if np.ptp(matrices, axis=0).max(initial=0.0) > SAME_MATRIX * np.abs(matrices).max(initial=0.0):
+        return 1.0
+    moved = side.whitening.change(side.truth.high)[side.seen]
+    change = np.linalg.lstsq(moved, side.here)[0]
+    return float(np.linalg.norm(side.here - moved @ change) / np.linalg.norm(side.here))
 
 
 def _where(meant: Meant, accelerations: Array) -> str:

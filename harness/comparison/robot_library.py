@@ -12,24 +12,19 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from harness.comparison.asking import robot_subjects
 from harness.comparison.callers import CallersLibrary, caller_of
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.truth import joints_without_inertia
-from harness.crosscheck.settings import Settings
-from harness.diagnosis.causes import diagnoses_of
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import FILE_SUFFIXES, Library, nearest
 from harness.models.joint_table import systems_with_joints_of
 from harness.models.reading import format_of
-from harness.results.records import Record
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
-from harness.study import Study
 
 
 @dataclass(frozen=True)
@@ -171,15 +166,6 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
         raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
     digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
     return replace(mechanism_of(robot), name=library.label(name), digest=digest)
-
-
-@diagnoses_of.register
-def _(library: RobotLibrary, settings: Settings, records: Sequence[Record], **options: Any) -> Study:
-    """Of robots the causes are found without ``options``, which are about changed models."""
-    # Imported late: a worker process knows the library alone.
-    from harness.comparison.causes import RobotDiagnoses
-
-    return RobotDiagnoses(settings, records, library.floating_base)
 
 
 def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:

@@ -15,9 +15,9 @@ from harness.certify.compare import compare
 from harness.comparison.frames import differences_of_nodes
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.numbers import OtherShape, different_numbers, place_text, ranked
-from harness.comparison.readings import freed, with_joints, with_tree
 from harness.comparison.same_states import SameStates
 from harness.comparison.truth import Meant, change, columns_of, read_as
+from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.files.tree import Joint
 from harness.results.comparison import FileDifference, PairRecord
 from harness.robots.robot import Robot

@@ -1,8 +1,9 @@
-"""What a subject's lost digits come from: the conditioning of M, or one number that it reads otherwise than the system says.
+"""The one number whose other value explains a subject's wrong answers.
 
-A factorisation of an ill-conditioned M loses digits, and an answer within that is ``unstable``. A wrong number hides there:
-on a chain of twelve bars a mass that is off by 1e-10 stays within. But it moves the answers at all states alike; see
-``harness.certify.one_number``.
+A factorisation of an ill-conditioned M loses digits, and accelerations within that are ``unstable``. A wrong number hides there: on a
+chain of twelve bars a mass that is off by 1e-10 stays within. But it moves the answers at all states alike; see
+``harness.explain.one_number``. Of another quantity accelerations may agree all the same: a centre of mass along a fixed axis is felt by a
+reaction alone. A number of the file explains its answers that makes them agree at all states.
 """
 
 from __future__ import annotations
@@ -12,14 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.certify.gaps import beside_gaps, gaps_of
-from harness.certify.one_number import Projection, explaining_directions
-from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.reference import Reference
-from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
-from harness.crosscheck.perturbation import Column, Whitening, diagnostic_states, find_columns, numeric_candidates, watch
+from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
 from harness.crosscheck.tasks import Note
 from harness.engines import accelerations, load_engine
+from harness.explain.changes.numbers import numeric_changes
+from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
+from harness.explain.model_side import explaining_numbers
+from harness.explain.one_number import Projection, explaining_directions
 from harness.models.text import Watch, tag, written
+
+# At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.
+STATES_OF_QUANTITIES, NAMED = 32, 3
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Explanation:
 
     Attributes:
         number: where it stands and what is there, as ``line 18 <inertial mass="1.5">``, or a parameter of the system.
-        change: of its value, that the accelerations show. effect, significance: as of ``harness.certify.one_number.Direction``.
+        change: of its value, that the accelerations show. effect, significance: as of ``harness.explain.one_number.NumberDirection``.
     """
 
     number: str
@@ -45,17 +50,20 @@ class Explanation:
         )
 
 
-def written_columns(watched: Watch, reference: Reference) -> list[Column]:
-    """The columns of the numbers of a model but 0, which says that something is not there and has no digits to be wrong in."""
-    return find_columns(watched.accelerations, reference, [one for one in numeric_candidates(watched.model) if one.start])
-
-
-def explain(assignment: Assignment, seed: int, note: Note) -> Explanation | None:
-    """The number that explains the subject's errors at the states of a diagnosis; None where none does.
+def explain(assignment: Assignment, seed: int, note: Note) -> str:
+    """A sentence on the numbers that explain the subject's errors at the states of a diagnosis; "" where none does.
 
     Raises:
-        InvalidModel: the engine refuses the model. harness.engines.Unsupported: the engine cannot express it.
+        InvalidModel: a file is no truth, or the engine refuses it. harness.engines.Unsupported: the engine cannot express it.
     """
+    if not assignment.asked.is_default:
+        return explain_difference(assignment, seed)
+    found = explain_lost_digits(assignment, seed)
+    return "" if found is None else found.sentence
+
+
+def explain_lost_digits(assignment: Assignment, seed: int) -> Explanation | None:
+    """The number that explains the subject's accelerations; None where none does; raises as ``explain``."""
     mechanism, model = assignment.mechanism, assignment.model
     kernel, states = reference_kernel_of(assignment), diagnostic_states(mechanism, seed)
     reference = kernel.evaluate(states)
@@ -78,9 +86,36 @@ def explain(assignment: Assignment, seed: int, note: Note) -> Explanation | None
         columns = [column.values for column in found]
 
         def number(index: int) -> str:
-            place = found[index].candidate.place
+            place = found[index].change.place
             return f"line {place.line} {tag(place, written(model.text, model.format, place))}"
 
     for strongest in explaining_directions([Projection.of(reference, residual, columns)]):
         return Explanation(number(strongest.index), strongest.change, strongest.effect, strongest.significance)
     return None
+
+
+def written_columns(watched: Watch, reference: Reference) -> list[ChangeColumn]:
+    """The columns of the numbers of a model but 0, which says that something is not there and has no digits to be wrong in."""
+    return find_columns(watched.accelerations, reference, [one for one in numeric_changes(watched.model) if one.start])
+
+
+def explain_difference(assignment: Assignment, seed: int) -> str:
+    """A sentence on the numbers of the file, each of which makes the subject's answers agree; raises as ``explain``.
+
+    "" for a subject without a file, or where no single number does.
+    """
+    model = assignment.model
+    if model is None:
+        return ""
+    states = diagnostic_states(assignment.mechanism, seed, STATES_OF_QUANTITIES)
+    engine, truth = load_engine(assignment.library, assignment.subject.engine), assignment.truth
+    watched = watch(engine, assignment.mechanism, model, states, truth.answers)
+    found = []
+    for one in explaining_numbers(watched, truth.evaluate(states))[:NAMED]:
+        how = f" {one.statement}" if one.statement else ""
+        found.append(f"line {one.place.line}: {one.value!r} in the place of {one.place.found} in {one.tag}{how}")
+    if not found:
+        return ""
+    declared = declared_model(assignment.library, assignment.system or assignment.mechanism.name)
+    rest = f"; so does {' or '.join(found[1:])}" if found[1:] else ""
+    return f"{found[0]} makes the {assignment.quantity} those of the numbers in {declared.path.name}{rest}."

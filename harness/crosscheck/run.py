@@ -21,7 +21,6 @@ from harness.crosscheck.explanation import explain
 from harness.crosscheck.judgement import LARGEST
 from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
 from harness.crosscheck.progress import Pair, Pairs, System, answering
-from harness.crosscheck.quantity_explanation import explain_difference
 from harness.crosscheck.recording import record_of
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
@@ -281,13 +280,10 @@ class CrossCheck(Inquiries):
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves = pair.quantity == ACCELERATIONS
         if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
-            if moves:
-                outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
-            else:
-                outcome = yield from ask(explain_difference, pair.assignment, self.settings.seed, affinity=system.name)
+            outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
-            pair.explained = "" if outcome.value is None else outcome.value.sentence
+            pair.explained = outcome.value or ""
         # It changes no verdict: at the worst state that any task has found.
         if moves and not pair.failure and pair.shown is not None and not math.isnan(pair.shown[1].backward_error[LARGEST]):
             beyond = 0.0 if self.settings.componentwise else AGREEMENT

@@ -2,6 +2,6 @@
 
 May use ``crosscheck`` and what is below it.
 
-Start with ``causes``: one cause per record, from the diagnosis of one subject. ``hypotheses`` holds the mistakes that
-are tried, one declaration each; ``faults`` plants the same mistakes and counts what is caught and named.
+Start with ``causes``: one cause per record, from the diagnosis of one subject in ``subject``. ``faults`` plants the mistakes that
+``harness.explain`` looks for, and others, and counts what is caught and named.
 """

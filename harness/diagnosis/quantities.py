@@ -1,12 +1,12 @@
-"""The causes of records of other quantities than accelerations: the party at fault, the blocks that are wrong, the number that explains.
+"""The blocks of another quantity than accelerations that are wrong, and the number of the file that explains it.
 
 The same positions are asked for three times, as for terms: at rest, moving, and with applied forces or accelerations given.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,78 +17,17 @@ from harness.certify.certified import Flags
 from harness.certify.compare import errors_in_roundoffs
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment
-from harness.crosscheck.quantity_explanation import explain_difference
-from harness.crosscheck.settings import Settings
+from harness.crosscheck.explanation import explain_difference
 from harness.crosscheck.tasks import Note
-from harness.diagnosis.pattern import infer_from_records, subject_named
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING
-from harness.engines import Subject, subjects
 from harness.equations.states import States
-from harness.errors import InvalidInput, shown_path
-from harness.library import Library
-from harness.results.cross_check import Cause
-from harness.results.records import Record
-from harness.study import Part, Rounds
-from harness.verdict import AGREEMENT, Verdict
-from harness.workers import Outcome, Task
+from harness.errors import shown_path
+from harness.verdict import AGREEMENT
 
 # Positions at which blocks are compared, each three times, and blocks that are named.
 POSITIONS, NAMED = 16, 3
-_WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 _ALWAYS = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces or accelerations are given"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces or accelerations are given"}
-
-
-class QuantityDiagnoses(Rounds):
-    """The causes of the records of one quantity that are wrong and not as expected; a ``harness.study.Study``.
-
-    Args:
-        settings: of the cross-check. records: of all its subjects, since the party at fault follows from those that agree.
-        crashes: (system, part that died or hung, and would again): a subject, a model's format, or None for the system itself.
-    """
-
-    title = "diagnosis"
-
-    def __init__(self, settings: Settings, records: Sequence[Record], *, crashes: Collection[tuple[str, str | None]] = ()) -> None:
-        super().__init__()
-        self._settings, self._causes = settings, list[Cause]()
-        available = [str(subject) for subject in subjects(settings.library)]
-        inferences = infer_from_records(records, available, system_of=settings.library.system_of)
-        self._wrong: list[tuple[Record, Cause]] = []
-        for record in records:
-            if record.verdict not in _WRONG or record.as_expected:
-                continue
-            said = inferences[record.system].sentence
-            cause = Cause(system=record.system, subject=record.subject, inference=said, first_line=said)
-            died = any((record.system, what) in crashes for what in (record.subject, subject_named(record.subject).format, None))
-            if record.failed or died:
-                # What failed has nothing to be diagnosed, or would fail again.
-                self._causes.append(cause)
-            else:
-                self._wrong.append((record, cause))
-        self.steps = len(self._wrong)
-
-    def rounds(self) -> Iterator[Sequence[Task]]:
-        settings = self._settings
-        tasks = []
-        for record, cause in self._wrong:
-            subject = subject_named(record.subject)
-            asked = settings.library, record.system, subject, settings.stand_ins.get(subject.format), record.quantity, settings.seed
-            tasks.append(Task((self._diagnosed, cause), examine_quantity, asked, record.system))
-        yield tasks
-
-    def result(self) -> list[Cause]:
-        return sorted(self._causes, key=lambda cause: (cause.system, cause.subject))
-
-    def _diagnosed(self, outcome: Outcome, cause: Cause) -> Iterator[Part]:
-        found: QuantityDiagnosis | None = outcome.value
-        if found is not None:
-            cause = replace(cause, diagnosed=cause.subject, first_line=found.of_file or cause.inference, found=found.as_json())
-        elif not isinstance(outcome.exception, InvalidInput):
-            # The record's own message has the reason why a model is refused.
-            cause = replace(cause, first_line=f"no diagnosis: {outcome.crash or outcome.exception}")
-        self._causes.append(cause)
-        yield Part(f"{cause.system} {cause.subject}", cause)
 
 
 @dataclass(frozen=True)
@@ -104,21 +43,22 @@ class QuantityDiagnosis:
     file: Path | None
     of_file: str
 
+    def first_line(self, suspects_textbook: bool = False) -> str:
+        """Of the file; there is no diagnosis of the textbook's side."""
+        return self.of_file
+
     def as_json(self) -> dict[str, Any]:
-        """Plain data in the shape of ``harness.diagnosis.causes.SubjectDiagnosis.as_json``."""
+        """Plain data in the shape of ``harness.diagnosis.subject.SubjectDiagnosis.as_json``."""
         model = None if self.file is None else {"file": str(self.file), "text": [self.of_file]}
         return {"terms": {"sentences": list(self.sentences)}, "model": model, "textbook": None}
 
 
-def examine_quantity(
-    library: Library, name: str, subject: Subject, stand_in: Path | None, quantity: str, seed: int, note: Note
-) -> QuantityDiagnosis:
-    """Diagnose a subject of a system, with the model that stands in for its own, if any, as a task for ``harness.workers``.
+def diagnose_blocks(asked: Assignment, seed: int, note: Note) -> QuantityDiagnosis:
+    """Diagnose a subject by the blocks of a quantity, and the numbers of its file.
 
     Raises:
-        InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
+        InvalidModel: a file is no truth, or the engine refuses it. harness.engines.Unsupported: the engine cannot express it.
     """
-    asked = replace(Assignment.of(library, name, subject, stand_in), quantity=quantity)
     note("comparing blocks")
     batches = batches_at(generic_sample(asked.mechanism, POSITIONS, seed))
     states = States.concatenate(list(batches.values()))
@@ -126,14 +66,13 @@ def examine_quantity(
     errors = np.where(certified.certified[:, None], errors_in_roundoffs(certified, answers), 0.0)
     kinds = np.repeat(list(batches), POSITIONS)
     sentences = tuple(wrong_blocks(asked.truth.blocks, errors, kinds)) or (
-        f"{quantity} agrees at the {len(states)} states of the diagnosis",
+        f"{asked.quantity} agrees at the {len(states)} states of the diagnosis",
     )
     if asked.model is None:
         return QuantityDiagnosis(sentences, None, "")
     note("explaining by numbers of the file")
-    explained = explain_difference(asked, seed, note)
-    file = shown_path(asked.model.path)
-    of_file = f"{file}: no single number explains it" if explained is None else f"{file}: {explained.sentence}"
+    explained = explain_difference(asked, seed) or "no single number explains it"
+    of_file = f"{shown_path(asked.model.path)}: {explained}"
     return QuantityDiagnosis(sentences, asked.model.path, of_file)
 
 

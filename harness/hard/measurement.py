@@ -22,11 +22,8 @@ from harness.arrays import Array
 from harness.certify.certified import CERTIFIED_RADIUS
 from harness.certify.compare import Comparison, compare
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.one_number import Projection, explaining_directions
-from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
-from harness.crosscheck.perturbation import Whitening
 from harness.crosscheck.tasks import Note
 from harness.engines import (
     Engine,
@@ -39,6 +36,8 @@ from harness.engines import (
 )
 from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.explain.columns import Whitening, parameter_derivatives
+from harness.explain.one_number import Projection, explaining_directions
 from harness.hard.cases import HardCase, Theory, hard_cases
 from harness.hard.truths import TruePoint, model_file, true_points
 from harness.library import Library

@@ -58,28 +58,6 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One change of a model's text that may explain why an engine's accelerations are not the reference's.
-
-    Attributes:
-        hypothesis: name of the hypothesis; statement: what it says here, as "its damping was left out".
-        place: what would change.
-        text: of the whole file, with the change at a value; a change without a free value ignores it.
-        start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
-        scale: a natural size of the value, above 0, for steps and for relative changes.
-        beside: places of further numbers of the file that change with the value.
-    """
-
-    hypothesis: str
-    statement: str
-    place: Place
-    text: Callable[[float], str]
-    start: float | None = None
-    scale: float = 1.0
-    beside: tuple[Place, ...] = ()
-
-
-@dataclass(frozen=True)
 class Number:
     """One number of a model file.
 

@@ -171,8 +171,9 @@ class _Regression:
         if item.quantity != ACCELERATIONS:
             return None
         if item.system not in self._causes:
-            from harness.diagnosis.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS, find_causes
-            from harness.diagnosis.model_side import EVALUATIONS
+            from harness.comparison.wanted import find_causes
+            from harness.diagnosis.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS
+            from harness.explain.search import EVALUATIONS
 
             # The party at fault follows from those that agree.
             records = self._all_of(item)

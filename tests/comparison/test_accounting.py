@@ -12,8 +12,8 @@ from harness.comparison import judgement
 from harness.comparison.accounting import fold
 from harness.comparison.callers import find_callers
 from harness.comparison.questions import Answers
-from harness.comparison.readings import Reading, with_joints
 from harness.comparison.truth import read_as
+from harness.explain.changes.readings import Reading, with_joints
 from harness.files.tree import Joint, Tree
 from harness.report.comparison import subject_lines
 from harness.results.comparison import SubjectRecord

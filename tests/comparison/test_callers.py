@@ -11,7 +11,7 @@ import toy_engine
 from comparison.robots import FILES
 from support import BUILT_IN, InThisProcess
 
-from harness.comparison import callers, readings
+from harness.comparison import callers
 from harness.comparison.asking import ask_engine, robot_subjects
 from harness.comparison.callers import CallersLibrary, caller_of, find_callers, pinocchio
 from harness.comparison.questions import Refused
@@ -19,6 +19,7 @@ from harness.comparison.robot_library import RobotLibrary
 from harness.comparison.study import RobotComparison, Settings
 from harness.engines import describe_engines, load_engine, runs_elsewhere
 from harness.errors import InvalidRequest
+from harness.explain.changes import readings
 from harness.results.comparison import SubjectRecord
 from harness.study import run_study
 from harness.workers import Workers
@@ -73,7 +74,7 @@ CALLER = ToyCaller()
 ENGINE = AidedEngine(CALLER)
 """
 READINGS = """
-from harness.comparison.readings import _left_out
+from harness.explain.changes.readings import _left_out
 READINGS = (_left_out.dampers("toy", ("urdf",), "The toy applies no damping", "its own text, a few lines in a test"),)
 """
 BAR = BUILT_IN.model_path("bar_pendulum", "urdf")

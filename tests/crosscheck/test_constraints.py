@@ -14,7 +14,7 @@ from harness.crosscheck import superfluous as superfluous_parts
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of, truth_of
 from harness.crosscheck.stages import Answers, compare_all
 from harness.crosscheck.superfluous import superfluous
-from harness.diagnosis.causes import Scope, diagnose_subject
+from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.equations.states import States
 from harness.errors import InvalidModel

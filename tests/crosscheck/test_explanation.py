@@ -12,15 +12,15 @@ from catalogue import BUILT_IN
 from support import cross_checked
 
 from harness.certify.compare import compare
-from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.explanation import explain, written_columns
-from harness.crosscheck.perturbation import Column, Whitening, diagnostic_states, watch
+from harness.crosscheck.explanation import explain_lost_digits, written_columns
 from harness.crosscheck.settings import Settings
 from harness.engines import EQUATIONS, Subject, engine_files, load_engine
 from harness.equations.states import States
+from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, watch
+from harness.explain.one_number import Projection, explaining_directions
 from harness.models.model_file import parse_model
 from harness.models.text import Watch
 from harness.verdict import AGREEMENT, Verdict
@@ -35,7 +35,7 @@ LOSING = sorted(
 
 
 @cache
-def measured(system: str, subject: str) -> tuple[Watch, States, Reference, list[Column]]:
+def measured(system: str, subject: str) -> tuple[Watch, States, Reference, list[ChangeColumn]]:
     assignment = Assignment.of(BUILT_IN, system, Subject(*subject.split("/")))
     assert assignment.model is not None
     states = diagnostic_states(assignment.mechanism, SEED)
@@ -53,18 +53,18 @@ def test_any_number_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digit
     watched, _, reference, columns = measured(system, subject)
     unstable = 0
     for column in columns:
-        assert column.candidate.start is not None
+        assert column.change.start is not None
         # The least change that moves some answer by as much as agrees; ten times that.
         change = float(10 * AGREEMENT / np.linalg.norm(column.values, axis=1).max())
         # Of a flat body physics forbids one direction.
-        either = (watched.accelerations(column.candidate.text(column.candidate.start + sign * change)) for sign in (1, -1))
+        either = (watched.accelerations(column.change.text(column.change.start + sign * change)) for sign in (1, -1))
         answers = next((one for one in either if one is not None), None)
-        assert answers is not None, column.candidate.place
+        assert answers is not None, column.change.place
         verdicts = set(compare(reference, answers, factorises=True).verdicts)
         unstable += Verdict.UNSTABLE in verdicts and Verdict.DISAGREES not in verdicts
         residual = Whitening(reference).residual(answers)
         found = explaining_directions([Projection.of(reference, residual, [one.values for one in columns])])
-        assert Verdict.DISAGREES in verdicts or found, column.candidate.place
+        assert Verdict.DISAGREES in verdicts or found, column.change.place
     # Without the directions most of them would pass for lost digits, where those of M's condition are so many.
     assert unstable > 0.5 * len(columns) or reference.condition.max() < 100
 
@@ -117,11 +117,11 @@ ENGINE = Engine()
 
 def test_a_parameter_of_the_equations_is_named(tmp_path: Path) -> None:
     sound = Assignment.of(BUILT_IN, "chain_6", Subject("lagrange", EQUATIONS))
-    assert explain(sound, SEED, lambda text: None) is None
+    assert explain_lost_digits(sound, SEED) is None
     (tmp_path / "wrong.py").write_text(WRONG_ENGINE)
     wrong = replace(sound, library=replace(BUILT_IN, engines=tmp_path), subject=Subject("wrong", EQUATIONS))
     assert "unstable" in judge_of(wrong)(diagnostic_states(sound.mechanism, SEED)).verdicts
-    found = explain(wrong, SEED, lambda text: None)
+    found = explain_lost_digits(wrong, SEED)
     assert found is not None
     name, value, unit = sound.mechanism.parameters[1]
     assert found.number == f"{name} = {value!r} {unit}"

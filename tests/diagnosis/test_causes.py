@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 from support import InThisProcess, cross_checked, make_library
 
+from harness.comparison.wanted import find_causes
 from harness.crosscheck.settings import Settings
 from harness.diagnosis import causes
-from harness.diagnosis.causes import EVALUATIONS_IN_ALL, find_causes
-from harness.diagnosis.model_side import EVALUATIONS
+from harness.diagnosis.causes import EVALUATIONS_IN_ALL
+from harness.explain.search import EVALUATIONS
 from harness.library import Library
 from harness.results.cross_check import Cause
 from harness.results.records import Record

@@ -22,29 +22,29 @@ from harness.arrays import Array
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.assignment import Assignment
-from harness.crosscheck.perturbation import (
-    NUMBER,
-    Column,
-    Whitening,
-    diagnostic_states,
-    find_columns,
-    held_out,
-    numeric_candidates,
-    watch,
-)
-from harness.diagnosis.base_parameters import are_parallel, base_parameters
-from harness.diagnosis.causes import Scope, diagnose_subject
-from harness.diagnosis.fit import fit, shortest_decimal
-from harness.diagnosis.model_side import diagnose
-from harness.diagnosis.result import Conclusion, Diagnosis
-from harness.diagnosis.search import Tried, best_first
-from harness.diagnosis.textbook_side import diagnose_textbook
+from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
+from harness.explain.base_parameters import are_parallel, base_parameters
+from harness.explain.changes import NUMBER, Change
+from harness.explain.changes.numbers import numeric_changes
+from harness.explain.columns import (
+    ChangeColumn,
+    Whitening,
+    diagnostic_states,
+    find_columns,
+    held_out,
+    watch,
+)
+from harness.explain.fit import fit, shortest_decimal
+from harness.explain.model_side import diagnose
+from harness.explain.result import Conclusion, Diagnosis
+from harness.explain.search import Limits, Tried, best_first
+from harness.explain.textbook_side import TextbookSide, diagnose_textbook
 from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Candidate, Place, Watch, find_numbers, with_values
+from harness.models.text import Place, Watch, find_numbers, with_values
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
@@ -76,8 +76,8 @@ class Case:
     def diagnosis(self, *changes: tuple[str, str]) -> Diagnosis:
         return diagnose(self.watch(self.replaced(*changes)), self.reference)
 
-    def columns(self) -> list[Column]:
-        return find_columns(self.watch().accelerations, self.reference, numeric_candidates(self.model))
+    def columns(self) -> list[ChangeColumn]:
+        return find_columns(self.watch().accelerations, self.reference, numeric_changes(self.model))
 
 
 @functools.cache
@@ -175,7 +175,7 @@ def test_nothing_is_diagnosed_where_nothing_is_wrong(name: str, model_format: st
     own = case(name, model_format)
     diagnosis = diagnose(own.watch(), own.reference)
     assert (diagnosis.conclusion, diagnosis.tried) == (Conclusion.SOUND, ())
-    textbook = diagnose_textbook(own.kernel, own.states, own.watch().healthy, BUILT_IN.system_path(name))
+    textbook = diagnose_textbook(TextbookSide(own.kernel, own.states, own.watch().healthy), BUILT_IN.system_path(name))
     assert (textbook.conclusion, textbook.tried) == (Conclusion.SOUND, ())
 
 
@@ -193,7 +193,7 @@ def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)
     assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNEXPLAINED, ())
-    textbook = diagnose_textbook(own.kernel, own.states, flipped(own)(own.model), BUILT_IN.system_path("arm_2r"))
+    textbook = diagnose_textbook(TextbookSide(own.kernel, own.states, flipped(own)(own.model)), BUILT_IN.system_path("arm_2r"))
     assert (textbook.conclusion, textbook.explaining) == (Conclusion.UNEXPLAINED, ())
 
 
@@ -214,7 +214,7 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     # Half of what the verdict allows an unstable factorisation.
     allowed = 0.5 * own.reference.instability / (own.reference.sensitivity + own.reference.share)
     lost = noise * (allowed / np.linalg.norm(Whitening(own.reference).change(noise), axis=1))[:, None]
-    diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, factorises=True)
+    diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, Limits(factorises=True))
     assert diagnosis.conclusion == Conclusion.UNSTABLE
     assert "the digits are the engine's" in diagnosis.first_line
 
@@ -256,7 +256,7 @@ def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str,
     value = float(f"{own.mechanism.parameter_values[place] * factor:.12g}")
     values = np.array([value if number == place else known for number, known in enumerate(own.mechanism.parameter_values)])
     answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
-    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path(name))
+    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path(name))
     first = diagnosis.first
     assert diagnosis.conclusion == Conclusion.EXPLAINED
     assert first is not None
@@ -271,7 +271,7 @@ def test_a_term_that_a_subject_leaves_out_is_a_parameter_of_zero(name: str, para
     names = [known for known, _, _ in own.mechanism.parameters]
     values = np.array([0.0 if known == parameter else value for known, value in zip(names, own.mechanism.parameter_values, strict=True)])
     answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
-    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path(name))
+    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path(name))
     assert diagnosis.conclusion == Conclusion.EXPLAINED
     assert (parameter, 0.0) in {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
@@ -280,7 +280,7 @@ def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
     """A bar pendulum without weight: no gravity, no mass, or its centre on the axis."""
     own = case("bar_pendulum", "mjcf")
     answers = own.watch(own.replaced(('gravity="0 0 -9.81"', 'gravity="0 0 0"'))).healthy
-    diagnosis = diagnose_textbook(own.kernel, own.states, answers, BUILT_IN.system_path("bar_pendulum"))
+    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path("bar_pendulum"))
     assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
@@ -293,7 +293,7 @@ def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_o
     wrong = own.watch(own.replaced((joint, f'{joint} stiffness="0.5" springref="0.3"'), (' spring="disable"', ""))).healthy
     # Every change is certified in balls, for which twice all kinds of states are enough.
     few = slice(24)
-    diagnosis = diagnose_textbook(own.kernel, own.states[few], wrong[few], BUILT_IN.system_path("satellite_wheel"))
+    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states[few], wrong[few]), BUILT_IN.system_path("satellite_wheel"))
     assert math.isinf(diagnosis.before)
     assert diagnosis.conclusion == Conclusion.UNEXPLAINED
     assert "finite" not in diagnosis.first_line
@@ -317,7 +317,7 @@ def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations
         return sound(model)
 
     watched = Watch(parse_model(own.model.path, text, "mjcf"), counted)
-    diagnosis = diagnose(watched, own.reference, evaluations=evaluations)
+    diagnosis = diagnose(watched, own.reference, Limits(evaluations))
     # The first is the model as it is; a column that was begun is finished.
     assert len(asked) <= evaluations + 5
     assert diagnosis.stopped
@@ -334,10 +334,10 @@ def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.Monkey
     monkeypatch.setattr(ReferenceKernel, "evaluate", lambda *arguments: evaluated.append(arguments) or evaluate(*arguments))
     answers = flipped(own)(own.model)
     path = BUILT_IN.system_path("arm_2r")
-    assert diagnose_textbook(own.kernel, own.states, answers, path, evaluations=20).stopped
+    assert diagnose_textbook(TextbookSide(own.kernel, own.states, answers, Limits(20)), path).stopped
     assert len(evaluated) <= 20
     evaluated.clear()
-    whole = diagnose_textbook(own.kernel, own.states, answers, path)
+    whole = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), path)
     assert not whole.stopped
     assert 20 < len(evaluated) <= whole.evaluations
 
@@ -347,7 +347,7 @@ def test_no_clock_changes_a_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
     changes = [('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"')]
 
     def diagnosed() -> dict[str, Any]:
-        return diagnose(own.watch(own.replaced(*changes)), own.reference, evaluations=100).as_json()
+        return diagnose(own.watch(own.replaced(*changes)), own.reference, Limits(100)).as_json()
 
     first = diagnosed()
     hours = itertools.count(0.0, 3600.0)
@@ -356,7 +356,7 @@ def test_no_clock_changes_a_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
     assert diagnosed() == first
 
 
-def classes(columns: list[Column]) -> list[list[int]]:
+def classes(columns: list[ChangeColumn]) -> list[list[int]]:
     found: list[list[int]] = []
     for place, column in enumerate(columns):
         for members in found:
@@ -373,7 +373,7 @@ def test_what_a_pendulum_determines_is_known_from_theory() -> None:
     pendulum, bar = (case(name, "mjcf").columns() for name in ("simple_pendulum", "bar_pendulum"))
     assert base_parameters(pendulum).rank == 3
     assert base_parameters(bar).rank == 4
-    places = [{(bar[one].candidate.place.attribute, bar[one].candidate.place.index) for one in members} for members in classes(bar)]
+    places = [{(bar[one].change.place.attribute, bar[one].change.place.index) for one in members} for members in classes(bar)]
     # A sideways offset of the centre and of gravity do the same, and so do the two moments, which only change together.
     assert {("gravity", 0), ("pos", 0)} in places
     assert {("diaginertia", 0), ("diaginertia", 1)} in places
@@ -396,7 +396,7 @@ def test_what_a_two_link_arm_determines_is_known_from_theory() -> None:
 def test_the_derivative_is_the_certified_one() -> None:
     """A pendulum's mass acts on tau / (m L^2) alone."""
     own = case("simple_pendulum", "urdf")
-    (column,) = (column for column in own.columns() if column.candidate.place.element == "mass")
+    (column,) = (column for column in own.columns() if column.change.place.element == "mass")
     mass, length = 1.5, 2.0
     exact = Whitening(own.reference).change(-own.states.tau / (mass**2 * length**2))
     assert np.linalg.norm(column.values - exact) <= 1e-7 * np.linalg.norm(exact)
@@ -416,7 +416,7 @@ def test_a_fit_converges_from_afar_and_halves_its_steps() -> None:
 def tried(hypothesis: str, value: float | None, left: float, start: float | None = 0.0) -> tuple[Tried, float]:
     """A change that explains, of scale 1, with what its fitted value leaves."""
     place = Place(1, "body", hypothesis, None, "1")
-    return Tried(Candidate(hypothesis, "", place, lambda value: "", start), value, left, True), left
+    return Tried(Change(hypothesis, "", (place,), lambda value: "", start), value, left, True), left
 
 
 def test_the_likeliest_of_the_changes_that_explain_is_named_first() -> None:
@@ -532,7 +532,7 @@ def test_nearly_every_number_of_the_catalogue_is_named(name: str) -> None:
     planted = 0
     for model_format in NATIVE:
         own = case(name, model_format)
-        candidates = [column.candidate for column in own.columns()]
+        candidates = [column.change for column in own.columns()]
         for candidate in random.Random(1).sample(candidates, min(5, len(candidates))):
             for size in (1e-9, 1e-3, 1.0, -2.0):
                 assert candidate.start is not None

@@ -18,18 +18,17 @@ from support import make_library
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.cli import main
-from harness.crosscheck.perturbation import STATES, watch
 from harness.diagnosis.faults import baseline
 from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
 from harness.diagnosis.faults.bench import Answer, FaultBench
 from harness.diagnosis.faults.campaign import CampaignSettings, number_faults, run_campaign
-from harness.diagnosis.faults.kinds import find_unknown_kinds
 from harness.diagnosis.faults.study import select_models
 from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind, shares
-from harness.diagnosis.hypotheses import find_hypotheses
-from harness.diagnosis.model_side import Diagnosis, diagnose
 from harness.diagnosis.pattern import Inference
+from harness.explain.changes.mistakes import find_mistakes, mended_mistakes
+from harness.explain.columns import STATES, watch
+from harness.explain.model_side import Diagnosis, diagnose
 from harness.models.model_file import ModelFile, read_model
 from harness.models.text import Element, Number, Place, find_elements, find_numbers
 from harness.verdict import Verdict
@@ -109,7 +108,7 @@ ON_A_BASE = [path.stem for path in sorted((BUILT_IN.models / "mjcf").glob("*.xml
 def test_a_base_turned_about_gravity_is_no_fault_and_one_turned_against_it_is(name: str) -> None:
     """The turn moves no acceleration, and what rounding leaves of the closed loops is in the axes of the world."""
     bench = FaultBench(BUILT_IN, name, "mjcf", 16, 0)
-    [rotation] = [one for one in find_hypotheses() if one.name == "frame_rotation"]
+    [rotation] = [one for one in mended_mistakes() if one.name == "frame_rotation"]
     answers = {one.statement: bench.ask(one.text(1.0)) for one in rotation.plant(bench.model) if "frame of ground" in one.statement}
     tilted, turned = (answers[f"the frame of ground turned about its {axis}"] for axis in "yz")
     assert tilted.is_live == (tilted.caught_by == "check") == bool(bench.mechanism.gravity)
@@ -379,8 +378,8 @@ def test_a_fault_of_1e_10_in_a_loop_is_caught_and_named(
     assert sum(fault.named for fault in judged) >= 0.9 * len(judged)
 
 
-HYPOTHESES = {hypothesis.name for hypothesis in find_hypotheses()}
-UNKNOWN = tuple(kind.name for kind in find_unknown_kinds())
+HYPOTHESES = {hypothesis.name for hypothesis in mended_mistakes()}
+UNKNOWN = tuple(kind.name for kind in find_mistakes() if kind.changes is None)
 
 
 def test_mistakes_outside_the_vocabulary_of_the_diagnosis_are_planted_and_caught() -> None:
@@ -389,7 +388,7 @@ def test_mistakes_outside_the_vocabulary_of_the_diagnosis_are_planted_and_caught
     assert {fault.kind for fault in faults if fault.live} == set(UNKNOWN) - {"density"} and not set(UNKNOWN) & HYPOTHESES
     assert [fault for fault in faults if fault.known or (fault.live and not fault.caught)] == []
     arm = read_model(BUILT_IN.model_path("arm_2r", "urdf"), "urdf")
-    [density] = [one for kind in find_unknown_kinds() if kind.name == "density" for one in kind.plant(arm)]
+    [density] = [one for kind in find_mistakes() if kind.name == "density" for one in kind.plant(arm)]
     moments = [number for number in find_numbers(arm.text, "urdf") if number.attribute == "iyy"]
     scaled = [number.value for number in find_numbers(density.text(0.5), "urdf") if number.attribute == "iyy"]
     assert scaled == [1.5 * number.value for number in moments] and len(scaled) == 2

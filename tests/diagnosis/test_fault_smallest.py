@@ -28,7 +28,6 @@ from harness.certify.sampling import sample
 from harness.cli import main
 from harness.crosscheck import tasks
 from harness.crosscheck.expected import AGREES
-from harness.crosscheck.perturbation import watch
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.diagnosis.faults import baseline, campaign
@@ -36,10 +35,11 @@ from harness.diagnosis.faults.baseline import FURTHEST, RESOLUTION, Baseline, re
 from harness.diagnosis.faults.campaign import number_faults, smallest_changes
 from harness.diagnosis.faults.study import select_pairs
 from harness.diagnosis.faults.summary import SmallestChange
-from harness.diagnosis.hypotheses import Planted
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput, InvalidModel
+from harness.explain.changes import Change
+from harness.explain.columns import watch
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.results.records import Record
@@ -74,7 +74,7 @@ WALKS = [
 def smallest(name: str, subject: Subject, most: int | None) -> list[SmallestChange]:
     """Of every live number of a model, or of ``most`` numbers that are drawn by a seed; of more where fewer than two of them live."""
 
-    def drawn(model: ModelFile) -> list[Planted]:
+    def drawn(model: ModelFile) -> list[Change]:
         numbers = [planted for planted in number_faults(model) if float(planted.places[0].found)]
         random.Random(f"{name} {subject}").shuffle(numbers)
         return numbers[:most]

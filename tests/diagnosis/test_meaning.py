@@ -8,8 +8,8 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, cross_checked
 
+from harness.comparison.wanted import find_causes
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.causes import find_causes
 from harness.diagnosis.meaning import errors_of_files
 from harness.diagnosis.pattern import infer, infer_from_records
 from harness.verdict import AGREEMENT, Verdict

@@ -10,11 +10,10 @@ import pytest
 from catalogue import BUILT_IN
 
 from harness.certify.compare import compare
-from harness.certify.parameter_columns import parameter_derivatives
 from harness.certify.quantities.accelerations import reference_kernel
-from harness.crosscheck.perturbation import Whitening
 from harness.diagnosis.pattern import subject_named
 from harness.engines import load_engine
+from harness.explain.columns import Whitening, parameter_derivatives
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import Answered, explained, point_of, row_of

@@ -30,7 +30,7 @@ Undone = Iterator[tuple[str, Array]]
 
 
 @dataclass(frozen=True)
-class Mistake:
+class DerivativeMistake:
     """One kind of mistake; ``undone`` gives the ways in which it may have been made, with the answers without it."""
 
     undone: Callable[[DerivativeTruth, States, Array], Undone]
@@ -129,4 +129,4 @@ def rotations(quaternions: Array) -> Array:
     return np.array(rows).transpose(2, 0, 1)
 
 
-MISTAKES = tuple(map(Mistake, (_transposed, _signs, _terms, _tangents)))
+MISTAKES = tuple(map(DerivativeMistake, (_transposed, _signs, _terms, _tangents)))

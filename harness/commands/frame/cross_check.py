@@ -99,7 +99,7 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
 
 def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
     """Why those records of a quantity are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
-    from harness.diagnosis.wanted import wanted_diagnosis
+    from harness.comparison.wanted import wanted_diagnosis
 
     diagnoses = wanted_diagnosis(study, quantity, **limits)
     if diagnoses is None:

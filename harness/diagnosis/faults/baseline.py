@@ -25,13 +25,13 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.one_number import Projection, explaining_directions
 from harness.certify.reference import Reference, energy_norm
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.explanation import written_columns
-from harness.crosscheck.perturbation import Whitening
 from harness.engines import Subject
 from harness.errors import InvalidInput
+from harness.explain.columns import Whitening
+from harness.explain.one_number import Projection, explaining_directions
 from harness.models.text import Watch, largest_change
 from harness.verdict import AGREEMENT, Verdict, gravest
 

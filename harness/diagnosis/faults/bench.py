@@ -17,10 +17,8 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.perturbation import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
-from harness.diagnosis.hypotheses import Planted
 from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.engines import (
     EQUATIONS,
@@ -40,6 +38,8 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
+from harness.explain.changes import Change
+from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.verdict import Verdict, gravest
@@ -191,15 +191,15 @@ class FaultBench:
         said = ("", "", None) if refusal is None else ("audit", str(refusal), refusal.line)
         return Answer(*said, verdicts, movement)
 
-    def ask_sized(self, planted: Planted, size: float) -> tuple[Answer, float]:
+    def ask_sized(self, planted: Change, size: float) -> tuple[Answer, float]:
         """The outcome of a size, and the size with its sign: negative where only that direction is not refused."""
         answer = self.ask(planted.text(size), planted.through)
-        if not planted.sized or answer.refused_by not in REFUSED:
+        if not planted.is_sized or answer.refused_by not in REFUSED:
             return answer, size
         other = self.ask(planted.text(-size))
         return (answer, size) if other.refused_by in REFUSED else (other, -size)
 
-    def smallest(self, planted: Planted) -> tuple[float, float, int]:
+    def smallest(self, planted: Change) -> tuple[float, float, int]:
         """Smallest size that some reader catches, the same by theory, and the order in which the accelerations depend on the size."""
         # Theory holds for one reader: the first that has most states.
         widest = max(self.readers, key=lambda one: int(one.sound.sum()))
@@ -214,7 +214,7 @@ class FaultBench:
         caught = smallest_caught(theory, lambda size: any(one.catches(planted.text, size) for one in self.readers))
         return caught, theory, order
 
-    def _is_felt(self, planted: Planted, size: float) -> bool:
+    def _is_felt(self, planted: Change, size: float) -> bool:
         """Whether the answers of some reader move by what is caught at least, more than by its rounding, or there are none."""
         answers = ((one, one.answer(planted.text, size)) for one in self.readers)
         return any(answer is None or one.theory(answer - one.watch.healthy) <= 1 for one, answer in answers)

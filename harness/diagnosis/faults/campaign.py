@@ -15,17 +15,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from harness.crosscheck.perturbation import NUMBER, numeric_candidates, watch
 from harness.crosscheck.superfluous import CHANGE
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED
 from harness.diagnosis.faults.bench import REFUSED, Answer, FaultBench
-from harness.diagnosis.faults.kinds import UnknownKind, find_unknown_kinds
 from harness.diagnosis.faults.summary import Fault, SmallestChange
-from harness.diagnosis.hypotheses import Candidate, Hypothesis, Planted, find_hypotheses
-from harness.diagnosis.model_side import EVALUATIONS, diagnose
-from harness.diagnosis.result import TriedChange
 from harness.engines import Subject, Unsupported
 from harness.errors import InvalidModel
+from harness.explain.changes import NUMBER, Change
+from harness.explain.changes.mistakes import find_mistakes
+from harness.explain.changes.numbers import numeric_changes
+from harness.explain.columns import watch
+from harness.explain.model_side import diagnose
+from harness.explain.result import TriedChange
+from harness.explain.search import EVALUATIONS, Limits
 from harness.library import Library
 from harness.models.model_file import ModelFile, parse_model
 from harness.models.text import Place
@@ -58,42 +60,40 @@ class CampaignSettings:
 
 def kinds_of_faults() -> dict[str, str]:
     """Name to title of every kind that can be planted."""
-    declared: list[Hypothesis | UnknownKind] = [*find_hypotheses(), *find_unknown_kinds()]
-    return {NUMBER: "one number changed", **{kind.name: kind.title for kind in declared}}
+    return {NUMBER: "one number changed", **{mistake.name: mistake.title for mistake in find_mistakes()}}
 
 
-def number_faults(model: ModelFile) -> Iterator[Planted]:
+def number_faults(model: ModelFile) -> Iterator[Change]:
     """Every number of a model changed relatively, and zeros by as much of what is natural there.
 
     A number that comes a second time, together with its neighbours, does so for where it cannot change alone.
     """
-    alone: dict[Place, Planted] = {}
-    for candidate in numeric_candidates(model):
+    alone: dict[Place, Change] = {}
+    for number in numeric_changes(model):
 
-        def at(size: float, candidate: Candidate = candidate, start: float = candidate.start or 0.0) -> str:
-            return candidate.text(start + size * (start or candidate.scale))
+        def at(size: float, number: Change = number, start: float = number.start or 0.0) -> str:
+            return number.text(start + size * (start or number.scale))
 
-        planted = Planted(NUMBER, candidate.statement, (candidate.place, *candidate.beside), at, sized=True)
-        if candidate.place not in alone:
-            alone[candidate.place] = planted
+        planted = replace(number, text=at, start=0.0)
+        if number.place not in alone:
+            alone[number.place] = planted
             yield planted
-        elif not any(_is_valid(model, alone[candidate.place].text(size)) for size in (CHANGE, -CHANGE)):
+        elif not any(_is_valid(model, alone[number.place].text(size)) for size in (CHANGE, -CHANGE)):
             yield planted
 
 
-class Campaign:
+class ModelCampaign:
     """The faults of one model of one system; raises as ``harness.diagnosis.faults.bench.FaultBench``."""
 
     def __init__(self, library: Library, name: str, model_format: str, settings: CampaignSettings) -> None:
         self.name, self.settings = name, settings
         self.bench = FaultBench(library, name, model_format, settings.states, settings.seed)
         self.model = self.bench.model
-        self._unknown = {kind.name: kind for kind in find_unknown_kinds()}
+        self._mistakes = {mistake.name: mistake for mistake in find_mistakes()}
 
     def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every mistake of the kinds asked for, kind by kind, in the order of the file."""
-        declared: list[Hypothesis | UnknownKind] = [*find_hypotheses(), *self._unknown.values()]
-        plants = {NUMBER: number_faults, **{kind.name: kind.plant for kind in declared}}
+        plants = {NUMBER: number_faults, **{name: mistake.plant for name, mistake in self._mistakes.items()}}
         for kind in self.settings.kinds or plants:
             planted, found = list(plants[kind](self.model)), []
             for one in planted:
@@ -107,18 +107,22 @@ class Campaign:
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
                 yield self._diagnosed(fault, one, place) if place in chosen else fault
 
-    def _caught(self, planted: Planted) -> Fault:
+    def _is_sought(self, kind: str) -> bool:
+        """True for a kind that a diagnosis looks for."""
+        return kind == NUMBER or self._mistakes[kind].changes is not None
+
+    def _caught(self, planted: Change) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
         about: dict[str, Any] = {"system": self.name, "format": self.model.format, "kind": planted.kind}
-        about |= {"statement": planted.statement, "where": where, "known": planted.kind not in self._unknown}
-        if planted.sized:
+        about |= {"statement": planted.statement, "where": where, "known": self._is_sought(planted.kind)}
+        if planted.is_sized:
             return self._caught_in_sizes(planted, about)
         answer = self.bench.ask(planted.text(1.0), planted.through)
         return Fault(
             **about, live=answer.is_live, caught_by=answer.caught_by, blamed=self.bench.blamed(answer), **self._refusal(answer, where)
         )
 
-    def _caught_in_sizes(self, planted: Planted, about: dict[str, Any]) -> Fault:
+    def _caught_in_sizes(self, planted: Change, about: dict[str, Any]) -> Fault:
         probe, _ = self.bench.ask_sized(planted, CHANGE)
         about = {**about, "live": probe.is_live, "sizes": tuple(self.settings.sizes)}
         if probe.refused_by in REFUSED:
@@ -146,8 +150,8 @@ class Campaign:
         named = answer.line is not None and answer.line in {line for line, _, _ in where} and answer.line != self.model.root_line
         return {"named": named, "in_class": named, "answer": answer.refusal} if answer.refused_by else {}
 
-    def _diagnosed(self, fault: Fault, planted: Planted, place: int) -> Fault:
-        size = self._size_to_diagnose(fault, place) if planted.sized else 1.0
+    def _diagnosed(self, fault: Fault, planted: Change, place: int) -> Fault:
+        size = self._size_to_diagnose(fault, place) if planted.is_sized else 1.0
         answer, size = self.bench.ask_sized(planted, size)
         text = planted.text(size)
         red = [one for one in self.bench.readers if answer.verdicts.get(str(one.subject), RED[0]) in RED]
@@ -165,7 +169,7 @@ class Campaign:
             watched = watch(engine, self.bench.mechanism, wrong, states)
         except (Unsupported, ValueError):
             return fault
-        diagnosis = diagnose(watched, reference, evaluations=self.settings.evaluations)
+        diagnosis = diagnose(watched, reference, Limits(self.settings.evaluations))
         seconds = time.perf_counter() - started
         where = set(fault.where)
         explained = bool(diagnosis.explaining)
@@ -185,12 +189,12 @@ class Campaign:
             seconds=seconds,
         )
 
-    def _is_right(self, first: TriedChange, planted: Planted) -> bool:
+    def _is_right(self, first: TriedChange, planted: Change) -> bool:
         """True where a mend gives the number that stood there, or what moves accelerations no more than rounding does."""
         if first.residual <= RIGHT_ROUNDOFFS:
             return True
         true = [
-            place.found for place in planted.places if planted.sized and (place.key, place.index) == (first.place.key, first.place.index)
+            place.found for place in planted.places if planted.is_sized and (place.key, place.index) == (first.place.key, first.place.index)
         ]
         return bool(true) and first.value is not None and abs(first.value - float(true[0])) <= RIGHT_VALUE * abs(float(true[0]))
 
@@ -224,7 +228,7 @@ def _spread(count: int, most: int | None) -> set[int]:
 
 def run_campaign(library: Library, name: str, model_format: str, settings: CampaignSettings, note: Callable[[str], None]) -> list[Fault]:
     """Every fault of one model, as a task for ``harness.workers``."""
-    return list(Campaign(library, name, model_format, settings).faults(note))
+    return list(ModelCampaign(library, name, model_format, settings).faults(note))
 
 
 def smallest_changes(

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from harness.certify.quantities import further_quantities
+from harness.comparison.wanted import wanted_diagnosis
 from harness.crosscheck.loading import orphans
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.wanted import wanted_diagnosis
 from harness.errors import InvalidModel
 from harness.hard.worst_cases import ranked
 from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFound

@@ -1,0 +1,48 @@
+"""The diagnosis that a cross-check asks for; a run in which all is well imports nothing of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from harness.comparison.robot_library import RobotLibrary
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
+from harness.results.cross_check import Cause
+from harness.results.records import ACCELERATIONS, Record
+from harness.study import Study, run_study
+from harness.workers import Workers
+
+
+def diagnoses_of(settings: Settings, records: Sequence[Record], **options: Any) -> Study:
+    """The study that finds the causes of a cross-check's records; its result is a list of ``Cause``.
+
+    ``options`` are of ``harness.diagnosis.causes.Diagnoses``; those of robots' files are found without.
+    """
+    if isinstance(settings.library, RobotLibrary):
+        from harness.comparison.causes import RobotDiagnoses
+
+        return RobotDiagnoses(settings, records, settings.library.floating_base)
+    from harness.diagnosis.causes import Diagnoses
+
+    return Diagnoses(settings, records, **options)
+
+
+def wanted_diagnosis(study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> Study | None:
+    """The study of why those records of a quantity are wrong that are not as expected; None where all are.
+
+    ``limits`` as ``options`` of ``diagnoses_of``.
+    """
+    records = [record for record in study.result().records if record.quantity == quantity]
+    if all(record.as_expected for record in records):
+        return None
+    return diagnoses_of(study.settings, records, crashes=study.crashes, **limits)
+
+
+def find_causes(settings: Settings, records: Sequence[Record], workers: Workers, **options: Any) -> list[Cause]:
+    """The result of ``diagnoses_of`` on workers whose context the caller has entered, by system and subject."""
+    study = diagnoses_of(settings, records, **options)
+    for _ in run_study(study, workers):
+        pass
+    causes: list[Cause] = study.result()
+    return causes

@@ -1,0 +1,99 @@
+"""Several numbers of a file are wrong at once: any two, all moments of inertia, or a mass and its centre whose product is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from harness.explain.changes import Change
+from harness.explain.changes.mistakes import Mistake
+from harness.models.anatomy.parts import Anatomy
+from harness.models.model_file import ModelFile
+from harness.models.text import Number, Place, find_elements, find_numbers, with_values
+
+# Moments of inertia, masses and centres of mass in both formats.
+_MOMENTS = {"inertial": ("diaginertia", "fullinertia"), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+_MASSES = {("inertial", "mass"), ("mass", "value")}
+_CENTRES = {"pos", "xyz"}
+# What MuJoCo accepts at least, where the motion feels no inertia.
+_NEGLIGIBLE = 1e-12
+
+
+def _planted(model: ModelFile, kind: str, statement: str, factors: Mapping[Number, Callable[[float], float]]) -> Change:
+    """The mistake that multiplies each number by its factor of the size."""
+    places = [Place(one.line, one.element, one.attribute, one.index, model.text[one.start : one.end]) for one in factors]
+
+    def at(size: float) -> str:
+        return with_values(model.text, {number: number.value * factor(size) for number, factor in factors.items()})
+
+    return Change(kind, statement, tuple(places), at, 0.0)
+
+
+def _enlarged(size: float) -> float:
+    return 1.0 + size
+
+
+def _enlarged_by_half(size: float) -> float:
+    return 1.0 + size / 2
+
+
+def _reduced(size: float) -> float:
+    """What undoes ``_enlarged``; without a mass there is nothing to undo."""
+    return 1.0 / (1.0 + size) if size > -1.0 else 0.0
+
+
+def _two_numbers(parts: Anatomy) -> Iterator[Change]:
+    """Each number with the one that is half of the file away, so that every number has its turn and no pair comes twice."""
+    model = parts.model
+    numbers = [
+        one for one in find_numbers(model.text, model.format) if abs(one.value) > _NEGLIGIBLE and "axis" not in (one.element, one.attribute)
+    ]
+    half = len(numbers) // 2
+    for one, other in zip(numbers[:half], numbers[half:], strict=False):
+        statement = f"and {other.element} {other.attribute} in line {other.line} half as much"
+        yield _planted(model, "two_numbers", statement, {one: _enlarged, other: _enlarged_by_half})
+
+
+def _density(parts: Anatomy) -> Iterator[Change]:
+    model = parts.model
+    moments = [
+        one
+        for one in find_numbers(model.text, model.format)
+        if one.attribute in _MOMENTS.get(one.element, ()) and abs(one.value) > _NEGLIGIBLE
+    ]
+    if len({(one.line, one.element) for one in moments}) > 1:
+        yield _planted(model, "density", "all moments of inertia by one factor", dict.fromkeys(moments, _enlarged))
+
+
+def _balanced(parts: Anatomy) -> Iterator[Change]:
+    model = parts.model
+    numbers = find_numbers(model.text, model.format)
+    for inertial in (element for element in find_elements(model.text, model.format) if element.tag == "inertial"):
+        own = [one for one in numbers if inertial.start < one.start < inertial.end]
+        masses = [one for one in own if (one.element, one.attribute) in _MASSES and one.value > _NEGLIGIBLE]
+        centre = [one for one in own if one.attribute in _CENTRES and one.value]
+        if masses and centre:
+            factors = {**dict.fromkeys(masses, _enlarged), **dict.fromkeys(centre, _reduced)}
+            yield _planted(model, "balanced_mass", "with its centre nearer, so that its weight is felt as before", factors)
+
+
+TWO_NUMBERS = Mistake(
+    "two_numbers",
+    "two numbers wrong at once",
+    "Reiter, A theory of diagnosis from first principles (1987): multiple faults",
+    None,
+    plants=_two_numbers,
+)
+DENSITY = Mistake(
+    "density",
+    "all moments of inertia off by one factor",
+    "moments of inertia that a drawing gives for one material, beside masses that were weighed",
+    changes=None,
+    plants=_density,
+)
+BALANCED_MASS = Mistake(
+    "balanced_mass",
+    "mass and centre of mass off, their product and so the torque of the weight right",
+    "Atkeson, An, Hollerbach, Estimation of inertial parameters of manipulator loads and links, IJRR 5(3), 1986: first moments",
+    changes=None,
+    plants=_balanced,
+)

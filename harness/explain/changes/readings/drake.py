@@ -1,0 +1,145 @@
+"""What Drake's parsers leave out in a plant in continuous time."""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from harness.explain.changes.readings import Reading, _left_out, element_at, with_inertias, with_joints
+from harness.explain.changes.readings._inertias import computed, matrix_of
+from harness.files.tree import Body, Given, Inertia, Tree, vector
+from harness.robots.robot import Robot
+
+# Of the sphere [kg/m^3], and its mass where the file's is none [kg].
+_DENSITY, _MASS = 1000.0, 1.0
+# That Drake's parser of MJCF knows.
+_ACTUATORS = ("motor", "position")
+_PARSER = 'Drake documentation, "Parsing model files", MJCF; multibody/parsing/detail_mujoco_parser.cc'
+# Of half the trace, or of 1 kg m^2 where that is more, by which moments may be off: RotationalInertia::CouldBePhysicallyValid.
+_ROUNDINGS = 16 * 2.0**-52
+
+
+def _is_possible(inertia: Inertia) -> bool:
+    matrix = matrix_of(inertia)
+    if not inertia.mass > 0:
+        return not (inertia.mass or matrix.any())
+    moments, allowed = np.linalg.eigvalsh(matrix), _ROUNDINGS * max(1.0, float(np.trace(matrix)) / 2)
+    return bool(moments[0] >= -allowed and moments[0] + moments[1] + allowed >= moments[2])
+
+
+def _sphere(body: Body, inertia: Inertia) -> Inertia:
+    mass = inertia.mass if inertia.mass > 0 else computed(_MASS, body, "mass of Drake's sphere")
+    radius = math.cbrt(3 * float(mass) / (4 * math.pi * _DENSITY))
+    moment = computed(0.4 * float(mass) * radius**2, body, "moment of Drake's sphere")
+    return replace(inertia, mass=mass, moments=(moment,) * 3 + (Fraction(0),) * 3)
+
+
+def _possible(robot: Robot) -> Tree:
+    def read(body: Body) -> Inertia | None:
+        return body.inertia if body.inertia is None or _is_possible(body.inertia) else _sphere(body, body.inertia)
+
+    return with_inertias(robot.tree, read)
+
+
+def _without_settings(robot: Robot) -> Tree:
+    tree = robot.tree
+    return tree if tree.total_mass is None and tree.bounds is None else replace(tree, total_mass=None, bounds=None)
+
+
+def _undriven(robot: Robot) -> Tree:
+    root = element_at(robot.tree.place)
+    driven = set() if root is None else {one.get("joint") for tag in _ACTUATORS for one in root.iterfind(f"actuator/{tag}")}
+    nothing = Fraction(0)
+    return with_joints(robot.tree, lambda joint: joint if joint.name in driven or not joint.armature else replace(joint, armature=nothing))
+
+
+def _written_gravity(robot: Robot) -> Tree:
+    """That of ``<option>``, be it switched off by a flag or not."""
+    tree, place = robot.tree, robot.tree.place
+    root = element_at(place)
+    if place is None or root is None or any(tree.gravity):
+        return tree
+    written = next((option.get("gravity") for option in root.iterfind("option") if option.get("gravity")), "0 0 -9.81")
+    numbers = [float(word) for word in written.split()]
+    return (
+        replace(tree, gravity=vector([Given(one, place, "gravity", index) for index, one in enumerate(numbers)])) if any(numbers) else tree
+    )
+
+
+def _in_a_row(robot: Robot) -> Tree:
+    """Of several joints of a body, all but the last carry bodies of their own, without a pose."""
+    taken = {body.name for body in robot.tree.bodies}
+    bodies: list[Body] = []
+    for body in robot.tree.bodies:
+        parent = body.parent
+        for joint in body.joints[:-1]:
+            name = next(f"{body.name} {number}" for number in range(len(taken) + 1) if f"{body.name} {number}" not in taken)
+            taken.add(name)
+            bodies.append(Body(name, parent, (), (joint,), None, body.place))
+            parent = name
+        bodies.append(replace(body, parent=parent, joints=body.joints[-1:]))
+    return replace(robot.tree, bodies=tuple(bodies)) if len(bodies) > len(robot.tree.bodies) else robot.tree
+
+
+READINGS = (
+    Reading(
+        name="several joints of a body",
+        engine="drake",
+        formats=("mjcf",),
+        sentence="Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
+        concerns="bodies",
+        source="Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
+        tree=_in_a_row,
+        after=("frames",),
+    ),
+    _left_out.frames("drake", ("mjcf",), "Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
+    Reading(
+        name="settings of the compiler",
+        engine="drake",
+        formats=("mjcf",),
+        sentence="Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
+        concerns="files",
+        source=_PARSER,
+        tree=_without_settings,
+    ),
+    Reading(
+        name="rotor inertias",
+        engine="drake",
+        formats=("mjcf",),
+        sentence="Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
+        concerns="joints",
+        source="https://github.com/RobotLocomotion/drake/pull/21967",
+        tree=_undriven,
+        supplied=True,
+    ),
+    Reading(
+        name="gravity",
+        engine="drake",
+        formats=("mjcf",),
+        sentence="Drake's parser passes over the flag that switches gravity off, with a warning",
+        concerns="files",
+        source=_PARSER,
+        tree=_written_gravity,
+        supplied=True,
+    ),
+    _left_out.tendons("drake", ("mjcf",), "Drake's parser passes over tendons, with a warning", _PARSER),
+    _left_out.springs(
+        "drake",
+        ("urdf", "mjcf"),
+        "Drake's parser passes over the springs of joints, with a warning for those of an MJCF",
+        'Drake documentation, "Parsing model files": <springStiffness> is unknown, and stiffness of an MJCF\'s joint is not supported',
+    ),
+    Reading(
+        name="impossible inertias",
+        engine="drake",
+        formats=("urdf", "mjcf"),
+        sentence=(
+            "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
+            "or 1 kg where it has none; it warns of it"
+        ),
+        concerns="links",
+        source="Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
+        tree=_possible,
+    ),
+)

@@ -1,0 +1,194 @@
+"""What MuJoCo's reader of URDF takes from its own element ``<mujoco>``, and what it makes of links; one reading of its MJCF."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from lxml import etree
+
+from harness.explain.changes.readings import Reading, _left_out, element_at, mujoco_settings, with_bodies, with_inertias, with_joints
+from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
+from harness.robots.bounds import bounded
+from harness.robots.robot import Robot
+
+_URDF = ("urdf",)
+_EXTENSIONS = "MuJoCo documentation, Modeling, URDF extensions, and XML reference"
+_ONE_EXTENSION = "MuJoCo documentation, Modeling, URDF extensions: its own element <mujoco> is the one extension that is read"
+_NOTHING = (Fraction(0),) * 6
+# mjMINVAL.
+_LEAST = 1e-15
+# mjGEOM's default density: that of water.
+_DENSITY = Fraction(1000)
+# Shape to the attributes that give its size, each halved or not, in the order of ``Solid``.
+_SHAPES = {"sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 2)), "box": (("size", 2),)}
+_AXES = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
+
+
+def _centred(tree: Tree) -> Tree:
+    """The tree whose bodies without inertia have their centre of mass at their position in the parent, taken in their own frame."""
+    if tree.bounds is None or not (tree.bounds.mass > 0 or tree.bounds.moment > 0):
+        return tree
+    return with_bodies(tree, _centred_body)
+
+
+def _centred_body(body: Body) -> Body:
+    """An element's own placement stands behind those of the frames around it."""
+    is_empty = body.inertia is None and body.is_massless and any(body.pose[-1:])
+    return replace(body, inertia=Inertia(body.pose[-1:], Fraction(0), _NOTHING, body.place), solids=()) if is_empty else body
+
+
+def _massless_bodies_centred(robot: Robot) -> Tree:
+    return _centred(robot.tree)
+
+
+def _bounded_as_settings_say(robot: Robot) -> Tree:
+    tree, root = robot.tree, element_at(robot.tree.place)
+    settings = mujoco_settings(robot, "compiler")
+    mass, moment = (next(iter(settings.get(name, ())), Fraction(0)) for name in ("boundmass", "boundinertia"))
+    balances = root is not None and root.find("mujoco/compiler[@balanceinertia='true']") is not None
+    read = _centred(replace(tree, bounds=Bounds(mass, moment, balances)))
+    return tree if bounded(read) == tree else read
+
+
+def _weighed(robot: Robot) -> Tree:
+    return with_bodies(robot.tree, lambda body: body if body.inertia is not None else _with_solids(body))
+
+
+def _with_solids(body: Body) -> Body:
+    link = element_at(body.place)
+    solids = () if link is None else tuple(solid for one in link.iterfind("collision") for solid in _solids(one, body))
+    return replace(body, solids=solids) if solids else body
+
+
+def _solids(collision: etree._Element, body: Body) -> Iterator[Solid]:
+    origin = collision.find("origin")
+    position, angles = (_numbers(origin, name) for name in ("xyz", "rpy"))
+    # Roll, pitch and yaw are about axes that stay.
+    turns = tuple(Turn(axis, angle) for axis, angle in reversed(list(zip(_AXES, angles, strict=True))) if angle)
+    for shape in collision.iterfind("geometry/*"):
+        if shape.tag in _SHAPES:
+            size = [value / share for name, share in _SHAPES[shape.tag] for value in _numbers(shape, name)]
+            yield Solid(shape.tag, tuple(size), (Placement(vector(position), turns),), None, _DENSITY, place=body.place)
+
+
+def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
+    text = "0 0 0" if element is None else element.get(name, "0 0 0")
+    return [Fraction(float(word)) for word in text.split()]
+
+
+def _damped_in_each_velocity(robot: Robot) -> Tree:
+    def read(joint: Joint) -> Joint:
+        element = element_at(joint.place) if joint.kind in ("planar", "free") else None
+        dynamics = None if element is None else element.find("dynamics")
+        damping = 0.0 if dynamics is None else float(dynamics.get("damping", "0"))
+        return replace(joint, damping=Given(damping, joint.place, "damping")) if damping and joint.place else joint
+
+    return with_joints(robot.tree, read)
+
+
+def _gravity_of_settings(robot: Robot) -> Tree:
+    gravity = mujoco_settings(robot, "option").get("gravity", ())
+    read = replace(robot.tree, gravity=vector(gravity)) if len(gravity) == 3 else robot.tree
+    return robot.tree if read.gravity == robot.tree.gravity else read
+
+
+def _without_massless_inertias(robot: Robot) -> Tree:
+    def kept(body: Body) -> Inertia | None:
+        is_dropped = not body.joints and body.inertia is not None and float(body.inertia.mass) < _LEAST and any(body.inertia.moments)
+        return None if is_dropped else body.inertia
+
+    tree = bounded(robot.tree)
+    read = with_inertias(tree, kept)
+    return robot.tree if read == tree else read
+
+
+def _scaled_as_settings_say(robot: Robot) -> Tree:
+    total = next(iter(mujoco_settings(robot, "compiler").get("settotalmass", ())), Fraction(0))
+    return replace(robot.tree, total_mass=total) if total > 0 else robot.tree
+
+
+READINGS = (
+    Reading(
+        name="centre of a massless body",
+        engine="mujoco",
+        formats=("mjcf",),
+        sentence="MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
+        concerns="bodies",
+        source="MuJoCo 4.0, user/user_objects.cc, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
+        tree=_massless_bodies_centred,
+    ),
+    Reading(
+        name="mass of collision geometry",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
+        concerns="links",
+        source='MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
+        tree=_weighed,
+        supplied=True,
+    ),
+    Reading(
+        name="least masses and inertias",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
+        concerns="links",
+        source=f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
+        tree=_bounded_as_settings_say,
+        supplied=True,
+        after=("mass of collision geometry",),
+    ),
+    Reading(
+        name="inertia without mass",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
+        concerns="links",
+        source="MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
+        tree=_without_massless_inertias,
+        supplied=True,
+        after=("least masses and inertias",),
+    ),
+    Reading(
+        name="settotalmass",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
+        concerns="files",
+        source=f"{_EXTENSIONS}, compiler: settotalmass",
+        tree=_scaled_as_settings_say,
+        supplied=True,
+        after=("inertia without mass",),
+    ),
+    Reading(
+        name="gravity",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo takes gravity from the option settings of the file's element <mujoco>",
+        concerns="files",
+        source=f"{_EXTENSIONS}, option: gravity",
+        tree=_gravity_of_settings,
+        supplied=True,
+    ),
+    Reading(
+        name="damping of joints of several degrees of freedom",
+        engine="mujoco",
+        formats=_URDF,
+        sentence="MuJoCo applies the damping of a floating or planar joint to each of its velocities",
+        concerns="joints",
+        source="MuJoCo 4.0, xml/xml_urdf.cc, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
+        tree=_damped_in_each_velocity,
+    ),
+    _left_out.springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Gazebo's springs of joints", _ONE_EXTENSION),
+    _left_out.point_springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's springs between points", _ONE_EXTENSION),
+    _left_out.rotors("mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's rotor inertias", _ONE_EXTENSION),
+    _left_out.ball_joints(
+        "mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's ball joint, and fixes the root link to the world", _ONE_EXTENSION
+    ),
+    _left_out.mimics(
+        "mujoco",
+        _URDF,
+        "MuJoCo makes a joint that mimics another a joint of its own under a soft equality constraint, which is off here",
+        f"{_EXTENSIONS}, equality/joint",
+    ),
+)

@@ -1,0 +1,230 @@
+"""What Pinocchio's reader of MJCF passes over, and what it reads otherwise than MuJoCo."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from harness.explain.changes.readings import (
+    Reading,
+    _left_out,
+    element_at,
+    with_bodies,
+    with_joints,
+    with_poses,
+    with_solids,
+    without_bodies,
+)
+from harness.files.tree import ORIGIN, WORLD, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, vector
+from harness.models.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
+from harness.robots.bounds import bounded
+from harness.robots.robot import Robot
+
+_MJCF = ("mjcf",)
+_GRAPH, _GEOMS = "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp", "Pinocchio 4.1, parsers/mjcf/mjcf-graph-geom.cpp"
+_ONE = Fraction(1)
+
+
+def _raised(robot: Robot) -> Tree:
+    """Of full moments the entries of the diagonal, whatever the principal moments are."""
+    tree, bounds = robot.tree, robot.tree.bounds
+    if bounds is None:
+        return tree
+    read = replace(
+        with_bodies(tree, lambda body: replace(body, inertia=_raised_inertia(body.inertia, bounds)) if body.inertia else body), bounds=None
+    )
+    return tree if read == bounded(tree) else read
+
+
+def _raised_inertia(inertia: Inertia, bounds: Bounds) -> Inertia:
+    diagonal = tuple(max(moment, bounds.moment) for moment in inertia.moments[:3])
+    return replace(inertia, mass=max(inertia.mass, bounds.mass), moments=(*diagonal, *inertia.moments[3:]))
+
+
+def _without_anchors_of_classes(robot: Robot) -> Tree:
+    def read(joint: Joint) -> Joint:
+        is_of_class = any(isinstance(number, Given) and number.place != joint.place for number in joint.anchor)
+        return replace(joint, anchor=ORIGIN) if is_of_class else joint
+
+    return with_joints(robot.tree, read)
+
+
+def _from_childclass(numbers: dict[str, str]) -> Callable[[Robot], Tree]:
+    """The tree of a robot whose joints with a class of their own take what that leaves open from the childclass around them.
+
+    ``numbers``: the fields of a joint by their attributes.
+    """
+
+    def read(joint: Joint) -> Joint:
+        element = element_at(joint.place)
+        around = None if element is None or not element.get("class") else childclass_of(element)
+        found: dict[str, Any] = {}
+        for attribute, field in numbers.items() if around else ():
+            other = None if resolved(element, attribute) else of_class(element, str(around), attribute)
+            if other is not None and joint.place is not None:
+                values = [Given(float(word), joint.place, f"{attribute} of {around}", k) for k, word in enumerate(other.text.split())]
+                found[field] = vector(values) if field == "axis" else values[0]
+        return replace(joint, **found) if found else joint
+
+    return lambda robot: with_joints(robot.tree, read)
+
+
+def _turned_about_moving_axes(robot: Robot) -> Tree:
+    """Three turns in the order of ``eulerseq``, those about axes that stay too."""
+    root = element_at(robot.tree.place)
+    sequences = [] if root is None else [one.get("eulerseq") for one in root.iterchildren("compiler") if one.get("eulerseq")]
+    if not sequences or sequences[-1].islower():
+        return robot.tree
+    order: list[int] = []
+    for number, letter in enumerate(sequences[-1]):
+        order = [*order, number] if letter.islower() else [number, *order]
+
+    def read(placement: Placement) -> Placement:
+        if len(placement.rotation) != len(order):
+            return placement
+        return replace(placement, rotation=tuple(placement.rotation[order.index(number)] for number in range(len(order))))
+
+    return with_poses(robot.tree, lambda pose: tuple(map(read, pose)))
+
+
+def _without_masses_of_classes(robot: Robot) -> Tree:
+    def read(solid: Solid) -> Solid:
+        is_of_class = isinstance(solid.mass, Given) and solid.mass.place != solid.place
+        return replace(solid, mass=None) if is_of_class else solid
+
+    return with_solids(robot.tree, lambda solids: tuple(map(read, solids)))
+
+
+def _of_the_first_tree(robot: Robot) -> Tree:
+    return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
+
+
+def _with_unit_meshes(robot: Robot) -> Tree:
+    def read(solid: Solid) -> Solid:
+        """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
+        geom = element_at(solid.place) if solid.kind == "mesh" else None
+        if geom is None or resolved_text(geom, "type", "mesh") != "mesh":
+            return solid
+        position = vector([float(word) for word in resolved_text(geom, "pos", "0 0 0").split()])
+        return replace(solid, pose=(Placement(position),), mass=_ONE, density=_ONE, moments=(_ONE,) * 3)
+
+    return with_solids(robot.tree, lambda solids: tuple(map(read, solids)))
+
+
+def _unscaled(robot: Robot) -> Tree:
+    return robot.tree if robot.tree.total_mass is None else replace(robot.tree, total_mass=None)
+
+
+def _collides(solid: Solid) -> bool:
+    geom = element_at(solid.place)
+    return geom is None or any(resolved_text(geom, name, "1") != "0" for name in ("contype", "conaffinity"))
+
+
+def _without_pictures(robot: Robot) -> Tree:
+    return with_solids(robot.tree, lambda solids: tuple(filter(_collides, solids)))
+
+
+READINGS = (
+    Reading(
+        name="least masses and inertias",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence=(
+            "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
+            "and passes over balanceinertia"
+        ),
+        concerns="links",
+        source=f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
+        tree=_raised,
+    ),
+    Reading(
+        name="position of a default class",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
+        concerns="joints",
+        source=f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
+        tree=_without_anchors_of_classes,
+    ),
+    Reading(
+        name="class beside a childclass",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
+        concerns="joints",
+        source=f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
+        tree=_from_childclass({"axis": "axis", "ref": "reference"}),
+    ),
+    Reading(
+        name="rotor inertia beside a childclass",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader gives a joint with a class of its own the armature of the childclass around it, if it has none",
+        concerns="joints",
+        source=f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
+        tree=_from_childclass({"armature": "armature"}),
+        supplied=True,
+    ),
+    Reading(
+        name="Euler angles about fixed axes",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
+        concerns="elements",
+        source=f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
+        tree=_turned_about_moving_axes,
+        after=("frames",),
+    ),
+    Reading(
+        name="mass of a default class",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
+        concerns="geoms",
+        source=f"{_GEOMS}: only the geom's own attribute mass is read",
+        tree=_without_masses_of_classes,
+    ),
+    Reading(
+        name="further trees",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
+        concerns="bodies",
+        source=f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
+        tree=_of_the_first_tree,
+    ),
+    _left_out.frames(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
+        f"{_GRAPH}, parseJointAndBody, which knows neither element",
+    ),
+    Reading(
+        name="inertia of meshes",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
+        concerns="geoms",
+        source=f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
+        tree=_with_unit_meshes,
+        after=("geoms that cannot collide", "frames"),
+    ),
+    Reading(
+        name="settotalmass",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence="Pinocchio's MJCF reader passes over <compiler settotalmass>",
+        concerns="files",
+        source=f"{_GRAPH}, parseCompiler, which does not read it",
+        tree=_unscaled,
+    ),
+    Reading(
+        name="geoms that cannot collide",
+        engine="pinocchio",
+        formats=_MJCF,
+        sentence='Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
+        concerns="geoms",
+        source=f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
+        tree=_without_pictures,
+    ),
+)

@@ -1,0 +1,206 @@
+"""Columns: what a change of one value does to answers, in data roundoffs.
+
+A column is the derivative of the answers by the value: by central differences through a ``Watch``, one-sided where a reader or physics
+refuses one direction, or the exact one of the certified truth. It is whitened: multiplied by the factor R of the truth, |x|_M = |R x|,
+and divided by the data roundoff of its state, so that a column times a change of 1 counts data roundoffs, and residuals of all states
+and coordinates weigh alike.
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12, on the observation matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.certified import Certified, Flags
+from harness.certify.gaps import answers_with_gaps
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import generic_sample
+from harness.engines import Engine, Model, Unsupported
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.explain.changes import NUMBER, Change
+from harness.models.model_file import ModelFile
+from harness.models.text import Place, Watch
+from harness.verdict import AGREEMENT
+
+# Of the central differences, relative to a value's scale: their error is about u / DIFFERENCE, or DIFFERENCE^2.
+DIFFERENCE = 1e-5
+# Sampled states: of three, the last is held out of fits; of twelve, three are at rest and six without applied forces.
+STATES = 96
+HELD_OUT_OF = 3
+# What two answers of a sound engine differ by, in data roundoffs, and the error of second order of a difference.
+ROUNDOFFS = 4.0
+SECOND_ORDER = 1e-8
+
+
+def watch(
+    engine: Engine,
+    mechanism: Mechanism,
+    model: ModelFile,
+    states: States,
+    answers: Callable[[Model, States], Array] = answers_with_gaps,
+) -> Watch:
+    """The ``answers`` of an engine at ``states``, accelerations with gaps by default; what the model holds is not audited.
+
+    Raises:
+        ValueError: the engine refuses the model as it is; harness.engines.Unsupported: it cannot express it.
+    """
+
+    def answer(changed: ModelFile) -> Array:
+        try:
+            loaded = engine.load(changed, mechanism.joints, mechanism.gravity)
+        except Unsupported as reason:
+            if changed is model:
+                raise
+            raise ValueError(str(reason)) from reason
+        return answers(loaded, states)
+
+    return Watch(model, answer, mechanism.nv)
+
+
+def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> States:
+    """Sampled states of every kind, at rest, moving, and moving under applied forces, each among those that fits hold out."""
+    states = generic_sample(mechanism, count, seed)
+    kind = np.arange(count) // HELD_OUT_OF % 4
+    v, tau = (np.where((kind >= quiet)[:, None], 0.0, values) for quiet, values in ((3, states.v), (2, states.tau)))
+    return States.at(states.q, v, tau, states.time)
+
+
+def held_out(count: int) -> Flags:
+    """The states of ``count`` that fits do not see, (count,) bool."""
+    return np.asarray(np.arange(count) % HELD_OUT_OF == HELD_OUT_OF - 1)
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Answers at n states as multiples of data roundoffs beside their certified values: one row for each block of each state."""
+
+    certified: Certified
+
+    @cached_property
+    def blocks(self) -> int:
+        """Blocks of a state, 1 of accelerations."""
+        return self.certified.sensitivity.size // max(1, len(self.certified))
+
+    @cached_property
+    def _factor(self) -> Array:
+        roundoff = self.certified.roundoff_with_share.reshape(-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.repeat(self.certified.norm_factor, self.blocks, axis=0) / roundoff[:, None, None])
+
+    def by_row(self, of_states: Flags) -> Flags:
+        """Flags of rows from flags of states."""
+        return np.repeat(of_states, self.blocks)
+
+    def residual(self, answers: Array) -> Array:
+        """Errors, (rows, size), whose norm in each row is the backward error of that block."""
+        with np.errstate(all="ignore"):
+            return self.change(self.certified.errors(answers))
+
+    def change(self, difference: Array) -> Array:
+        """A difference of answers, shaped as these, in the same measure."""
+        difference = difference.reshape(len(self._factor), -1)
+        with np.errstate(all="ignore"):
+            whitened = np.asarray(np.einsum("nij,nj->ni", self._factor, difference))
+        # A body at rest without gravity has no data roundoff, and nothing to explain.
+        whitened[(difference == 0).all(axis=1)] = 0.0
+        return whitened
+
+
+def derivative(answer: Callable[[str], Array | None], text: Callable[[float], str], at: float, step: float) -> Array | None:
+    """Derivative by the value of ``text`` of the answers that ``answer`` gives for a text, shaped as these; None where it is refused.
+
+    By central differences; where one direction is refused, by three points in the other; None where both are.
+    """
+    up, down = (answer(text(at + sign * step)) for sign in (1.0, -1.0))
+    if up is not None and down is not None:
+        return (up - down) / (2 * step)
+    near, sign = (up, 1.0) if up is not None else (down, -1.0)
+    here = None if near is None else answer(text(at))
+    if near is None or here is None:
+        return None
+    far = answer(text(at + 2 * sign * step))
+    return sign * ((near - here) / step if far is None else (4 * near - 3 * here - far) / (2 * step))
+
+
+@dataclass(frozen=True)
+class ChangeColumn:
+    """One change with a value on which some answer depends, and what the value does.
+
+    Attributes:
+        values: whitened derivative of the answers by the value, (rows, size) [data roundoffs per unit of the value].
+        noise: what rounding and the second order leave uncertain in the column's direction, relative to its norm.
+    """
+
+    change: Change
+    values: Array
+    noise: float
+
+    @cached_property
+    def norm(self) -> float:
+        """Euclidean norm over all states and coordinates."""
+        return float(np.linalg.norm(self.values))
+
+    @cached_property
+    def direction(self) -> Array:
+        """The column as a vector of length 1."""
+        return self.values.ravel() / self.norm
+
+
+def find_columns(
+    answer: Callable[[str], Array | None],
+    certified: Certified,
+    changes: Iterable[Change],
+    is_spent: Callable[[], bool] = lambda: False,
+    step_of: Callable[[Change], float] = lambda change: DIFFERENCE * change.scale,
+) -> list[ChangeColumn]:
+    """Columns of all changes with a free value on which some answer depends, at the model as it is.
+
+    ``answer`` gives the answers to a text, None where it is refused; ``step_of`` the step of a value in either direction.
+    Of changes of one kind and place, later ones stand in for those that are refused in both directions.
+    """
+    whitening = Whitening(certified)
+    found: list[ChangeColumn] = []
+    answered: set[tuple[str, Place]] = set()
+    for change in changes:
+        if is_spent():
+            break
+        identity = change.kind, change.place
+        if change.start is None or (change.kind == NUMBER and identity in answered):
+            continue
+        step = step_of(change)
+        slope = derivative(answer, change.text, change.start, step)
+        if slope is None:
+            continue
+        answered.add(identity)
+        values = whitening.change(slope)
+        values[~np.isfinite(values).all(axis=1)] = 0.0
+        if float(np.linalg.norm(values, axis=1).max()) * step > AGREEMENT:
+            noise = ROUNDOFFS * math.sqrt(values.shape[0]) / (step * float(np.linalg.norm(values))) + SECOND_ORDER
+            found.append(ChangeColumn(change, values, noise))
+    return found
+
+
+def parameter_derivatives(kernel: ReferenceKernel, states: States, reference: Reference, values: Sequence[float]) -> Array:
+    """d(accelerations)/d(parameter), (parameters, n, nv) [SI], at parameter ``values``, by which ``reference`` was certified.
+
+    Not a number at a state that is not certified.
+    """
+    mechanism = kernel.mechanism
+    parameters = np.broadcast_to(np.array(values, dtype=np.float64), (len(states), len(values)))
+    forces = np.empty((len(values), *reference.high.shape))
+    for chart, chosen in kernel.by_chart(states):
+        inputs = mechanism.inputs(states[chosen], parameters[chosen])
+        derivatives = chart.derivatives(np.ascontiguousarray(inputs.T), reference.high[chosen])
+        forces[:, chosen] = derivatives[:, :, -len(values) :].transpose(2, 0, 1)
+    factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(mechanism.nv))
+    with np.errstate(all="ignore"):
+        slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces.transpose(1, 2, 0)))
+    return np.where(reference.certified[:, None], slopes.transpose(2, 0, 1), np.nan)

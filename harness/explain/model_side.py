@@ -1,0 +1,164 @@
+"""The model's side of a diagnosis: the place in a model file that explains a subject's answers, and the value that would.
+
+Every number of the file is tried, and whatever the declared mistakes would mend. The engine itself answers to each changed text.
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.certified import Certified
+from harness.certify.compare import compare
+from harness.certify.reference import Reference
+from harness.explain.base_parameters import BaseParameters, base_parameters
+from harness.explain.changes import NUMBER, Change
+from harness.explain.changes.mistakes import mended_mistakes
+from harness.explain.changes.numbers import numeric_changes
+from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_columns
+from harness.explain.least_inertia import felt_least_inertia
+from harness.explain.one_number import Projection, explaining_directions
+from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
+from harness.explain.search import DEFAULT_LIMITS, Limits, Search, Side, Tried
+from harness.models.model_file import ModelFile
+from harness.models.text import Watch, tag, written
+from harness.verdict import AGREEMENT, Verdict
+
+# Of directions that explain the errors of all states, those are reported that are all but as significant as the strongest.
+AS_SIGNIFICANT = 0.9
+
+
+class ModelSide(Side[Array]):
+    """Changed texts of a model file are evaluated to the engine's answers."""
+
+    def __init__(self, watch: Watch, certified: Certified, limits: Limits = DEFAULT_LIMITS) -> None:
+        super().__init__(certified, watch.healthy, limits)
+        self._watch = watch
+        # Of derivatives, relative to a value or its scale.
+        self.step = DIFFERENCE
+
+    def evaluate(self, text: str) -> Array | None:
+        return self._watch.accelerations(text)
+
+    def residual_of(self, evaluated: Array) -> Array:
+        return self.whitening.residual(evaluated)
+
+    def slope(self, change: Change, value: float) -> Array | None:
+        slope = derivative(self.evaluated, change.text, value, self.step * max(change.scale, abs(value)))
+        return None if slope is None else self.whitening.change(slope)[self.seen]
+
+    def columns(self, changes: Sequence[Change]) -> list[ChangeColumn]:
+        """Of all changes with a free value, at the model as it is."""
+        return find_columns(self.evaluated, self.certified, changes, lambda: self.is_spent, lambda change: self.step * change.scale)
+
+
+def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS) -> Diagnosis:
+    """Find the one change of a model's text that explains why its accelerations are not the reference's.
+
+    Args:
+        watch: answers at the states of ``reference``, about 100 at rest and moving, of which every third is held out of
+            fits. Made by ``harness.explain.columns.watch``, its states by ``harness.explain.columns.diagnostic_states``.
+        reference: certified accelerations; states that are not certified do not count.
+    """
+    model, side = watch.model, ModelSide(watch, reference, limits)
+    search = Search(side)
+    as_change = partial(_tried_change, model)
+    if not search.is_needed and not limits.factorises:
+        return search.diagnosis(model.path, as_change)
+    # Where lost digits are tolerated, nearly nothing explains as well as anything.
+    if limits.tolerance <= AGREEMENT and (least := felt_least_inertia(watch, side.left_of, limits.tolerance)) is not None:
+        return Diagnosis(model.path, Conclusion.EXPLAINED, side.before, (least,), limits.evaluations)
+    numbers = numeric_changes(model)
+    structural = [change for mistake in mended_mistakes() for change in mistake.mend(model)]
+    valued = [change for change in structural if change.start is not None]
+    # Numbers first: they explain most of what is wrong, should the evaluations run out.
+    columns = side.columns(numbers)
+    # Of a part of the columns no count would be true.
+    base = None if side.is_spent else base_parameters(columns)
+    # What lost digits cover is told by its direction; by its size, any change would explain it.
+    if limits.factorises:
+        _try_directions(search, side, reference, columns)
+    if search.is_needed and not search.explaining:
+        search.try_zeros(numbers)
+        search.fit_best(columns)
+        _fit_closely(search, side, columns)
+        if search.is_large or not search.explaining:
+            search.try_without_value(change for change in structural if change.start is None)
+        search.fit_best(find_columns(side.evaluated, reference, valued, lambda: side.is_spent))
+        # What is left out may be felt by its square only, or there may be no answer without it.
+        search.fit_from_other_starts([*numbers, *valued])
+    diagnosis = search.diagnosis(model.path, as_change)
+    if base is None:
+        return diagnosis
+    together = _together(model, diagnosis.tried[0], columns, base) if diagnosis.explaining else ()
+    return replace(diagnosis, live=len(columns), rank=base.rank, together=together)
+
+
+def explaining_numbers(watch: Watch, certified: Certified) -> list[TriedChange]:
+    """The numbers of a model's text, each of which makes its answers to any quantity agree, the likeliest first."""
+    side = ModelSide(watch, certified)
+    search = Search(side)
+    if not search.is_needed:
+        return []
+    search.fit_best(side.columns(numeric_changes(watch.model)))
+    return [_tried_change(watch.model, tried) for tried in search.found() if tried.explains]
+
+
+def _try_directions(search: Search, side: ModelSide, reference: Reference, columns: Sequence[ChangeColumn]) -> None:
+    """Keep the numbers that explain the errors of all states, each at the value that leaves no more than lost digits."""
+    here = side.residual_of(side.answers)
+    directions = explaining_directions([Projection.of(reference, here, [column.values for column in columns])])
+    for one in directions:
+        change = columns[one.index].change
+        value = (change.start or 0.0) - one.change
+        mended = side.evaluated(change.text(value))
+        if one.significance < AS_SIGNIFICANT * directions[0].significance or mended is None:
+            continue
+        if Verdict.DISAGREES.value not in compare(reference, mended, factorises=True).verdicts[reference.certified]:
+            search.keep(Tried(change, value, side.left_of(mended), True))
+
+
+def _fit_closely(search: Search, side: ModelSide, columns: Sequence[ChangeColumn]) -> None:
+    """Fit the changes of columns again, if nothing explains a small error, by derivatives over steps as small as the error.
+
+    Answers may bend within the usual step: where a wrong length keeps redundant rows from holding together, an engine that
+    iterates with a proximal parameter feels it by its square, until the row that is new counts in full.
+    """
+    if search.is_large or search.explaining or not columns:
+        return
+    # The relative change that the number felt most would make up for the error by.
+    side.step = min(DIFFERENCE, float(np.linalg.norm(side.here)) / max(column.norm * column.change.scale for column in columns))
+    search.fit_best(side.columns([column.change for column in columns]))
+    if not search.explaining:
+        side.step = DIFFERENCE
+
+
+def _tried_change(model: ModelFile, tried: Tried) -> TriedChange:
+    change, value = tried.change, tried.value
+    place = change.place
+    if value is not None and not tried.explains:
+        value = to_four_digits(value, change.start or 0.0)
+    found = written(model.text, model.format, place)
+    shown = written(change.text(0.0 if value is None else value), model.format, place)
+    if shown == found:
+        # The place is where something is missing, or what changes stands elsewhere.
+        shown = "" if value is None else repr(value)
+    elif change.kind == NUMBER and place.index is not None:
+        # A component of an axis stops at the axis's length.
+        value = float(shown.split()[place.index])
+    shown = f'"{shown}"' if " " in shown else shown
+    return TriedChange(change.kind, change.statement, place, value, tag(place, found), shown, tried.left, tried.explains)
+
+
+def _together(model: ModelFile, first: TriedChange, columns: Sequence[ChangeColumn], base: BaseParameters) -> tuple[str, ...]:
+    """The other values whose changes together do what a change of this one does, as the file has them."""
+    of_change = first.place, first.statement
+    own = next((n for n, column in enumerate(columns) if (column.change.place, column.change.statement) == of_change), None)
+    partners = [columns[partner].change.place for partner in sorted(base.together_with(own))] if own is not None else []
+    return tuple(dict.fromkeys(f"line {place.line} {tag(place, written(model.text, model.format, place))}" for place in partners))

@@ -1,0 +1,153 @@
+"""The truth's side of a diagnosis: the one number of its that a subject seems to have another value of.
+
+The truth is a textbook's, with its parameters, or that of a robot's file, with every number there. Its values at other numbers are
+certified like those at its own, without a new derivation; its derivatives are those of the data roundoff.
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.equations.mechanism import Mechanism
+from harness.equations.states import States
+from harness.explain.changes import PARAMETER, Change
+from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
+from harness.explain.result import Diagnosis, TriedChange, to_four_digits
+from harness.explain.search import Limits, Search, Side, Tried
+from harness.models.text import Place
+
+# Instructions of the equations that all certified evaluations of a diagnosis may have together, and the bounds of their number.
+INSTRUCTIONS, LEAST_EVALUATIONS, MOST_EVALUATIONS = 200_000, 50, 600
+# Noise of the direction of an exact column.
+ROUNDING = 1e-7
+
+
+def textbook_evaluations(mechanism: Mechanism) -> int:
+    """Certified evaluations that the diagnosis of a mechanism takes at most: fewer for longer equations."""
+    return max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, INSTRUCTIONS // len(mechanism.program.instructions)))
+
+
+class TextbookSide(Side[Reference]):
+    """Texts of parameter values are evaluated to the certified accelerations that have them.
+
+    Args:
+        kernel: certified accelerations, in the subject's frames. accelerations: the subject's answers at ``states``, (n, nv).
+        limits: as many evaluations as ``textbook_evaluations`` says by default.
+        parameters: how many of the kernel's are the truth's own; those behind them are of the subject's file. All for None.
+    """
+
+    def __init__(
+        self,
+        kernel: ReferenceKernel,
+        states: States,
+        accelerations: Array,
+        limits: Limits | None = None,
+        parameters: int | None = None,
+    ) -> None:
+        limits = Limits(textbook_evaluations(kernel.mechanism)) if limits is None else limits
+        super().__init__(kernel.evaluate(states), accelerations, limits)
+        self._kernel, self._states = kernel, states
+        self._names = [name for name, _, _ in kernel.mechanism.parameters][:parameters]
+
+    @cached_property
+    def changes(self) -> list[Change]:
+        """Another value of each parameter; its text holds the values of all, exactly. They stand in no line of a file."""
+        return [self._change(number, name) for number, name in enumerate(self._names)]
+
+    def _change(self, number: int, name: str) -> Change:
+        values = list(self.mechanism.parameter_values)
+        own = self.mechanism.parameters[number][1]
+
+        def text(value: float) -> str:
+            return json.dumps([*values[:number], value, *values[number + 1 :]])
+
+        return Change(PARAMETER, "", (Place(1, PARAMETER, name, None, repr(own)),), text, values[number], abs(values[number]) or 1.0)
+
+    def evaluate(self, text: str) -> Reference | None:
+        values = np.array(json.loads(text), dtype=np.float64)
+        reference = self._kernel.evaluate(self._states, np.broadcast_to(values, (len(self._states), len(values))))
+        return reference if reference.certified[self.decides].all() else None
+
+    def residual_of(self, evaluated: Reference) -> Array:
+        # In the measure of the unchanged reference: where one term acts alone, its own roundoff shrinks with it.
+        with np.errstate(all="ignore"):
+            return self.whitening.change(evaluated.errors(self.answers))
+
+    def left_of(self, evaluated: Reference) -> float:
+        return self.largest(Whitening(evaluated).residual(self.answers))
+
+    def slope(self, change: Change, value: float) -> Array | None:
+        text = change.text(value)
+        reference = self.evaluated(text)
+        if reference is None:
+            return None
+        return np.asarray(self._slopes(reference, json.loads(text))[self._names.index(change.place.attribute), self.seen])
+
+    def columns(self) -> list[ChangeColumn]:
+        """At the truth's own values, those that some acceleration depends on."""
+        slopes = self._slopes(self.truth, self.mechanism.parameter_values)
+        columns = [ChangeColumn(change, values, ROUNDING) for change, values in zip(self.changes, slopes, strict=False)]
+        return [column for column in columns if column.norm > 0]
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self._kernel.mechanism
+
+    @property
+    def truth(self) -> Reference:
+        assert isinstance(self.certified, Reference)
+        return self.certified
+
+    def _slopes(self, reference: Reference, values: Sequence[float]) -> Array:
+        """Derivatives of the whitened residual by each parameter p, (parameters, n, nv), 0 at states that fits do not see.
+
+        They are -M^-1 d(force - M qdd)/dp in the measure of the unchanged reference, M = R^T R of ``reference``.
+        """
+        slopes = -parameter_derivatives(self._kernel, self._states, reference, values)
+        found = np.array([self.whitening.change(column) for column in slopes])
+        found[:, ~self.seen] = 0.0
+        return np.where(np.isfinite(found), found, 0.0)
+
+
+def search_parameters(side: TextbookSide) -> Search:
+    """The search for the one parameter that a subject seems to have another value of."""
+    search = Search(side)
+    if search.is_needed:
+        search.fit_best(side.columns())
+        search.fit_from_other_starts(side.changes)
+    return search
+
+
+def diagnose_textbook(side: TextbookSide, file: Path) -> Diagnosis:
+    """Find the one parameter that a subject seems to have another value of; ``file`` gives the parameters their values."""
+    return search_parameters(side).diagnosis(file, partial(_tried_change, side.mechanism, file))
+
+
+def _tried_change(mechanism: Mechanism, file: Path, tried: Tried) -> TriedChange:
+    place, value = replace(tried.change.place, line=_line(file, tried.change.place.attribute)), tried.value
+    assert value is not None
+    _, own, unit = next(parameter for parameter in mechanism.parameters if parameter[0] == place.attribute)
+    value = value if tried.explains else to_four_digits(value, own)
+    found, shown = f"{place.attribute} = {own!r} {unit}".strip(), f"{value!r} {unit}".strip()
+    return TriedChange(PARAMETER, "", place, value, found, shown, tried.left, tried.explains)
+
+
+def _line(file: Path, name: str) -> int:
+    """The line that gives the parameter its value, or where the values of all begin; 1 where neither is found."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return 1
+    patterns = rf"\s*{re.escape(name)}\s*:\s*\(", r"\s*parameters\s*="
+    return next((number for pattern in patterns for number, line in enumerate(lines, 1) if re.match(pattern, line)), 1)

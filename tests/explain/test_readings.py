@@ -1,0 +1,219 @@
+"""A plain engine's answer is explained by its readings, with the lines they concern; without them it is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparison.robots import FILES, edited, line_of, meant_by, record_of
+from support import BUILT_IN
+
+from harness.comparison import judgement
+from harness.comparison.callers import find_callers
+from harness.comparison.far_links import is_explained_by_distance
+from harness.comparison.judgement import ILL_CONDITIONED
+from harness.explain.changes.readings import find_readings
+from harness.verdict import AGREEMENT, Verdict
+
+EXPLAINED = [
+    ("arm.urdf", "pinocchio", "joint damping", ('damping="0.5"', 'damping="0.25"')),
+    ("mimic.urdf", "pinocchio", "mimic joints", ('<mimic joint="left"',)),
+    ("mimic.urdf", "mujoco", "mimic joints", ('<mimic joint="left"',)),
+    ("massless_foot.urdf", "mujoco", "inertia without mass", ('<mass value="0"/>',)),
+]
+
+
+@pytest.mark.parametrize(("name", "engine", "reading", "texts"), EXPLAINED)
+def test_a_reading_explains_a_plain_answer(name: str, engine: str, reading: str, texts: tuple[str, ...]) -> None:
+    record = record_of(FILES / name, engine)
+    assert (record.verdict, record.explained, record.outcome) == (Verdict.DISAGREES, True, "explained")
+    (found,) = record.readings
+    assert (found.name, found.lines) == (reading, tuple(line_of(FILES / name, text) for text in texts))
+    # It is the only one, so that alone it is the whole difference.
+    assert found.alone == pytest.approx(record.relative_error, rel=0.5) and record.left is not None and record.left <= AGREEMENT
+
+
+@pytest.mark.parametrize(("name", "engine", "reading", "texts"), EXPLAINED)
+def test_without_its_reading_the_answer_is_not_explained(
+    name: str, engine: str, reading: str, texts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    record = record_of(FILES / name, engine)
+    assert not record.explained and record.rest
+
+
+def test_one_number_that_explains_the_rest_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ABA takes the one damper of this arm for none."""
+    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    path = edited(FILES / "arm.urdf", tmp_path, ('<dynamics damping="0.25" friction="0.125"/>', ""))
+    record = record_of(path, "pinocchio")
+    assert record.rest[0].startswith(f"arm.urdf:{line_of(path, 'damping=')}: dynamics damping[0] = 0.5: the engine behaves as with ")
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "massless_foot.urdf", "impossible.urdf", "planar.urdf"])
+def test_an_aided_engine_agrees_with_the_file(name: str, engine: str) -> None:
+    record = record_of(FILES / name, engine, aided=True)
+    assert (record.verdict, record.readings) == (Verdict.AGREES, [])
+
+
+def test_a_plane_that_a_reader_passes_over_is_a_reading(tmp_path: Path) -> None:
+    path = edited(FILES / "planar.urdf", tmp_path, ('<axis xyz="0 0 1"/>', '<axis xyz="0.6 0 0.8"/>'))
+    record = record_of(path, "pinocchio", aided=True)
+    assert record.explained and record.verdict == Verdict.DISAGREES
+    assert [reading.name for reading in record.readings] == ["axis of planar joints"]
+    assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize("aided", [False, True])
+def test_a_floating_base_is_put_under_the_root(engine: str, aided: bool, tmp_path: Path) -> None:
+    base = '<link name="ground"><inertial><mass value="4"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    path = edited(FILES / "arm.urdf", tmp_path, ('<link name="ground"/>', base))
+    record = record_of(path, engine, aided, floating_base=True)
+    assert record.explained and record.verdict == (Verdict.DISAGREES if engine == "pinocchio" and not aided else Verdict.AGREES)
+
+
+def test_what_an_engine_refuses_is_named(tmp_path: Path) -> None:
+    record = record_of(FILES / "impossible.urdf", "mujoco")
+    assert (record.outcome, record.explained) == ("refused", True)
+    assert "A + B >= C" in record.message
+    assert any("rod" in sentence and f"line {line_of(FILES / 'impossible.urdf', '<inertia ')}" in sentence for sentence in record.rest)
+
+
+def test_a_joint_that_carries_nothing_has_no_acceleration(tmp_path: Path) -> None:
+    inertial = FILES.joinpath("impossible.urdf").read_text().partition("<inertial>")[2].partition("</inertial>")[0]
+    path = edited(FILES / "impossible.urdf", tmp_path, (f"<inertial>{inertial}</inertial>", ""))
+    found = meant_by(path)
+    assert "pin" in found.undetermined
+    record = record_of(path, "pinocchio")
+    assert (record.verdict, "0 of" in record.message) == (Verdict.UNDECIDED, True)
+
+
+@pytest.mark.parametrize("engine", sorted(find_callers()))
+def test_every_reading_says_where_it_is_known_from(engine: str) -> None:
+    for model_format in find_callers()[engine].formats:
+        for reading in find_readings(engine, model_format):
+            assert reading.engine == engine and len(reading.source) > 20 and reading.sentence[0].isupper()
+
+
+def test_a_reading_that_does_not_apply_leaves_the_very_robot() -> None:
+    robot = meant_by(FILES / "impossible.urdf").robot
+    found = [(reading, reading.read(robot)) for engine in find_callers() for reading in find_readings(engine, "urdf")]
+    assert all((read is robot) == (read.tree == robot.tree) for _, read in found)
+    assert not {reading.engine for reading, read in found if read is not robot} & {"mujoco", "pinocchio", "idyntree", "dartpy"}
+    assert np.isfinite(meant_by(FILES / "impossible.urdf").truth.high).all()
+
+
+def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Path) -> None:
+    """A wheel of 1e-6 kg m^2 a hundred metres from the base."""
+    text = (FILES / "arm.urdf").read_text()
+    text = text.replace('<origin xyz="0 0.0625 -0.5"/>', '<origin xyz="0 100 -0.5"/>').replace('xyz="0 0 -0.1875"', 'xyz="0 0 0"')
+    text = text.replace('ixx="0.015625" ixy="0" ixz="0" iyy="0.015625"', 'ixx="0.000001" ixy="0" ixz="0" iyy="0.0078125"')
+    path = tmp_path / "far.urdf"
+    start, end = text.index('  <joint name="flange"'), text.index("</robot>")
+    path.write_text(text[:start] + text[end:])
+    record = record_of(path, "mujoco", aided=True)
+    assert record.explained and record.outcome == "lost digits" and "half ulps of m r^2" in record.lost_digits
+    found = meant_by(path)
+    assert is_explained_by_distance(found, found.truth.high)
+    assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))
+
+
+@pytest.mark.parametrize("shape", ['<box size="0.25 0.5 0.125"/>', '<cylinder radius="0.125" length="0.5"/>', '<sphere radius="0.125"/>'])
+def test_mass_of_collision_geometry_is_a_reading_of_mujoco(shape: str, tmp_path: Path) -> None:
+    collision = f'<collision><origin xyz="0 0.25 0" rpy="0.5 0.25 1"/><geometry>{shape}</geometry></collision>'
+    text = (FILES / "arm.urdf").read_text()
+    start, end = text.index("<inertial>", text.index('<link name="tool">')), text.rindex("</inertial>") + len("</inertial>")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text[:start] + collision + text[end:])
+    record = record_of(path, "mujoco")
+    assert record.explained and [reading.name for reading in record.readings] == ["mass of collision geometry"]
+    assert record.readings[0].lines == (line_of(path, '<link name="tool">'),)
+    assert record_of(path, "mujoco", aided=True).verdict == Verdict.AGREES
+
+
+def test_a_position_of_a_default_class_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "class.xml"
+    path.write_text("""<mujoco>
+    <default><default class="off"><joint pos="0.25 0 0.125"/></default></default>
+    <worldbody><body name="one"><joint name="near" axis="0 1 0"/><geom size="0.125" pos="0.5 0 0"/>
+      <body name="two" pos="0 0 1"><joint name="far" class="off" axis="1 1 0"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.explained and record.verdict == Verdict.DISAGREES
+    assert [(reading.name, reading.lines) for reading in record.readings] == [("position of a default class", (2,))]
+
+
+@pytest.mark.parametrize("sequence", ["XYZ", "xYz", "zYX"])
+def test_euler_angles_about_fixed_axes_are_a_reading_of_pinocchio(sequence: str, tmp_path: Path) -> None:
+    path = tmp_path / "euler.xml"
+    path.write_text(f"""<mujoco><compiler angle="degree" eulerseq="{sequence}"/><worldbody>
+    <body name="one" euler="30 40 50"><joint name="near" axis="0 1 0"/>
+      <inertial pos="0.5 0 0.25" euler="20 10 70" mass="1" diaginertia="0.5 0.75 1"/>
+      <body name="two" pos="0 0 1"><joint name="far" axis="1 1 0"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["Euler angles about fixed axes"]
+    assert record.readings[0].lines == (2, 3)
+
+
+def test_a_class_beside_a_childclass_is_a_reading_of_pinocchio(tmp_path: Path) -> None:
+    path = tmp_path / "class.xml"
+    path.write_text("""<mujoco><compiler angle="radian"/>
+    <default><default class="own"><joint damping="0.5"/></default>
+    <default class="around"><joint axis="1 0 1" ref="0.25" armature="0.125"/></default></default>
+    <worldbody><body name="one" childclass="around"><joint name="near" class="own"/><geom size="0.125" pos="0.5 0.25 0"/>
+      <body name="two" pos="0 0 1"><joint name="far"/><geom size="0.125" pos="0 0.25 0"/></body>
+    </body></worldbody></mujoco>""")
+    own = ["class beside a childclass", "joint damping", "rotor inertia beside a childclass"]
+    for aided, names in ((False, own), (True, own[:1])):
+        record = record_of(path, "pinocchio", aided)
+        assert record.outcome == "explained" and sorted(reading.name for reading in record.readings) == names
+        assert record.readings[0].lines == (4,)
+
+
+def test_digits_lost_where_m_is_constant_are_told_from_a_wrong_number() -> None:
+    """As Pinocchio reads this file both axes are parallel, and the first link alone has 1e-15 kg m^2 about its own."""
+    path = BUILT_IN.model_path("furuta_pendulum.class_in_childclass", "mjcf")
+    record = record_of(path, "pinocchio")
+    assert record.explained and ILL_CONDITIONED in record.lost_digits
+
+
+def test_the_gravity_that_pinocchio_takes_is_rounded_like_that_of_a_file(tmp_path: Path) -> None:
+    """In free fall from rest nothing else says how far an acceleration may be off."""
+    path = tmp_path / "falls.xml"
+    path.write_text("""<mujoco><option gravity="0 0 0"/><worldbody><body name="one"><freejoint name="free"/>
+    <geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint name="pin" axis="1 2 3"/><geom size="0.1" pos="0.1 0.3 0"/></body></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and record.left is not None and record.left <= AGREEMENT
+
+
+def test_joints_without_names_are_found_in_pinocchio(tmp_path: Path) -> None:
+    """It calls them after their body and number."""
+    path = tmp_path / "unnamed.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><freejoint/><geom size="0.125" pos="0.3 0.1 0"/>
+    <body name="two" pos="0 0.2 1"><joint axis="1 2 3"/><joint axis="0 1 0"/><geom size="0.1" pos="0.1 0.3 0"/>
+    <body name="three"><joint/><geom size="0.1" pos="0.5 0 0"/></body></body></body></worldbody></mujoco>""")
+    assert record_of(path, "pinocchio").verdict == Verdict.AGREES
+
+
+def test_a_robot_that_a_reading_leaves_without_mass_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "pictures.xml"
+    path.write_text("""<mujoco><worldbody><body name="one"><joint name="pin" axis="0 1 0"/>
+    <geom size="0.125" pos="0.3 0.1 0" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
+    record = record_of(path, "pinocchio")
+    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["geoms that cannot collide"]
+    assert "nothing with mass or inertia moves with pin (line 1)" in record.notes[0]
+
+
+def test_a_robot_without_a_certain_acceleration_is_undecided(tmp_path: Path) -> None:
+    """A ball joint in the centre of a free body that weighs nothing else."""
+    path = tmp_path / "ball.urdf"
+    text = (FILES / "impossible.urdf").read_text()
+    moments = text[text.index("<inertia ") : text.index("/>", text.index("<inertia "))]
+    path.write_text(text.replace(moments, '<inertia ixx="-1" ixy="0" ixz="0" iyy="-9" iyz="0" izz="-1"'))
+    record = record_of(path, "pinocchio")
+    assert (record.verdict, record.explained, "at no state" in record.message) == (Verdict.UNDECIDED, True, True)
