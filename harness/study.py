@@ -106,9 +106,7 @@ class Inquiries:
     def tasks(self) -> Sequence[Task]:
         while not self._next and not self._open and (coming := next(self._rounds, None)) is not None:
             for inquiry in coming:
-                self._open += 1
-                for part in self._go_on(_UnderWay(inquiry)):
-                    raise AssertionError(f"{part.label} is complete before anything was asked")
+                self._begin(inquiry)
         work, self._next = self._next, []
         return work
 
@@ -117,6 +115,12 @@ class Inquiries:
         under_way.outcomes[place] = outcome
         if len(under_way.outcomes) == under_way.awaited:
             yield from self._go_on(under_way)
+
+    def _begin(self, inquiry: Inquiry[None]) -> None:
+        """Let a generator go on beside the others of its round."""
+        self._open += 1
+        for part in self._go_on(_UnderWay(inquiry)):
+            raise AssertionError(f"{part.label} is complete before anything was asked")
 
     def _go_on(self, under_way: _UnderWay) -> Iterator[Part]:
         """Send what has come, and give out what is asked next; no task at all is answered at once."""

@@ -272,16 +272,31 @@ class Stage:
         def noted() -> list[Task]:
             if round_of_tasks := list(further()):
                 self.rounds.append(round_of_tasks)
+                _note_where(round_of_tasks)
             return round_of_tasks
 
         self.rounds.append(list(tasks))
+        _note_where(self.rounds[-1])
         for task in given_out(self.rounds[-1], noted):
             yield self.answers(task)
 
 
 def where(task: Task) -> tuple[Any, ...]:
-    """The key of a study's task without the method that takes its outcome."""
-    return tuple(task.key[1:])
+    """The arguments of the inquiry that asks a task."""
+    _note_where([task])
+    return _WHERE[task]
+
+
+# By task, as an inquiry that has ended has no arguments any more.
+_WHERE: dict[Task, tuple[Any, ...]] = {}
+
+
+def _note_where(tasks: Iterable[Task]) -> None:
+    for task in tasks:
+        inquiry = getattr(task.key[0], "inquiry", None)
+        if task not in _WHERE and inquiry is not None:
+            frame = inquiry.gi_frame
+            _WHERE[task] = tuple(frame.f_locals[name] for name in frame.f_code.co_varnames[1 : frame.f_code.co_argcount])
 
 
 def completed(study: Study, workers: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from harness.bench.methods import find_derivative_methods, find_methods
@@ -25,14 +25,14 @@ from harness.library import member_of, nearest
 from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.results.records import ACCELERATIONS
-from harness.study import Part, Rounds
-from harness.workers import Outcome, Task
+from harness.study import Inquiries, Inquiry, Part, ask
+from harness.workers import Outcome
 
 # By what methods compute, what asks for it.
 _OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity", DERIVATIVES: "--derivatives", MOTION: "--motion"}
 
 
-class BenchmarkStudy(Rounds):
+class BenchmarkStudy(Inquiries):
     """One benchmark of a library; a ``harness.study.Study`` of ``Benchmark`` parts.
 
     Raises:
@@ -116,23 +116,21 @@ class BenchmarkStudy(Rounds):
     def steps(self) -> int:
         return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in self._parts)
 
-    def rounds(self) -> Iterator[list[Task]]:
-        yield [Task((self._loaded, name, "equations and models"), load, (self.settings.library, name)) for name in self.names]
-        yield list(self._measuring(timed=True))
-        yield list(self._measuring(timed=False))
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._loaded(name) for name in self.names]
+        yield self._measuring(timed=True)
+        yield self._measuring(timed=False)
 
     def result(self) -> Benchmark:
         return self._measured
 
-    def _measuring(self, timed: bool) -> Iterator[Task]:
+    def _measuring(self, timed: bool) -> Iterator[Inquiry[None]]:
         for part in self._parts:
             for name in self._places(part) if part.timed == timed else ():
                 if name in self._scenes or part.system:
                     for engine, methods in self._by_engine(part).items():
                         what = f"{part.name} of {engine}" if engine else part.name
-                        given = replace(self.settings, methods=methods), self._scenes.get(name)
-                        # Two timings at once would take turns on memory and caches, and measure each other.
-                        yield Task((self._taken, name, what), part.measure, given, affinity="timed" if timed else None)
+                        yield self._measured_part(name, what, part, replace(self.settings, methods=methods))
 
     def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
         """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
@@ -156,7 +154,8 @@ class BenchmarkStudy(Rounds):
         named = [name for name, member in members.items() if part.system in (name, member and member[0].stem)]
         return [part.system] if named else []
 
-    def _loaded(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
+    def _loaded(self, name: str, what: str = "equations and models") -> Inquiry[None]:
+        outcome = yield from ask(load, self.settings.library, name)
         found = self._problem(outcome, name, what) or Benchmark()
         if isinstance(outcome.value, Scene):
             self._scenes[name] = outcome.value
@@ -173,7 +172,9 @@ class BenchmarkStudy(Rounds):
         name = scene.mechanism.name
         return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
 
-    def _taken(self, outcome: Outcome, name: str, what: str) -> Iterator[Part]:
+    def _measured_part(self, name: str, what: str, part: BenchmarkPart, settings: BenchmarkSettings) -> Inquiry[None]:
+        # Two timings at once would take turns on memory and caches, and measure each other.
+        outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
         yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _part(self, label: str, found: Benchmark) -> Part:

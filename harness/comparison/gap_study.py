@@ -32,7 +32,7 @@ from harness.results.gap import Gap, Gaps, Mover
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import Robot, read_robot
 from harness.robots.step_forces import step_forces
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.workers import Outcome, Task
 
 _FORM = re.compile(r"(?P<engine>[^/@]+)/(?P<integrator>[^/@]+)(?:@(?P<length>[^/@]+))?")
@@ -89,6 +89,10 @@ class Settings:
     start: str = ""
 
 
+# q and v of the joints of the first file.
+_Place = tuple[Array, Array]
+
+
 @dataclass(frozen=True)
 class _Case:
     """One motion before it is computed: the robot of the file and as its reader has it, the rule, and how many steps."""
@@ -101,7 +105,7 @@ class _Case:
     steps: int
 
 
-class GapStudy(Rounds):
+class GapStudy(Inquiries):
     """The gap between two motions."""
 
     title, steps = "gap", 3
@@ -109,37 +113,30 @@ class GapStudy(Rounds):
     def __init__(self, settings: Settings) -> None:
         super().__init__()
         self.settings = settings
-        self._cases: tuple[_Case, ...] = ()
-        self._ends: dict[int, tuple[Array, Array]] = {}
-        self._start: tuple[Array, Array] | None = None
         self._found = Gaps()
 
     def result(self) -> Gaps:
         return self._found
 
-    def rounds(self) -> Iterator[Sequence[Task]]:
-        yield [Task((self._take_cases,), _prepare, (self.settings,))]
-        if self._start is not None:
-            yield [Task((self._take_end, number), _move, (case, *self._start, self._names)) for number, case in enumerate(self._cases)]
-        if len(self._ends) == len(self._cases) == 2 and self._start is not None:
-            yield [Task((self._take_gap,), _gap, (self._cases, *self._start, self._names, self._ends[0], self._ends[1]))]
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._gap()]
 
-    def _take_cases(self, outcome: Outcome) -> Iterable[Part]:
-        if not self._fails(outcome):
-            self._cases, self._names, self._start = outcome.value
-        return []
-
-    def _take_end(self, outcome: Outcome, number: int) -> Iterable[Part]:
-        if self._fails(outcome):
-            return []
-        self._ends[number] = outcome.value
-        return [Part(f"motion of {self.settings.by[number].engine}", Gaps())]
-
-    def _take_gap(self, outcome: Outcome) -> Iterable[Part]:
-        if self._fails(outcome):
-            return []
-        self._found.gaps.append(outcome.value)
-        return [Part("shares", Gaps(gaps=[outcome.value]))]
+    def _gap(self) -> Inquiry[None]:
+        """Both motions from one start, and what their gap is due to."""
+        prepared = yield from ask(_prepare, self.settings)
+        if self._fails(prepared):
+            return
+        cases, names, start = prepared.value
+        ends = yield [Task(None, _move, (case, *start, names)) for case in cases]
+        for by, end in zip(self.settings.by, ends, strict=True):
+            if not self._fails(end):
+                yield Part(f"motion of {by.engine}", Gaps())
+        if any(end.value is None for end in ends):
+            return
+        found = yield from ask(_gap, cases, start, names, [end.value for end in ends])
+        if not self._fails(found):
+            self._found.gaps.append(found.value)
+            yield Part("shares", Gaps(gaps=[found.value]))
 
     def _fails(self, outcome: Outcome) -> bool:
         failure = self.failure(outcome)
@@ -251,16 +248,13 @@ def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[
 
 def _gap(
     cases: Sequence[_Case],
-    q: Array,
-    v: Array,
+    start: tuple[Array, Array],
     names: Sequence[str],
-    first: tuple[Array, Array],
-    second: tuple[Array, Array],
+    ends: Sequence[tuple[Array, Array]],
     note: Callable[[str], None],
 ) -> Gap:
-    motions = [
-        Motion(step_forces(case.read.tree, names), case.rule, case.steps, *end) for case, end in zip(cases, (first, second), strict=True)
-    ]
+    q, v = start
+    motions = [Motion(step_forces(case.read.tree, names), case.rule, case.steps, *end) for case, end in zip(cases, ends, strict=True)]
     found = shares_of(motions[0], motions[1], q, v, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)
     movers = [
         Mover(

@@ -1,7 +1,7 @@
 """The comparison of one or several robots' files, as a study for worker processes.
 
-A file is read and its truth certified in one task; each engine is asked in tasks of its own, plain and aided, so that one that aborts
-or hangs costs its own record; each answer is judged in a task beside the truth.
+A file is read and its truth certified in one task; each engine is asked in tasks of its own, plain and aided; each answer is judged in
+a task beside the truth.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from harness.comparison.asking import ask_engine, robot_subjects
 from harness.comparison.callers import caller_of
@@ -30,9 +31,8 @@ from harness.results.comparison import (
     SubjectRecord,
 )
 from harness.robots.robot import Robot, read_robot
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task
 
 STATES = 64
 
@@ -58,7 +58,7 @@ class Settings:
     subjects: Sequence[str] = ()
 
 
-class RobotComparison(Rounds):
+class RobotComparison(Inquiries):
     """Every file with every engine that reads its format, plain and aided.
 
     Raises:
@@ -85,75 +85,59 @@ class RobotComparison(Rounds):
         """The problems that are not of a file alone, which a survey reports in its row."""
         return [problem for problem in self.problems if not isinstance(problem, InvalidModel)]
 
-    def rounds(self) -> Iterator[Sequence[Task]]:
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         settings = self.settings
-        yield [
-            Task((self._take_file, path), _prepare, (path, settings.floating_base, settings.states, settings.seed), affinity=path)
-            for path in settings.paths
-        ]
-
+        yield [self._compared(path) for path in settings.paths]
         if settings.pairwise and len(settings.paths) > 1:
             first, *others = settings.paths
-            yield [
-                Task(
-                    (self._take_pair, first, other), _hold, (self._meant[first], self._meant[other].robot, settings.renamed), affinity=first
-                )
-                for other in others
-                if first in self._meant and other in self._meant
-            ]
+            yield [self._held(first, other) for other in others if first in self._meant and other in self._meant]
 
-    def _take_file(self, outcome: Outcome, path: Path) -> Iterable[Part]:
+    def _compared(self, path: Path) -> Inquiry[None]:
+        """One file: what it is, and each engine asked by itself, so that one that aborts or hangs costs its own record."""
+        settings = self.settings
+        outcome = yield from ask(_prepare, path, settings.floating_base, settings.states, settings.seed, affinity=path)
         if outcome.value is None:
             failure = self.failure(outcome)
             problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else failure
-            return [self._keep(FileRecord(path=str(path), problem=problem))]
-        found: Meant = outcome.value
-        self._meant[path] = found
-        record = _file_record(found)
-        for subject in self._subjects:
-            if found.robot.format == subject.format and found.joints:
-                for aided in (one for one in self.settings.stances if not one or found.certified is not None):
-                    asked = Task((self._take_answer, path, subject.engine, aided), _ask, (subject.engine, question_of(found, aided)))
-                    self._next.append(asked)
-        return [self._keep(record)]
+            yield self._kept(path.name, files=[FileRecord(path=str(path), problem=problem)])
+            return
+        found = self._meant[path] = outcome.value
+        for engine in (one.engine for one in self._subjects if found.robot.format == one.format and found.joints):
+            for aided in (one for one in settings.stances if not one or found.certified is not None):
+                self._begin(self._asked(found, engine, aided))
+        yield self._kept(path.name, files=[_file_record(found)])
 
-    def _take_answer(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
-        found = self._meant[path]
+    def _asked(self, found: Meant, engine: str, aided: bool) -> Inquiry[None]:
+        """One engine in one stance on a file, judged beside the file's truth."""
+        path, about = found.robot.path, subject_of(found, caller_of(engine), aided)
+        outcome = yield from ask(_ask, engine, question_of(found, aided))
+        answers: Answers = outcome.value
         if failure := self.failure(outcome):
-            about = subject_of(found, caller_of(engine), aided)
-            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure))]
-        self._next.append(Task((self._take_record, path, engine, aided), _judge, (found, outcome.value, engine, aided), affinity=path))
-        if found.robot.equalities and found.certified is not None and not aided and not outcome.value.refusal:
-            self._next.append(Task((self._take_equalities, path, engine), _judge_equalities, (found, engine), affinity=path))
-        return []
+            record = SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure)
+        else:
+            outcome = yield from ask(_judge, found, answers, engine, aided, affinity=path)
+            failed = self.failure(outcome)
+            record = SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failed) if failed else outcome.value
+        yield self._kept(f"{path.name} {record.subject}", subjects=[record])
+        if not failure and found.robot.equalities and found.certified is not None and not aided and not answers.refusal:
+            outcome = yield from ask(_judge_equalities, found, engine, affinity=path)
+            held = outcome.value
+            if failure := self.failure(outcome):
+                model_format = found.robot.format
+                held = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
+            yield self._kept(f"{path.name} {held.subject} with equalities", equalities=[held])
 
-    def _take_equalities(self, outcome: Outcome, path: Path, engine: str) -> Iterable[Part]:
-        record = outcome.value
-        if failure := self.failure(outcome):
-            model_format = self._meant[path].robot.format
-            record = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
-        self._found.equalities.append(record)
-        return [Part(f"{path.name} {record.subject} with equalities", FilesComparison(equalities=[record]))]
-
-    def _take_record(self, outcome: Outcome, path: Path, engine: str, aided: bool) -> Iterable[Part]:
-        if failure := self.failure(outcome):
-            about = subject_of(self._meant[path], caller_of(engine), aided)
-            return [self._keep_subject(SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failure))]
-        return [self._keep_subject(outcome.value)]
-
-    def _take_pair(self, outcome: Outcome, first: Path, second: Path) -> Iterable[Part]:
+    def _held(self, first: Path, second: Path) -> Inquiry[None]:
+        """The second file against the first."""
+        outcome = yield from ask(_hold, self._meant[first], self._meant[second].robot, self.settings.renamed, affinity=first)
         failure = self.failure(outcome)
         record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
-        self._found.pairs.append(record)
-        return [Part(f"{first.name} {second.name}", FilesComparison(pairs=[record]))]
+        yield self._kept(f"{first.name} {second.name}", pairs=[record])
 
-    def _keep(self, record: FileRecord) -> Part:
-        self._found.files.append(record)
-        return Part(record.name, FilesComparison(files=[record]))
-
-    def _keep_subject(self, record: SubjectRecord) -> Part:
-        self._found.subjects.append(record)
-        return Part(f"{Path(record.path).name} {record.subject}", FilesComparison(subjects=[record]))
+    def _kept(self, label: str, **records: Any) -> Part:
+        found = FilesComparison(**records)
+        self._found.extend(found)
+        return Part(label, found)
 
 
 def _words(problem: InvalidInput) -> str:

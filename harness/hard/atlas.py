@@ -5,8 +5,9 @@ One (case, subject) is one task, so that a crash costs that row alone; ``harness
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from harness.certify.quantities import select_quantities
 from harness.crosscheck.tasks import Note
@@ -20,11 +21,10 @@ from harness.hard.quantity_measurement import measure_quantity
 from harness.library import Library, nearest
 from harness.results.atlas import Atlas, HardRow
 from harness.results.records import ACCELERATIONS
-from harness.study import Part, Rounds
-from harness.workers import Outcome, Task
+from harness.study import Inquiries, Inquiry, Part, ask
 
 
-class AtlasStudy(Rounds):
+class AtlasStudy(Inquiries):
     """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
 
     ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
@@ -56,26 +56,30 @@ class AtlasStudy(Rounds):
                 raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
         asked = _installed(library, subjects) if families else []
         names = list(dict.fromkeys(cases)) or list(hard_cases())
-        for subject in [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]:
-            asked.remove(subject)
-            self._next.append(Task((self._refused, subject), _say, (self.failure(engine_files(library)[subject.engine].outcome),)))
-        self._next += [
-            Task((self._rated, name, subject, quantity), *_measuring(name, subject, quantity, library))
+        broken = [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]
+        self._inquiries = [self._refused(subject, self.failure(engine_files(library)[subject.engine].outcome)) for subject in broken]
+        self._inquiries += [
+            self._rated(name, subject, quantity, library)
             for name in names
             for quantity in chosen
             for subject in asked
-            if not hard_cases()[name].subjects or str(subject) in hard_cases()[name].subjects
+            if subject not in broken and (not hard_cases()[name].subjects or str(subject) in hard_cases()[name].subjects)
         ]
         if motion:
             values = hard_cases()[OSCILLATOR].values
-            self._next += [Task((self._moved, "partings", name), partings, (name, library)) for name in hard_motions()]
-            self._next += [Task((self._moved, "stable_steps", name), stable_steps, (name, values)) for name in STABILITY_LIMITS]
-        self.steps = len(self._next)
+            self._inquiries += [self._moved("partings", name, partings, library) for name in hard_motions()]
+            self._inquiries += [self._moved("stable_steps", name, stable_steps, values) for name in STABILITY_LIMITS]
+        self.steps = len(self._inquiries)
 
     def result(self) -> Atlas:
         return self._measured
 
-    def _rated(self, outcome: Outcome, name: str, subject: Subject, quantity: str) -> Iterator[Part]:
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield self._inquiries
+
+    def _rated(self, name: str, subject: Subject, quantity: str, library: Library) -> Inquiry[None]:
+        function, arguments = _measuring(name, subject, quantity, library)
+        outcome = yield from ask(function, *arguments)
         if isinstance(outcome.exception, NotOffered):
             yield self._part(f"{name} {subject}", Atlas())
             return
@@ -84,10 +88,12 @@ class AtlasStudy(Rounds):
         row = replace(row, quantity=quantity)
         yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected[quantity])]))
 
-    def _refused(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
+    def _refused(self, subject: Subject, failure: str) -> Inquiry[None]:
+        outcome = yield from ask(_say, failure)
         yield self._part(str(subject), Atlas(problems=[f"{subject}: {outcome.value}"]))
 
-    def _moved(self, outcome: Outcome, part: str, name: str) -> Iterator[Part]:
+    def _moved(self, part: str, name: str, measured: Callable[..., Any], given: Any) -> Inquiry[None]:
+        outcome = yield from ask(measured, name, given)
         if failure := self.failure(outcome):
             noted = f" ({outcome.crash.note})" if outcome.crash is not None and outcome.crash.note else ""
             yield self._part(name, Atlas(problems=[f"{name}{noted}: {failure}"]))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from operator import attrgetter
@@ -37,7 +37,7 @@ from harness.library import Library
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
 from harness.results.records import ACCELERATIONS, quantity_options
 from harness.results.search import FoundCase, SearchResult
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
 from harness.workers import Crash, Outcome, Task
@@ -84,7 +84,7 @@ def hunts(budget: int) -> list[tuple[int, int]]:
     return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= evolution.SMALLEST_POPULATION)]
 
 
-class Search(Rounds):
+class Search(Inquiries):
     """One search of a system; a ``harness.study.Study`` whose parts are steps without a value.
 
     Raises:
@@ -107,7 +107,7 @@ class Search(Rounds):
         self._subjects = self._select()
         self._hunts = hunts(settings.budget)
         self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
-        self._loaded: dict[str, Any] = {}
+        self._assignments: list[Assignment] = []
         self._worst: dict[Subject, dict[int, States]] = {}
         # One crash of a subject is enough: each costs a process.
         self._crashes: dict[Subject, Crash] = {}
@@ -115,36 +115,73 @@ class Search(Rounds):
         # Nobody claims to compute these.
         self._not_offered: dict[Subject, str] = {}
 
-    def rounds(self) -> Iterator[list[Task]]:
-        library = self.settings.library
-        formats = {subject.format for subject in self._subjects}
-        yield [
-            Task((self._load, MECHANISM), tasks.derive, (library, self.name)),
-            *(
-                Task((self._load, one), tasks.read, (path, one))
-                for one, path in sorted(library.validated_models(self.name).items())
-                if one in formats
-            ),
-        ]
-        mechanism, about = self._loaded[MECHANISM], (self.name, self.settings.quantity)
-        assignments = {
-            subject: Assignment(library, subject, mechanism, self._loaded.get(subject.format), *about) for subject in self._subjects
-        }
-        yield [
-            Task((self._take_hunt, assignment, number), hunt, (assignment, states, population, self.settings.seed))
-            for number, (states, population) in enumerate(self._hunts)
-            for assignment in assignments.values()
-        ]
-        hunted = {subject: States.concatenate([own[number] for number in sorted(own)]) for subject, own in self._worst.items()}
-        yield [
-            Task((self._take_examination, assignments[subject]), examine, (assignments[subject], hunted[subject]))
-            for subject in sorted(hunted, key=str)
-        ]
-        yield [
-            Task((self._replayed, assignments[subject], crash), ask_one_by_one, (assignments[subject], _noted(crash)))
-            for subject, crash in self._crashes.items()
-        ]
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._read()]
+        yield [self._hunt(one, number) for number in range(len(self._hunts)) for one in self._assignments]
+        yield [self._examine(one) for one in sorted(self._assignments, key=lambda one: str(one.subject)) if one.subject in self._worst]
+        yield [self._replay(one, self._crashes[one.subject]) for one in self._assignments if one.subject in self._crashes]
         self._conclude()
+
+    def _read(self) -> Inquiry[None]:
+        """The system and the models that its subjects read."""
+        library, name = self.settings.library, self.name
+        formats = {subject.format for subject in self._subjects}
+        paths = {one: path for one, path in sorted(library.validated_models(name).items()) if one in formats}
+        derived, *read = yield [
+            Task(None, tasks.derive, (library, name)),
+            *(Task(None, tasks.read, (path, one)) for one, path in paths.items()),
+        ]
+        for outcome in (derived, *read):
+            if outcome.exception is not None:
+                raise outcome.exception
+            if outcome.crash is not None:
+                raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
+        models = {one: outcome.value for one, outcome in zip(paths, read, strict=True)}
+        about = name, self.settings.quantity
+        self._assignments = [Assignment(library, one, derived.value, models.get(one.format), *about) for one in self._subjects]
+        yield Part(MECHANISM, None)
+
+    def _hunt(self, assignment: Assignment, number: int) -> Inquiry[None]:
+        """The worst states of one subject that one way of hunting finds."""
+        subject, result = assignment.subject, self._result
+        states, population = self._hunts[number]
+        outcome = yield from ask(hunt, assignment, states, population, self.settings.seed)
+        yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
+        if isinstance(outcome.exception, InvalidInput):
+            raise outcome.exception
+        if isinstance(outcome.exception, NotOffered) and not self.settings.subjects:
+            self._not_offered[subject] = str(outcome.exception)
+            return
+        if isinstance(outcome.exception, Unsupported):
+            raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
+        if self._has_failed(outcome, subject):
+            return
+        taken: evolution.Hunt = outcome.value
+        self._worst.setdefault(subject, {})[number] = taken.worst
+        for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
+            counts[str(subject)] = counts.get(str(subject), 0) + count
+        error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
+        result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
+
+    def _examine(self, assignment: Assignment) -> Inquiry[None]:
+        """What one subject was found to do worst at, shrunk and explained."""
+        own = self._worst[assignment.subject]
+        outcome = yield from ask(examine, assignment, States.concatenate([own[number] for number in sorted(own)]))
+        yield Part(f"{assignment.subject} explained", None)
+        if not self._has_failed(outcome, assignment.subject):
+            self._found += outcome.value
+
+    def _replay(self, assignment: Assignment, crash: Crash) -> Inquiry[None]:
+        """The state at which the engine died; without one if it does not die again."""
+        outcome = yield from ask(ask_one_by_one, assignment, _noted(crash))
+        if outcome.crash is None or not outcome.crash.note:
+            self._result.failures[str(assignment.subject)] = f"{crash}; no single state repeats it: try a lower --budget"
+            return
+        state = json.loads(outcome.crash.note)
+        # Neither loading nor certifying asks the engine at that state.
+        program = yield from ask(_program, assignment, States.at(**state))
+        about = {"state": state, "verdict": Verdict.ERROR.value, "term": "none", "statement": str(crash)}
+        self._found.append((_found(assignment, backward_error=None, digits_lost=0.0, **about), program.value or ""))
 
     def result(self) -> SearchResult:
         return self._result
@@ -175,40 +212,6 @@ class Search(Rounds):
             raise InvalidRequest(f"no subject can be searched on {self.name}")
         return chosen
 
-    def _load(self, outcome: Outcome, what: str) -> Iterator[Part]:
-        if outcome.exception is not None:
-            raise outcome.exception
-        if outcome.crash is not None:
-            raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
-        self._loaded[what] = outcome.value
-        if what == MECHANISM:
-            yield Part(what, None)
-
-    def _take_hunt(self, outcome: Outcome, assignment: Assignment, number: int) -> Iterator[Part]:
-        subject, result = assignment.subject, self._result
-        states, population = self._hunts[number]
-        yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
-        if isinstance(outcome.exception, InvalidInput):
-            raise outcome.exception
-        if isinstance(outcome.exception, NotOffered) and not self.settings.subjects:
-            self._not_offered[subject] = str(outcome.exception)
-            return
-        if isinstance(outcome.exception, Unsupported):
-            raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
-        if self._has_failed(outcome, subject):
-            return
-        taken: evolution.Hunt = outcome.value
-        self._worst.setdefault(subject, {})[number] = taken.worst
-        for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
-            counts[str(subject)] = counts.get(str(subject), 0) + count
-        error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
-        result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
-
-    def _take_examination(self, outcome: Outcome, assignment: Assignment) -> Iterator[Part]:
-        yield Part(f"{assignment.subject} explained", None)
-        if not self._has_failed(outcome, assignment.subject):
-            self._found += outcome.value
-
     def _has_failed(self, outcome: Outcome, subject: Subject) -> bool:
         failure = self.failure(outcome)
         if outcome.crash is not None:
@@ -217,21 +220,6 @@ class Search(Rounds):
         elif failure:
             self._result.failures[str(subject)] = failure
         return bool(failure)
-
-    def _replayed(self, outcome: Outcome, assignment: Assignment, crash: Crash) -> None:
-        """The state at which the engine died; without one if it does not die again."""
-        if outcome.crash is None or not outcome.crash.note:
-            failure = f"{crash}; no single state repeats it: try a lower --budget"
-            self._result.failures[str(assignment.subject)] = failure
-        else:
-            state = json.loads(outcome.crash.note)
-            # Neither loading nor certifying asks the engine at that state.
-            self._next.append(Task((self._programmed, assignment, crash, state), _program, (assignment, States.at(**state))))
-
-    def _programmed(self, outcome: Outcome, assignment: Assignment, crash: Crash, state: dict[str, list[float]]) -> None:
-        verdict = Verdict.ERROR.value
-        found = _found(assignment, state=state, backward_error=None, digits_lost=0.0, verdict=verdict, term="none", statement=str(crash))
-        self._found.append((found, outcome.value or ""))
 
     def _conclude(self) -> None:
         """Rank what was found, and store it."""

@@ -5,7 +5,7 @@ Engines load on a worker process, so that a model which kills one costs its own 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,9 +25,9 @@ from harness.robots.constraints import rows_of, untied
 from harness.robots.nodes import kinematics
 from harness.robots.robot import tree_of
 from harness.show.placement import Pose, place
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task
+from harness.workers import Task
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]
     return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture else None)
 
 
-class Exhibition(Rounds):
+class Exhibition(Inquiries):
     """Reads and loads what there is of one mechanism; a ``harness.study.Study``. Whatever cannot be used is left out and reported.
 
     Raises:
@@ -87,18 +87,13 @@ class Exhibition(Rounds):
         self._library, self._name, self._with_picture = library, name, with_picture
         self._reasons = self._find_reasons()
         self._exhibit: Exhibit
-        self._models: dict[str, Outcome] = {}
         asked = asked_of(library, name, subjects(library))
         self._holdings = {subject: Holding(subject) for subject in asked if subject.format != EQUATIONS}
         self.steps = len(self._holdings)
 
-    def rounds(self) -> Iterator[list[Task]]:
-        library, name = self._library, self._name
-        yield [
-            Task((self._derived,), derive, (library, name)),
-            *(Task((self._read, one), read, (library.model_path(name, one), one)) for one in library.formats_of(name)),
-        ]
-        yield list(self._loading())
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._read()]
+        yield [self._held(subject) for subject in self._loading()]
 
     def result(self) -> Exhibit:
         self._exhibit.holdings = list(self._holdings.values())
@@ -116,21 +111,18 @@ class Exhibition(Rounds):
         reasons = {subject: expectations.why_no_model(self._library, self._name, subject) for subject in subjects(self._library)}
         return {subject: reason for subject, reason in reasons.items() if reason}
 
-    def _derived(self, outcome: Outcome) -> None:
-        if outcome.crash is not None:
-            raise InvalidInput(self._library.system_path(self._name), None, str(outcome.crash))
-        if outcome.exception is not None:
-            raise outcome.exception
-        self._exhibit = Exhibit(outcome.value, reasons=self._reasons)
-
-    def _read(self, outcome: Outcome, model_format: str) -> None:
-        self._models[model_format] = outcome
-
-    def _loading(self) -> Iterator[Task]:
-        """Ask for each subject that can load its model; for the others the holding says why not."""
-        exhibit = self._exhibit
-        readers = [subject for subject in subjects(self._library) if subject not in exhibit.reasons]
-        for model_format, outcome in self._models.items():
+    def _read(self) -> Inquiry[None]:
+        """The mechanism, and each model as a file says it."""
+        library, name = self._library, self._name
+        reading = {one: Task(None, read, (library.model_path(name, one), one)) for one in library.formats_of(name)}
+        derived, *models = yield [Task(None, derive, (library, name)), *reading.values()]
+        if derived.crash is not None:
+            raise InvalidInput(library.system_path(name), None, str(derived.crash))
+        if derived.exception is not None:
+            raise derived.exception
+        exhibit = self._exhibit = Exhibit(derived.value, reasons=self._reasons)
+        readers = [subject for subject in subjects(library) if subject not in exhibit.reasons]
+        for model_format, outcome in zip(reading, models, strict=True):
             if outcome.value is None:
                 if any(subject.format == model_format for subject in readers):
                     self.failure(outcome)
@@ -140,6 +132,10 @@ class Exhibition(Rounds):
                 exhibit.joints.setdefault(row.joint, []).append((model_format, row))
             texts = [*point_springs(outcome.value), *constraint_texts(outcome.value)]
             exhibit.ties += [(model_format, text) for text in texts]
+
+    def _loading(self) -> Iterator[Subject]:
+        """The subjects that can load their models; for the others the holding says why not."""
+        exhibit = self._exhibit
         for subject in self._holdings:
             model, file = exhibit.models.get(subject.format), engine_files(self._library)[subject.engine]
             if subject in exhibit.reasons:
@@ -150,11 +146,13 @@ class Exhibition(Rounds):
                 remark = f"no valid {subject.format} model"
             self._holdings[subject] = Holding(subject, remark=remark)
             if not remark:
-                # A picture is that of the format's own engine.
-                drawn = self._with_picture and is_native(self._library, subject)
-                yield Task((self._held, subject), hold, (Assignment(self._library, subject, exhibit.mechanism, model), drawn))
+                yield subject
 
-    def _held(self, outcome: Outcome, subject: Subject) -> Iterator[Part]:
+    def _held(self, subject: Subject) -> Inquiry[None]:
+        exhibit = self._exhibit
+        # A picture is that of the format's own engine.
+        drawn = self._with_picture and is_native(self._library, subject)
+        outcome = yield from ask(hold, Assignment(self._library, subject, exhibit.mechanism, exhibit.models[subject.format]), drawn)
         if failure := self.failure(outcome):
             remark = outcome.exception.problem if isinstance(outcome.exception, InvalidInput) else failure
             self._holdings[subject] = Holding(subject, remark=remark)

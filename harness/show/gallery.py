@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects_beside
 from harness.equations.derivation import load_mechanism
@@ -11,11 +11,10 @@ from harness.models.model_file import read_model
 from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw
 from harness.show.placement import choose_view, place
-from harness.study import Part, Rounds
-from harness.workers import Outcome, Task
+from harness.study import Inquiries, Inquiry, Part, ask
 
 
-class Gallery(Rounds):
+class Gallery(Inquiries):
     """The pictures of systems; a ``harness.study.Study``. A system that no engine can place has none.
 
     ``crashes`` are those of the cross-check, as ``CrossCheck`` has them: what died or hung there would again.
@@ -28,16 +27,21 @@ class Gallery(Rounds):
         self._found = CrossCheckResult()
         native = [subject for subject in subjects_beside(library) if subject.format != EQUATIONS and is_native(library, subject)]
         # A variant looks like its system.
-        for name in (name for name in names if not library.is_variant(name)):
-            sound = [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))]
-            if sound:
-                self._next.append(Task((self._drawn, name), draw_system, (library, name, sound), name))
-        self.steps = len(self._next)
+        plain = [name for name in names if not library.is_variant(name)]
+        sound = {
+            name: [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))] for name in plain
+        }
+        self._library, self._sound = library, {name: subjects for name, subjects in sound.items() if subjects}
+        self.steps = len(self._sound)
 
     def result(self) -> CrossCheckResult:
         return self._found
 
-    def _drawn(self, outcome: Outcome, name: str) -> Iterator[Part]:
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._drawn(name, subjects) for name, subjects in self._sound.items()]
+
+    def _drawn(self, name: str, subjects: Sequence[Subject]) -> Inquiry[None]:
+        outcome = yield from ask(draw_system, self._library, name, subjects, affinity=name)
         # Why a system or a model cannot be used is in the records.
         drawn = CrossCheckResult(pictures=[Picture(system=name, svg=outcome.value)] if outcome.value else [])
         self._found.extend(drawn)

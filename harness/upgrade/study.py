@@ -15,10 +15,9 @@ from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import TERMS, RunChange, run_changes
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.upgrade.explanation import explain_changes
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task
 
 _ANSWERED = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.DISAGREES, Verdict.UNDECIDED)
 
@@ -66,7 +65,7 @@ def of_version(records: Sequence[Record], version: str) -> list[Record]:
     return found
 
 
-class Explanations(Rounds):
+class Explanations(Inquiries):
     """The terms and readings that changed, of every system and format that both versions answered; a ``harness.study.Study``."""
 
     title = "explanations"
@@ -82,11 +81,11 @@ class Explanations(Rounds):
     def steps(self) -> int:
         return len(self._keys)
 
-    def rounds(self) -> Iterator[Sequence[Task]]:
-        for_each = (self._library, *self._versions, self._seed)
-        yield [Task((self._explained, *key), _explain, (*key, *for_each), affinity=key[0]) for key in self._keys]
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._explained(*key) for key in self._keys]
 
-    def _explained(self, outcome: Outcome, system: str, subject: str) -> Iterator[Part]:
+    def _explained(self, system: str, subject: str) -> Inquiry[None]:
+        outcome = yield from ask(_explain, system, subject, self._library, *self._versions, self._seed, affinity=system)
         found = outcome.value
         if failure := self.failure(outcome):
             found = [RunChange(system=system, subject=subject, what=TERMS, before="not compared", now=failure)]

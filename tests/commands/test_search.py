@@ -25,7 +25,8 @@ from harness.results.hard_states import FoundState, keep, path_of
 from harness.results.history import History
 from harness.results.records import ACCELERATIONS
 from harness.results.search import FoundCase, SearchResult
-from harness.workers import Outcome, Task
+from harness.study import Inquiry
+from harness.workers import Outcome
 
 FOUND = FoundState(
     state={"q": [1.0], "v": [0.0], "tau": [0.0]}, subject="mujoco/mjcf", backward_error=1e4, digits_lost=4.0, verdict="unstable",
@@ -48,7 +49,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
             super().__init__(settings)
             asked.append(settings)
 
-        def rounds(self) -> Iterator[list[Task]]:
+        def inquiries(self) -> Iterator[list[Inquiry[None]]]:
             self._result = SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
             yield from ()
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, is_tied
+from support import where
 
 from harness.certify.compare import Comparison, compare
 from harness.certify.manifold import closed, closes, distances
@@ -131,7 +132,7 @@ def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | Non
 
 def test_a_case_is_asked_of_the_subjects_it_is_about() -> None:
     study = AtlasStudy(Library.built_in(), cases=["proximal_once", "dead_point"])
-    asked = {(name, str(subject)) for (_, name, subject, _) in (task.key for task in study.tasks())}
+    asked = {(name, str(subject)) for name, subject, *_ in map(where, study.tasks())}
     assert asked == {("proximal_once", "pinocchio/urdf"), *(("dead_point", one) for one in ("lagrange", "mujoco/mjcf", "pinocchio/urdf"))}
     assert PROXIMAL_ONCE.subjects == ("pinocchio/urdf",) and subject_named("pinocchio/urdf") == PINOCCHIO
 
