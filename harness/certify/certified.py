@@ -7,6 +7,7 @@ The values come in blocks, vectors whose length says how large an error is; each
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +39,9 @@ class Certified(Rows):
             roundoff is UNIT_ROUNDOFF times it.
         share: (n, blocks) length of the parts that an algorithm may form and cancel, 0 where none are known; UNIT_ROUNDOFF times it is
             granted to an answer that would fail without.
-        instability: (n,) length over UNIT_ROUNDOFF of what a factorisation of M may lose; 0 where none is known.
+        instability: (n,) length over UNIT_ROUNDOFF of what a factorisation of M may lose; 0 for what takes none.
+        condition: (n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor, NaN for what
+            is not solved for.
         certified: (n,) whether every radius is at most ``CERTIFIED_RADIUS`` times what an answer is held against.
         bits: (n,) precision that was needed, ``DOUBLE_DOUBLE`` where no balls were; 0 where a state is not finite.
     """
@@ -50,6 +53,7 @@ class Certified(Rows):
     sensitivity: Array
     share: Array
     instability: Array
+    condition: Array
     certified: Flags
     bits: Indices
 
@@ -70,6 +74,10 @@ class Certified(Rows):
     def roundoff_with_share(self) -> Array:
         """The data roundoff with the share."""
         return UNIT_ROUNDOFF * (self.sensitivity + self.share)
+
+    def why_undecided(self) -> Iterator[str]:
+        """The reason of each state that is not certified, as far as it is known."""
+        yield from ()
 
     @functools.cached_property
     def size(self) -> Array:

@@ -120,7 +120,8 @@ class QuantityKernel:
             if not len(pending) or not (between.radius[pending] == 0).all():
                 break
         certified = (known & (radius <= CERTIFIED_RADIUS * largest)).all(axis=1) & between.certified
-        return Certified(high, low, radius, norm_factor, sensitivity, sizes, np.zeros(len(inputs)), certified, bits)
+        unsolved = np.zeros(len(inputs)), np.full(len(inputs), np.nan)
+        return Certified(high, low, radius, norm_factor, sensitivity, sizes, *unsolved, certified, bits)
 
     def _in_balls(self, inputs: Array, between: Between, precision: int) -> tuple[Array, Array, Array]:
         """High, low and radius, (blocks, size) each, at one state."""

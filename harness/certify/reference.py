@@ -20,6 +20,7 @@ and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -63,14 +64,26 @@ class Reference(Certified):
         instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
-        condition: (n,) kappa_s, the condition number of M scaled to unit diagonal; infinite where M has no Cholesky factor.
     """
-
-    condition: Array
 
     def lengths(self, vectors: Array) -> Array:
         """(n,) energy norms of vectors (n, nv)."""
         return energy_norm(self.norm_factor, vectors)
+
+    def why_undecided(self) -> Iterator[str]:
+        """See ``Certified``."""
+        for index in np.flatnonzero(~self.certified):
+            if not np.isfinite(self.high[index]).all():
+                yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
+            elif not np.isfinite(self.condition[index]):
+                yield "M is not certainly positive definite, so that data roundoff has no energy norm"
+            elif not np.isfinite(self.sensitivity[index]):
+                yield f"the equations have no derivative there that {PRECISIONS[-1]} bits would show, so that data roundoff is not known"
+            elif self.radius[index] <= CERTIFIED_RADIUS * self.sensitivity[index]:
+                yield "the state does not close the constraints: the branch of the assembly is lost on the way there"
+            else:
+                share = float(self.radius[index] / self.sensitivity[index]) if self.sensitivity[index] else math.inf
+                yield f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
 
     def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
         """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
@@ -228,7 +241,7 @@ class ChartKernel:
             if not len(pending):
                 break
         certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, certified, bits, condition)
+        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, condition, certified, bits)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
         """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""

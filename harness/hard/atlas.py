@@ -6,7 +6,6 @@ One (case, subject) is one task, so that a crash costs that row alone; ``harness
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 from harness.certify.quantities import select_quantities
@@ -17,10 +16,8 @@ from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import failed, measure
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
-from harness.hard.quantity_measurement import measure_quantity
 from harness.library import Library, nearest
 from harness.results.atlas import Atlas, HardRow
-from harness.results.records import ACCELERATIONS
 from harness.study import Inquiries, Inquiry, Part, ask
 
 
@@ -78,14 +75,12 @@ class AtlasStudy(Inquiries):
         yield self._inquiries
 
     def _rated(self, name: str, subject: Subject, quantity: str, library: Library) -> Inquiry[None]:
-        function, arguments = _measuring(name, subject, quantity, library)
-        outcome = yield from ask(function, *arguments)
+        outcome = yield from ask(measure, name, subject, quantity, library)
         if isinstance(outcome.exception, NotOffered):
             yield self._part(f"{name} {subject}", Atlas())
             return
         failure = self.failure(outcome)
-        row: HardRow = failed(hard_cases()[name], subject, failure, outcome.crash) if failure else outcome.value
-        row = replace(row, quantity=quantity)
+        row: HardRow = failed(hard_cases()[name], subject, quantity, failure, outcome.crash) if failure else outcome.value
         yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected[quantity])]))
 
     def _refused(self, subject: Subject, failure: str) -> Inquiry[None]:
@@ -103,13 +98,6 @@ class AtlasStudy(Inquiries):
     def _part(self, label: str, found: Atlas) -> Part:
         self._measured.extend(found)
         return Part(label, found)
-
-
-def _measuring(name: str, subject: Subject, quantity: str, library: Library) -> tuple[Callable[..., HardRow], tuple[object, ...]]:
-    """The function of a task that gives a row, and its arguments."""
-    if quantity == ACCELERATIONS:
-        return measure, (name, subject, library)
-    return measure_quantity, (name, subject, quantity, library)
 
 
 def _say(failure: str, note: Note) -> str:

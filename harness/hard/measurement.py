@@ -12,36 +12,32 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import CERTIFIED_RADIUS
-from harness.certify.compare import Comparison, compare
+from harness.certify.certified import Certified
+from harness.certify.compare import Comparison, compare, farthest_block
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.quantities.accelerations import reference_kernel
-from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
+from harness.certify.quantities import Truth, find_quantities
+from harness.certify.quantities.accelerations import AccelerationTruth, reference_kernel
+from harness.certify.reference import ReferenceKernel
+from harness.crosscheck.assignment import Assignment, truth_of
 from harness.crosscheck.tasks import Note
-from harness.engines import (
-    Engine,
-    Subject,
-    Unsupported,
-    accelerations,
-    factorises_mass_matrix,
-    linear_velocity_in_body,
-    load_engine,
-)
+from harness.engines import NotOffered, Subject, Unsupported, factorises_mass_matrix, linear_velocity_in_body, load_engine
 from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import Projection, explaining_directions
 from harness.hard.cases import HardCase, Theory, hard_cases
-from harness.hard.truths import TruePoint, model_file, true_points
+from harness.hard.truths import TruePoint, file_at, plain_points, true_points
 from harness.library import Library
+from harness.models.model_file import ModelFile
 from harness.results.atlas import HardPoint, HardRow
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.verdict import Verdict, gravest
 from harness.workers import Crash
 
@@ -55,37 +51,40 @@ FEWEST_POINTS_FITTED = 4
 Answered = tuple[HardPoint, Array | None]
 
 
-def measure(case_name: str, subject: Subject, engines: Library, note: Note) -> HardRow:
-    """One subject along one family; ``engines`` is the library whose engines are meant."""
+def measure(case_name: str, subject: Subject, quantity: str, engines: Library, note: Note) -> HardRow:
+    """One subject along one family in one quantity; ``engines`` is the library whose engines are meant.
+
+    Raises:
+        harness.engines.NotOffered: the engine does not offer the quantity, or the case's mechanism has nothing of the kind.
+    """
     started = time.perf_counter()
     case = hard_cases()[case_name]
-    engine = load_engine(engines, subject.engine)
-    truths = true_points(case_name, subject, engines)
+    is_default = find_quantities()[quantity].is_default
+    truths = iter(true_points(case_name, subject, engines)) if is_default else plain_points(case_name)
+    taken: list[TruePoint] = []
     answered: list[Answered] = []
-    for value, truth in zip(case.values, truths, strict=True):
-        note(json.dumps({"knob": value, "system": truth[2].name}))
-        answered.append(point_of(case, value, truth, subject, engine))
+    for value in case.values:
+        note(json.dumps({"knob": value, "system": case.system_at(value)}))
+        truth = next(truths)
+        taken.append(truth)
+        answered.append(point_of(case, value, truth, subject, engines, quantity))
     points = [point for point, _ in answered]
     if any(point.verdict == Verdict.UNSTABLE for point in points):
-        points = explained(truths, answered, linear_velocity_in_body(engine))
-    return measured_row(case, subject, points, started)
-
-
-def measured_row(case: HardCase, subject: Subject, points: list[HardPoint], started: float) -> HardRow:
-    """The row of points that were measured since ``started`` on the clock ``time.perf_counter`` [s], with the growth along them."""
+        points = explained(taken, answered, linear_velocity_in_body(load_engine(engines, subject.engine)))
     return row_of(
         case,
         subject,
         points,
+        quantity,
         growth=_slope([(p.knob, p.backward_error) for p in points if (p.backward_error or 0) > FLOOR and _has_digits(p)]),
         digits_growth=_slope([(p.knob, 10**p.digits_lost) for p in points if p.digits_lost and _has_digits(p)]),
         seconds=time.perf_counter() - started,
     )
 
 
-def row_of(case: HardCase, subject: Subject, points: list[HardPoint], **measured: Any) -> HardRow:
-    """The row of some points, with what the case and theory say of it."""
-    theory = case.theory.get(str(subject), Theory())
+def row_of(case: HardCase, subject: Subject, points: list[HardPoint], quantity: str = ACCELERATIONS, **measured: Any) -> HardRow:
+    """The row of some points, with what the case says of it, and theory, which is about accelerations."""
+    theory = Theory() if quantity_words(quantity) else case.theory.get(str(subject), Theory())
     return HardRow(
         case=case.name,
         title=case.title,
@@ -99,42 +98,80 @@ def row_of(case: HardCase, subject: Subject, points: list[HardPoint], **measured
         theory_digits_growth=theory.digits_growth,
         source=case.source,
         remedy=case.remedy,
+        quantity=quantity,
         **measured,
     )
 
 
-def point_of(case: HardCase, value: float, truth: TruePoint, subject: Subject, engine: Engine) -> Answered:
-    reference, states, mechanism = truth
-    model = model_file(case.name, mechanism.name, subject.format)
-    about = _about(value, mechanism.name, reference)
+def point_of(case: HardCase, value: float, point: TruePoint, subject: Subject, engines: Library, quantity: str = ACCELERATIONS) -> Answered:
+    """One point of a family.
+
+    The truth of a quantity of files is that of the numbers which one of the case's model files has there; where these are not what the
+    energies say, as where a file must hold an inertia that its mechanism has not, the point is ``undecided``.
+
+    Raises:
+        harness.engines.NotOffered: as ``measure``.
+    """
+    engine, states, mechanism = load_engine(engines, subject.engine), point.states, point.mechanism
+    about = _about(HardPoint(knob=value, system=mechanism.name, verdict=Verdict.UNDECIDED.value, states=len(states)), point.reference)
+    is_of_file = find_quantities()[quantity].is_of_file
     try:
-        source = mechanism if model is None else case.model_at(model, mechanism, value)
+        read = file_at(case, mechanism, value, subject.format)
+        declared = file_at(case, mechanism, value, None) if is_of_file else None
     except InvalidModel as error:
         # The case itself is wrong where its model is not physical.
         return replace(about, verdict=Verdict.ERROR.value, reason=str(error)), None
+    if is_of_file and declared is None:
+        raise NotOffered(f"{mechanism.name} has no model file")
     try:
-        loaded = engine.load(source, mechanism.joints, mechanism.gravity)
+        loaded = engine.load(mechanism if read is None else read, mechanism.joints, mechanism.gravity)
     except (ValueError, Unsupported) as error:
         return replace(about, verdict=Verdict.UNSUPPORTED.value, reason=f"{subject.engine} refuses the model: {error}"), None
     if case.configured is not None:
         loaded = case.configured(loaded, value)
-    may_lose_digits = factorises_mass_matrix(engine) or factorises_mass_matrix(loaded)
     try:
-        answers = accelerations(loaded, states)
+        truth, certified = _truth_at(point, Assignment(engines, subject, mechanism, read, quantity=quantity), declared)
+    except InvalidModel as error:
+        return replace(about, reason=str(error)), None
+    about = _about(about, certified, f"the {quantity} of {{}} states is not certified")
+    try:
+        answers = truth.answers(loaded, states)
+    except NotOffered:
+        raise
     except Exception as error:
         return replace(about, verdict=Verdict.ERROR.value, reason=f"{type(error).__name__}: {error}"), None
-    comparison = compare(reference, answers, may_lose_digits)
+    comparison = compare(certified, answers, truth.may_lose_digits(loaded))
+    found = judged_point(about, states, comparison)
+    if found.verdict == Verdict.DISAGREES and truth.blocks:
+        remark = f"farthest off is the {truth.blocks[farthest_block(certified, answers)]}"
+        found = replace(found, reason="; ".join(filter(None, [found.reason, remark])))
+    return replace(found, unstable_bound=_unstable_bound(certified, comparison.worst)), answers
+
+
+def _truth_at(point: TruePoint, assignment: Assignment, declared: ModelFile | None) -> tuple[Truth, Certified]:
+    if point.reference is None:
+        truth = truth_of(assignment, declared)
+        return truth, truth.evaluate(point.states)
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    return AccelerationTruth(point.mechanism, factorises=factorises_mass_matrix(engine)), point.reference
+
+
+def _unstable_bound(certified: Certified, index: int) -> float | None:
+    """Data roundoffs that a factorisation of M may lose at one state; None where that is not known."""
+    if not certified.instability[index]:
+        return None
     with np.errstate(all="ignore"):
-        bound = float((reference.instability / reference.sensitivity)[comparison.worst])
-    return replace(judged_point(about, states, comparison), unstable_bound=bound if math.isfinite(bound) else None), answers
+        bound = float(certified.instability[index] / certified.sensitivity[index])
+    return bound if math.isfinite(bound) else None
 
 
 def explained(truths: Sequence[TruePoint], answered: Sequence[Answered], in_body: bool) -> list[HardPoint]:
     """The points; where another value of one parameter explains the errors along the family, they are no lost digits."""
-    points, parts, names = [point for point, _ in answered], [], []
+    points, parts, names = [found for found, _ in answered], [], []
     kernels: dict[Hashable, ReferenceKernel] = {}
-    for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
-        if answers is None:
+    for point, (_, answers) in zip(truths, answered, strict=True):
+        reference, states, mechanism = point.reference, point.states, point.mechanism
+        if answers is None or reference is None:
             continue
         # The parameters of one point are not those of the next, and its equations are.
         if mechanism.program.key not in kernels:
@@ -152,20 +189,19 @@ def explained(truths: Sequence[TruePoint], answered: Sequence[Answered], in_body
     return points
 
 
-def _about(value: float, system: str, reference: Reference) -> HardPoint:
-    """A point before any engine answers."""
-    condition = reference.condition
-    finite = condition[np.isfinite(condition)]
-    return HardPoint(
-        knob=value,
-        system=system,
-        verdict=Verdict.UNDECIDED.value,
+def _about(point: HardPoint, certified: Certified | None, otherwise: str = "") -> HardPoint:
+    """A point before any engine answers, with what is known of its truth; ``otherwise`` says of how many states it is not."""
+    if certified is None:
+        return point
+    finite = certified.condition[np.isfinite(certified.condition)]
+    missing = len(certified) - int(certified.certified.sum())
+    return replace(
+        point,
         condition=float(finite.max()) if len(finite) else None,
-        certified=int(reference.certified.sum()),
-        states=len(reference),
-        bits=int(reference.bits.max(initial=0)),
-        in_balls=int(reference.in_balls.sum()),
-        reason="; ".join(dict.fromkeys(why_undecided(reference))),
+        certified=len(certified) - missing,
+        bits=int(certified.bits.max(initial=0)),
+        in_balls=int(certified.in_balls.sum()),
+        reason="; ".join(dict.fromkeys(certified.why_undecided())) or (otherwise.format(missing) if missing else ""),
     )
 
 
@@ -186,23 +222,6 @@ def judged_point(about: HardPoint, states: States, comparison: Comparison) -> Ha
     )
 
 
-def why_undecided(reference: Reference) -> Iterator[str]:
-    """For each state that is not certified, why."""
-    condition = reference.condition
-    for index in np.flatnonzero(~reference.certified):
-        if not np.isfinite(reference.high[index]).all():
-            yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
-        elif not np.isfinite(condition[index]):
-            yield "M is not certainly positive definite, so that data roundoff has no energy norm"
-        elif not np.isfinite(reference.sensitivity[index]):
-            yield f"the equations have no derivative there that {PRECISIONS[-1]} bits would show, so that data roundoff is not known"
-        elif reference.radius[index] <= CERTIFIED_RADIUS * reference.sensitivity[index]:
-            yield "the state does not close the constraints: the branch of the assembly is lost on the way there"
-        else:
-            share = float(reference.radius[index] / reference.sensitivity[index]) if reference.sensitivity[index] else math.inf
-            yield f"the radius is {share:.1e} of the sensitivity at {int(reference.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
-
-
 def _has_digits(point: HardPoint) -> bool:
     return point.digits_lost is not None and 10**point.digits_lost * UNIT_ROUNDOFF < NO_DIGITS_LEFT
 
@@ -216,7 +235,7 @@ def _slope(pairs: Sequence[tuple[float, float | None]]) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def failed(case: HardCase, subject: Subject, reason: str, crash: Crash | None) -> HardRow:
+def failed(case: HardCase, subject: Subject, quantity: str, reason: str, crash: Crash | None) -> HardRow:
     """The row of a task that gave none; its last note says at which point it died."""
     at = json.loads(crash.note) if crash and crash.note else {"knob": case.values[0], "system": case.system_at(case.values[0])}
-    return row_of(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], crashed=crash is not None)
+    return row_of(case, subject, [HardPoint(verdict=Verdict.ERROR.value, reason=reason, **at)], quantity, crashed=crash is not None)

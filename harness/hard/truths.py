@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
@@ -24,11 +24,22 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.library import Library
+from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile, read_model
 
-# What is certified at one point, its states, and the equations with the parameters that they have there.
-TruePoint = tuple[Reference, States, Mechanism]
+
+@dataclass(frozen=True)
+class TruePoint:
+    """One point of a family.
+
+    Attributes:
+        mechanism: the equations with the parameters that they have there. reference: the accelerations; None where they are not asked for.
+    """
+
+    states: States
+    mechanism: Mechanism
+    reference: Reference | None = None
+
 
 _IMPEDANCE = re.compile(r"(?P<constraint>.*)\[\d+\] impedance")
 
@@ -59,6 +70,14 @@ def truth_along(case_name: str, in_body: bool) -> list[TruePoint]:
     return _certified(points, in_body)
 
 
+def plain_points(case_name: str) -> Iterator[TruePoint]:
+    """Each point without the truth of its accelerations."""
+    case = hard_cases()[case_name]
+    for place, value in enumerate(case.values):
+        mechanism = load_mechanism(library_of(case), case.system_at(value))
+        yield TruePoint(states_at(case, mechanism, value, place), case.mechanism_at(mechanism, value))
+
+
 def states_at(case: HardCase, mechanism: Mechanism, value: float, place: int) -> States:
     """The states of one point, closed at its parameters; ``mechanism`` has its own."""
     states = closed(case.mechanism_at(mechanism, value), case.states(mechanism, value, place))
@@ -73,14 +92,21 @@ def model_file(case_name: str, system: str, model_format: str) -> ModelFile | No
     return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
 
 
+def file_at(case: HardCase, mechanism: Mechanism, value: float, model_format: str | None) -> ModelFile | None:
+    """The model at one point in a format, by default in the first one that the system has; None for equations."""
+    if model_format is None:
+        model_format = next((one for one in MODEL_SUFFIXES if library_of(case).has_model(mechanism.name, one)), EQUATIONS)
+    model = model_file(case.name, mechanism.name, model_format)
+    return None if model is None else case.model_at(model, mechanism, value)
+
+
 def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool) -> list[TruePoint]:
     points: list[tuple[States, Mechanism, Array | None]] = []
     for place, value in enumerate(case.values):
         mechanism = load_mechanism(library_of(case), case.system_at(value))
         at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
-        file = model_file(case.name, mechanism.name, subject.format)
-        assert file is not None
-        model = case.model_at(file, mechanism, value)
+        model = file_at(case, mechanism, value, subject.format)
+        assert model is not None
         truth = acceleration_truth_of(Assignment(engines, subject, at, model)).mechanism
         if case.opened is None:
             points.append((states, truth, None))
@@ -110,6 +136,6 @@ def _certified(points: Sequence[tuple[States, Mechanism, Array | None]], in_body
         reference = kernel.evaluate(States.concatenate([batch for batch, _, _ in members]), np.concatenate(rows))
         start = 0
         for batch, one, _ in members:
-            found.append((reference[start : start + len(batch)], batch, one))
+            found.append(TruePoint(batch, one, reference[start : start + len(batch)]))
             start += len(batch)
     return found

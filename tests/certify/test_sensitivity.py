@@ -106,7 +106,9 @@ def charts_and_inputs(mechanism: Mechanism, states: States, parameters: Array) -
 def assert_case_is_exact(name: str, every: int = 1) -> None:
     """At all states of one point in ``every``, beginning with the hardest; each must be certified."""
     evaluators: dict[str, Exact] = {}
-    for reference, states, mechanism in truth_along(name, False)[::every]:
+    for one in truth_along(name, False)[::every]:
+        reference, states, mechanism = one.reference, one.states, one.mechanism
+        assert reference is not None
         parameters = np.tile(mechanism.parameter_values, (len(states), 1))
         for index, (program, inputs) in enumerate(charts_and_inputs(mechanism, states, parameters)):
             exact = evaluators.setdefault(program.key, Exact(program))

@@ -26,9 +26,10 @@ from harness.errors import InvalidInput, InvalidRequest
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
-from harness.hard.measurement import measure, why_undecided
+from harness.hard.measurement import measure
 from harness.library import Library
 from harness.results.atlas import HardPoint, HardRow
+from harness.results.records import ACCELERATIONS
 from harness.workers import Workers
 
 ENGINE = """
@@ -131,7 +132,7 @@ def easy(request: pytest.FixtureRequest) -> Sampled:
 
 
 def _row(library: Library, case: str, engine: str) -> HardRow:
-    return measure(case, Subject(engine, EQUATIONS), library, lambda text: None)
+    return measure(case, Subject(engine, EQUATIONS), ACCELERATIONS, library, lambda text: None)
 
 
 @pytest.mark.costly
@@ -213,7 +214,7 @@ def test_growth_is_fitted_and_every_point_is_certified(planted: Library) -> None
 
 
 def test_a_refused_model_is_told_in_the_engines_words() -> None:
-    row = measure("vanishing_cart", Subject("mujoco", "mjcf"), Library.built_in(), lambda text: None)
+    row = measure("vanishing_cart", Subject("mujoco", "mjcf"), ACCELERATIONS, Library.built_in(), lambda text: None)
     refused = [point for point in row.points if point.verdict == "unsupported"]
     assert [point.knob for point in refused] == [point.knob for point in row.points if point.knob < 1e-15]
     assert refused and all("larger than mjMINVAL" in point.reason for point in refused)
@@ -231,7 +232,7 @@ def test_why_a_state_is_undecided() -> None:
     singular = np.array([[0.0, 1.25, 1.5, 2.0, 9.81]])
     reference = ReferenceKernel(mechanism).evaluate(States.at([0.3, 0.0], [1.0, 1.0], [0.0, 0.0]), singular)
     assert not reference.certified.any()
-    assert "singular" in next(why_undecided(reference))
+    assert "singular" in next(reference.why_undecided())
 
 
 @pytest.mark.ci
@@ -358,6 +359,6 @@ def test_every_family_is_as_expected(case: str) -> None:
 def _check_family(case: str, subject: Subject) -> None:
     known = [str(subject) for subject in subjects(Library.built_in())]
     expected = load_hard_expectations(PATH, list(hard_cases()), known)
-    row = judged(measure(case, subject, Library.built_in(), lambda text: None), expected)
+    row = judged(measure(case, subject, ACCELERATIONS, Library.built_in(), lambda text: None), expected)
     assert row.problems == []
     assert all(point.certified == point.states or point.reason for point in row.points)

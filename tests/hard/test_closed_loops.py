@@ -25,6 +25,7 @@ from harness.hard.measurement import measure
 from harness.hard.truths import model_file, states_at
 from harness.library import Library
 from harness.models.attributes import with_attributes
+from harness.results.records import ACCELERATIONS
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), library_of(case))]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
@@ -79,7 +80,7 @@ def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytes
 
     def worst() -> list[float]:
         points = truths.true_points(case.name, MUJOCO, BUILT_IN)
-        return [float(compare(reference, accelerations(loaded, states)).backward_error.max()) for reference, states, _ in points]
+        return [float(compare(one.reference, accelerations(loaded, one.states)).backward_error.max()) for one in points]  # type: ignore[arg-type]
 
     assert max(worst()) < 64
     monkeypatch.setattr(truths, "distances", lambda mechanism, states: {"closure": np.zeros(len(states))})
@@ -123,7 +124,7 @@ def test_the_model_follows_the_knob(name: str) -> None:
 @pytest.mark.costly
 @pytest.mark.parametrize(("name", "growth"), [("proximal_once", 1.0), ("lcaba_mu", -1.0), ("proximal_limit", None)])
 def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | None) -> None:
-    row = measure(name, PINOCCHIO, BUILT_IN, lambda text: None)
+    row = measure(name, PINOCCHIO, ACCELERATIONS, BUILT_IN, lambda text: None)
     expected = load_hard_expectations(PATH, list(hard_cases()), ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
     assert judged(row, expected).problems == []
     assert row.theory_growth == growth

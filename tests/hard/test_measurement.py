@@ -12,7 +12,6 @@ from catalogue import BUILT_IN
 from harness.certify.compare import compare
 from harness.certify.quantities.accelerations import reference_kernel
 from harness.diagnosis.pattern import subject_named
-from harness.engines import load_engine
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
@@ -37,8 +36,7 @@ MARKED = [
 def measured(case_name: str, subject: str) -> tuple[list[TruePoint], list[Answered]]:
     case, named = hard_cases()[case_name], subject_named(subject)
     truths = true_points(case_name, named, BUILT_IN)
-    engine = load_engine(BUILT_IN, named.engine)
-    return truths, [point_of(case, value, truth, named, engine) for value, truth in zip(case.values, truths, strict=True)]
+    return truths, [point_of(case, value, truth, named, BUILT_IN) for value, truth in zip(case.values, truths, strict=True)]
 
 
 def judged_row(case_name: str, subject: str, truths: list[TruePoint], answered: list[Answered]) -> HardRow:
@@ -52,7 +50,9 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
     truths, answered = measured(case_name, subject)
     assert judged_row(case_name, subject, truths, answered).problems == []
     slopes, largest = [], []
-    for (reference, states, mechanism), (_, answers) in zip(truths, answered, strict=True):
+    for truth, (_, answers) in zip(truths, answered, strict=True):
+        reference, states, mechanism = truth.reference, truth.states, truth.mechanism
+        assert reference is not None
         if answers is None:
             continue
         kernel = reference_kernel(mechanism, False)
@@ -62,7 +62,7 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
         # Where the subject's own errors are larger, nothing of this size can be seen.
         agreeing = (compare(reference, answers).verdicts == Verdict.AGREES).all()
         largest.append([float(effect.max()) if agreeing else 0.0 for effect in effects])
-    names = [name for name, _, _ in truths[0][2].parameters]
+    names = [name for name, _, _ in truths[0].mechanism.parameters]
     shown = np.max(largest, axis=0)
     for number, name in enumerate(names):
         if shown[number] == 0:
@@ -70,12 +70,12 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
         off = 10 * AGREEMENT / shown[number]
         changes = iter([off * slope[number] for slope in slopes])
         planted: list[Answered] = []
-        for (reference, _, _), (point, answers) in zip(truths, answered, strict=True):
-            if answers is None:
+        for truth, (point, answers) in zip(truths, answered, strict=True):
+            if answers is None or truth.reference is None:
                 planted.append((point, None))
                 continue
             wrong = answers + next(changes)
-            comparison = compare(reference, wrong, factorises=True)
+            comparison = compare(truth.reference, wrong, factorises=True)
             worst = max(comparison.known("backward_error").tolist(), default=None)
             verdict = str(comparison.verdicts[comparison.worst])
             planted.append((replace(point, verdict=verdict, backward_error=worst), wrong))

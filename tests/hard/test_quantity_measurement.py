@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,7 @@ from harness.engines import NotOffered, select_subjects
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
-from harness.hard.quantity_measurement import measure_quantity
+from harness.hard.measurement import measure
 from harness.library import Library
 from harness.report.hard_cases import HardSummary
 from harness.results.atlas import Atlas, HardRow
@@ -25,7 +24,7 @@ BUILT_IN = Library.built_in()
 
 def row_of(case: str, subject: str, quantity: str, library: Library = BUILT_IN) -> HardRow:
     (chosen,) = select_subjects(library, [subject])
-    return replace(measure_quantity(case, chosen, quantity, library, lambda text: None), quantity=quantity)
+    return measure(case, chosen, quantity, library, lambda text: None)
 
 
 @pytest.mark.costly

@@ -83,7 +83,7 @@ class Truth(ABC):
     """The certified values of a quantity; made once, asked for many batches.
 
     Attributes:
-        blocks: the name of each block, as a report says it.
+        blocks: the name of each block, as a report says it; none for a quantity of one block that needs no other name.
         rigid: the truth that answers are compared with too, for how far they are from it; None for most.
     """
 

@@ -39,7 +39,7 @@ class AccelerationTruth(Truth):
     unit_roundoff: float = UNIT_ROUNDOFF
     factorises: bool = False
     rigid: AccelerationTruth | None = None
-    blocks = ("accelerations",)
+    blocks = ()
 
     @property
     def key(self) -> Hashable:
