@@ -120,7 +120,8 @@ class Diagnoses(Inquiries):
         scope = Scope(settings.seed, record.quantity, evaluations, tolerance, _states_of(record))
         stand_in = settings.stand_ins.get(subject.format)
         outcome = yield from ask(examine, settings.library, record.system, subject, stand_in, scope, affinity=record.system)
-        about: dict[str, Any] = {"diagnosed": str(subject)}
+        # Of another quantity a cause tells what was diagnosed where there is a diagnosis.
+        about: dict[str, Any] = {"diagnosed": str(subject)} if outcome.value is not None or _is_default(record) else {}
         if outcome.value is not None:
             found: SubjectDiagnosis = outcome.value
             first = found.first_line(suspects_textbook=alike.inference.party == "equations")

@@ -48,10 +48,10 @@ TURNED = {
     <body name="arm" euler="0.3 0 0">
       <joint name="hinge" axis="0 1 0" stiffness="3"
              springref="0.25" damping="0.5" armature="0.125"/>
-      <inertial pos="0.5 0 0" quat="0.8 0.6 0 0" mass="2" fullinertia="0.25 0.5 0.5 0.0625 0 0.03125"/>
+      <inertial pos="0.5 0 0" mass="2" fullinertia="0.25 0.5 0.5 0.0625 0 0.03125"/>
       <body name="hand" pos="1 0 0" quat="0.8 0 0.6 0">
         <joint name="wrist" axis="0 0 1"/>
-        <inertial pos="0.25 0 0" mass="1" diaginertia="0.125 0.25 0.25"/>
+        <inertial pos="0.25 0 0" quat="0.8 0.6 0 0" mass="1" diaginertia="0.125 0.25 0.25"/>
       </body>
     </body>
   </worldbody>

@@ -177,6 +177,11 @@ INERTIAL_ROTATION = _rotation_mistake(
     "inertial_rotation",
     "rotation of an inertial frame dropped, reversed or left in",
     "MuJoCo, XML reference, inertial/quat; http://wiki.ros.org/urdf/XML/link, inertial origin rpy",
-    lambda parts: [(f"the inertial frame of {inertial.body}", inertial.rotation) for inertial in parts.inertials],
+    lambda parts: [
+        (f"the inertial frame of {inertial.body}", inertial.rotation)
+        for inertial in parts.inertials
+        # Beside all six entries an MJCF gives no orientation.
+        if inertial.entries[0].place.attribute != "fullinertia"
+    ],
     _principal_axes_dropped,
 )
