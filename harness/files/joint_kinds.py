@@ -25,7 +25,7 @@ class JointKind(StrEnum):
     coordinates: tuple[str, ...]
     linear: int
 
-    def __new__(cls, word: str, coordinates: tuple[str, ...], linear: int) -> Self:
+    def __new__(cls, word: str, coordinates: tuple[str, ...] = (), linear: int = 0) -> Self:
         self = str.__new__(cls, word)
         self._value_ = word
         self.coordinates, self.linear = coordinates, linear

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint
+from harness.files.joint_kinds import JointKind
 from harness.report.figures import COLOURS
 from harness.show.placement import WORLD, Point, Pose, View
 
@@ -31,13 +32,10 @@ def draw(placement: Pose, others: Sequence[Pose], view: View, gravity: float, gh
     """One ``<svg>`` element of ``placement``, over a shadow of ``ghost``, at the scale that holds ``others`` too."""
     sheet = _Sheet(view, [point for shown in (placement, *others) for point in shown.points()])
     if ghost is not None:
-        sheet.links(ghost, shadow=True)
-    sheet.ground(placement)
-    sheet.springs(placement)
-    sheet.links(placement)
-    sheet.joints(placement)
-    sheet.centres(placement)
-    sheet.names(placement)
+        _Drawing(sheet, ghost).links(shadow=True)
+    drawing = _Drawing(sheet, placement)
+    for layer in (drawing.ground, drawing.springs, drawing.links, drawing.joints, drawing.centres, drawing.names):
+        layer()
     sheet.axes(gravity)
     sheet.scale_bar()
     title = escape(f"Joints {', '.join(placement.joints)}; {view.name}")
@@ -56,7 +54,6 @@ class _Sheet:
     shown: Sequence[Array]
     parts: list[str] = field(default_factory=list)
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)
-    tips: dict[str, Point] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         flat = np.array([self.view.flat(point) for point in self.shown])
@@ -98,110 +95,6 @@ class _Sheet:
         head = [(end[0] - 6 * x - side * 3.5 * y, end[1] - 6 * y + side * 3.5 * x) for side in (1, -1)]
         self.line([start, end], kind, colour)
         self.line([head[0], end, head[1]], kind, colour)
-
-    def links(self, placement: Pose, shadow: bool = False) -> None:
-        """Each body as lines from its last joint to its centre of mass and to the joints it carries."""
-        for number, body in enumerate(placement.bodies):
-            hub = _joints_of(placement, number)[-1].moved
-            ends = [_joints_of(placement, child)[0].anchor for child, parent in enumerate(placement.parents) if parent == number]
-            ends += [body.centre] if _is_heavy(placement, number) else []
-            for end in ends:
-                if math.dist(self.at(hub), self.at(end)) > 0.5:
-                    self.line([self.at(hub), self.at(end)], "shadow" if shadow else "link", "" if shadow else _colour(number))
-                    if not shadow:
-                        self.take([self.at(hub), self.at(end)])
-        for name, joint in placement.joints.items():
-            if not shadow and joint.kind == "slide" and math.dist(self.at(joint.anchor), self.at(joint.moved)) > 0.5:
-                self.line([self.at(joint.anchor), self.at(joint.moved)], "rail", _colour(placement.body_of[name]))
-
-    def ground(self, placement: Pose) -> None:
-        """Hatching under the joints that stand on the world."""
-        first = [_joints_of(placement, number)[0] for number, parent in enumerate(placement.parents) if parent == WORLD]
-        for x, y in {self.at(joint.anchor) for joint in first if joint.kind != "free"}:
-            self.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
-            self.taken.append((x - 18, y, x + 18, y + 18))
-            for step in range(-14, 17, 6):
-                self.line([(x + step, y + 11), (x + step - 5, y + 17)], "ground")
-            self.line([(x, y), (x - 8, y + 11), (x + 8, y + 11), (x, y)], "ground")
-
-    def springs(self, placement: Pose) -> None:
-        for spring in placement.springs:
-            for start, end in zip(map(self.at, spring), map(self.at, spring[1:]), strict=False):
-                length = math.dist(start, end) or 1.0
-                x, y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-                turns = max(4, int(length / 22))
-                bends = [(start[0] + x * length * t, start[1] + y * length * t) for t in np.linspace(0.1, 0.9, 2 * turns)]
-                sides = [(bx - y * 6 * (-1) ** n, by + x * 6 * (-1) ** n) for n, (bx, by) in enumerate(bends)]
-                self.line([start, *sides, end], "spring")
-                self.take([start, end])
-
-    def joints(self, placement: Pose) -> None:
-        """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense.
-
-        Of joints in one place the outer ones are drawn larger, and the inner ones over them.
-        """
-        small = _symbol_size(placement)
-        places = [tuple(map(round, self.at(joint.moved))) for joint in placement.joints.values()]
-        for number, (name, joint) in enumerate(placement.joints.items()):
-            inside = 1.0 * places[number + 1 :].count(places[number])
-            # A ring round the centre of mass that would hide it.
-            inside += 1.5 * any(math.dist(self.at(body.centre), self.at(joint.moved)) < 3 for body in placement.bodies if body.mass > 0)
-            colour = _colour(placement.body_of[name])
-            self._joint(name, joint, colour, small * (16.0 + 10.0 * inside), small * (6.0 + 4.0 * inside))
-
-    def _joint(self, name: str, joint: HeldJoint, colour: str, size: float, radius: float) -> None:
-        place = tip = self.at(joint.moved)
-        axis = self.along(joint.axis)
-        seen = math.hypot(*axis)
-        if joint.kind in ("ball", "free", "planar"):
-            self.circle(place, radius + 2, "joint", colour, f"{name}, {joint.kind}")
-            self.circle(place, 3, "dot", colour)
-        elif joint.kind == "hinge" and seen < 0.2:
-            self._turning(name, joint, radius, colour)
-        elif seen < 0.2:
-            self.line([(place[0] + dx, place[1] + dy) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7), (-7, -7))], "joint", colour)
-        else:
-            tail, end = ((place[0] + sign * size * axis[0], place[1] + sign * size * axis[1]) for sign in (-1, 1))
-            tip = (place[0] + (size + 18) * axis[0] / seen, place[1] + (size + 18) * axis[1] / seen)
-            for kind in ("capsule-edge", "capsule") if joint.kind == "hinge" else ("bar",):
-                self.line([tail, end], kind, colour if kind != "capsule" else "")
-            self.arrow(end, tip, "sense", colour)
-            self.take([tail, tip])
-        self.tips[name] = tip
-        self.taken.append((place[0] - 9, place[1] - 9, place[0] + 9, place[1] + 9))
-
-    def _turning(self, name: str, joint: HeldJoint, radius: float, colour: str) -> None:
-        """A hinge seen along its axis, with the arrow of positive angles."""
-        place = self.at(joint.moved)
-        self.circle(place, radius, "joint", colour, f"{name}, hinge")
-        # Downwards on the sheet is a right-handed turn about an axis that points away.
-        sweep = [math.radians(angle) for angle in range(-70, 31, 20)]
-        if float(np.dot(joint.axis, self.view.towards)) > 0:
-            sweep = [-angle for angle in sweep]
-        path = [(place[0] + (radius + 8) * math.cos(a), place[1] + (radius + 8) * math.sin(a)) for a in sweep]
-        self.line(path[:-1], "sense", colour)
-        self.arrow(path[-2], path[-1], "sense", colour)
-        self.taken.append((place[0], place[1] - radius - 10, place[0] + radius + 12, place[1] + radius + 10))
-
-    def centres(self, placement: Pose) -> None:
-        """Quartered circles, larger for heavier bodies."""
-        heaviest = max((body.mass for body in placement.bodies), default=0.0)
-        for number, body in enumerate(placement.bodies):
-            if _is_heavy(placement, number):
-                (x, y), r = self.at(body.centre), _symbol_size(placement) * (4.5 + 4 * (body.mass / heaviest) ** (1 / 3))
-                self.circle((x, y), r, "centre", _colour(number), _title(body, number))
-                quarters = (
-                    f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
-                )
-                self.parts.append(f'<path class="quarters" d="{quarters}"{_coloured(_colour(number), "fill")}/>')
-                self.taken.append((x - r, y - r, x + r, y + r))
-
-    def names(self, placement: Pose) -> None:
-        for joint in placement.body_of:
-            self.label(joint, self.tips[joint], "name")
-        for number, body in enumerate(placement.bodies):
-            if _is_heavy(placement, number) and len(placement.bodies) <= _MANY:
-                self.label(_title(body, number), self.at(body.centre), "name body")
 
     def label(self, text: str, place: Point, kind: str) -> None:
         """Text near a point, at the first place around it where nothing stands yet."""
@@ -255,6 +148,123 @@ class _Sheet:
         left = right - length * self.scale
         self.line([(left, y - 4), (left, y), (right, y), (right, y - 4)], "axes")
         self.parts.append(f'<text class="axes" text-anchor="end" x="{right:.1f}" y="{y - 9:.1f}">{length:g} m</text>')
+
+
+@dataclass
+class _Drawing:
+    """One pose on a sheet; ``tips`` are the ends of its joints' symbols, by which their names stand."""
+
+    sheet: _Sheet
+    pose: Pose
+    tips: dict[str, Point] = field(default_factory=dict)
+
+    def links(self, shadow: bool = False) -> None:
+        """Each body as lines from its last joint to its centre of mass and to the joints it carries."""
+        for number, body in enumerate(self.pose.bodies):
+            hub = _joints_of(self.pose, number)[-1].moved
+            ends = [_joints_of(self.pose, child)[0].anchor for child, parent in enumerate(self.pose.parents) if parent == number]
+            ends += [body.centre] if _is_heavy(self.pose, number) else []
+            for end in ends:
+                if math.dist(self.sheet.at(hub), self.sheet.at(end)) > 0.5:
+                    self.sheet.line(
+                        [self.sheet.at(hub), self.sheet.at(end)], "shadow" if shadow else "link", "" if shadow else _colour(number)
+                    )
+                    if not shadow:
+                        self.sheet.take([self.sheet.at(hub), self.sheet.at(end)])
+        for name, joint in self.pose.joints.items():
+            if not shadow and joint.kind == "slide" and math.dist(self.sheet.at(joint.anchor), self.sheet.at(joint.moved)) > 0.5:
+                self.sheet.line([self.sheet.at(joint.anchor), self.sheet.at(joint.moved)], "rail", _colour(self.pose.body_of[name]))
+
+    def ground(self) -> None:
+        """Hatching under the joints that stand on the world."""
+        first = [_joints_of(self.pose, number)[0] for number, parent in enumerate(self.pose.parents) if parent == WORLD]
+        for x, y in {self.sheet.at(joint.anchor) for joint in first if joint.kind != "free"}:
+            self.sheet.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
+            self.sheet.taken.append((x - 18, y, x + 18, y + 18))
+            for step in range(-14, 17, 6):
+                self.sheet.line([(x + step, y + 11), (x + step - 5, y + 17)], "ground")
+            self.sheet.line([(x, y), (x - 8, y + 11), (x + 8, y + 11), (x, y)], "ground")
+
+    def springs(self) -> None:
+        for spring in self.pose.springs:
+            for start, end in zip(map(self.sheet.at, spring), map(self.sheet.at, spring[1:]), strict=False):
+                length = math.dist(start, end) or 1.0
+                x, y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+                turns = max(4, int(length / 22))
+                bends = [(start[0] + x * length * t, start[1] + y * length * t) for t in np.linspace(0.1, 0.9, 2 * turns)]
+                sides = [(bx - y * 6 * (-1) ** n, by + x * 6 * (-1) ** n) for n, (bx, by) in enumerate(bends)]
+                self.sheet.line([start, *sides, end], "spring")
+                self.sheet.take([start, end])
+
+    def joints(self) -> None:
+        """Hinges as circles or as capsules along their axis, slides as bars; the arrow shows the positive sense.
+
+        Of joints in one place the outer ones are drawn larger, and the inner ones over them.
+        """
+        small = _symbol_size(self.pose)
+        places = [tuple(map(round, self.sheet.at(joint.moved))) for joint in self.pose.joints.values()]
+        for number, (name, joint) in enumerate(self.pose.joints.items()):
+            inside = 1.0 * places[number + 1 :].count(places[number])
+            # A ring round the centre of mass that would hide it.
+            inside += 1.5 * any(
+                math.dist(self.sheet.at(body.centre), self.sheet.at(joint.moved)) < 3 for body in self.pose.bodies if body.mass > 0
+            )
+            colour = _colour(self.pose.body_of[name])
+            self._joint(name, joint, colour, small * (16.0 + 10.0 * inside), small * (6.0 + 4.0 * inside))
+
+    def _joint(self, name: str, joint: HeldJoint, colour: str, size: float, radius: float) -> None:
+        place = tip = self.sheet.at(joint.moved)
+        axis = self.sheet.along(joint.axis)
+        seen = math.hypot(*axis)
+        if not JointKind(joint.kind).is_single:
+            self.sheet.circle(place, radius + 2, "joint", colour, f"{name}, {joint.kind}")
+            self.sheet.circle(place, 3, "dot", colour)
+        elif joint.kind == JointKind.HINGE and seen < 0.2:
+            self._turning(name, joint, radius, colour)
+        elif seen < 0.2:
+            self.sheet.line([(place[0] + dx, place[1] + dy) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7), (-7, -7))], "joint", colour)
+        else:
+            tail, end = ((place[0] + sign * size * axis[0], place[1] + sign * size * axis[1]) for sign in (-1, 1))
+            tip = (place[0] + (size + 18) * axis[0] / seen, place[1] + (size + 18) * axis[1] / seen)
+            for kind in ("capsule-edge", "capsule") if joint.kind == JointKind.HINGE else ("bar",):
+                self.sheet.line([tail, end], kind, colour if kind != "capsule" else "")
+            self.sheet.arrow(end, tip, "sense", colour)
+            self.sheet.take([tail, tip])
+        self.tips[name] = tip
+        self.sheet.taken.append((place[0] - 9, place[1] - 9, place[0] + 9, place[1] + 9))
+
+    def _turning(self, name: str, joint: HeldJoint, radius: float, colour: str) -> None:
+        """A hinge seen along its axis, with the arrow of positive angles."""
+        place = self.sheet.at(joint.moved)
+        self.sheet.circle(place, radius, "joint", colour, f"{name}, hinge")
+        # Downwards on the sheet is a right-handed turn about an axis that points away.
+        sweep = [math.radians(angle) for angle in range(-70, 31, 20)]
+        if float(np.dot(joint.axis, self.sheet.view.towards)) > 0:
+            sweep = [-angle for angle in sweep]
+        path = [(place[0] + (radius + 8) * math.cos(a), place[1] + (radius + 8) * math.sin(a)) for a in sweep]
+        self.sheet.line(path[:-1], "sense", colour)
+        self.sheet.arrow(path[-2], path[-1], "sense", colour)
+        self.sheet.taken.append((place[0], place[1] - radius - 10, place[0] + radius + 12, place[1] + radius + 10))
+
+    def centres(self) -> None:
+        """Quartered circles, larger for heavier bodies."""
+        heaviest = max((body.mass for body in self.pose.bodies), default=0.0)
+        for number, body in enumerate(self.pose.bodies):
+            if _is_heavy(self.pose, number):
+                (x, y), r = self.sheet.at(body.centre), _symbol_size(self.pose) * (4.5 + 4 * (body.mass / heaviest) ** (1 / 3))
+                self.sheet.circle((x, y), r, "centre", _colour(number), _title(body, number))
+                quarters = (
+                    f"M{x:.1f} {y:.1f}v{-r:.1f}a{r:.1f} {r:.1f} 0 0 1 {r:.1f} {r:.1f}zv{r:.1f}a{r:.1f} {r:.1f} 0 0 1 {-r:.1f} {-r:.1f}z"
+                )
+                self.sheet.parts.append(f'<path class="quarters" d="{quarters}"{_coloured(_colour(number), "fill")}/>')
+                self.sheet.taken.append((x - r, y - r, x + r, y + r))
+
+    def names(self) -> None:
+        for joint in self.pose.body_of:
+            self.sheet.label(joint, self.tips[joint], "name")
+        for number, body in enumerate(self.pose.bodies):
+            if _is_heavy(self.pose, number) and len(self.pose.bodies) <= _MANY:
+                self.sheet.label(_title(body, number), self.sheet.at(body.centre), "name body")
 
 
 def _joints_of(placement: Pose, body: int) -> list[HeldJoint]:

@@ -13,6 +13,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, Model
 from harness.equations.mechanism import Mechanism
+from harness.files.joint_kinds import JointKind
 
 ANGLE_SHOWN = 0.4
 SLIDE_SHOWN = 0.25
@@ -76,9 +77,8 @@ def place(model: Model, mechanism: Mechanism) -> tuple[Pose, Pose] | None:
     resting = Pose.of(held(middle, {}))
     extent = float(np.linalg.norm(np.ptp(np.array(resting.points()), axis=0)))
     extent = extent or max((abs(bound) for bounds in singles.values() if bounds for bound in bounds), default=0.0) or 1.0
-    slide, turn = [SLIDE_SHOWN * extent], [ANGLE_SHOWN]
-    wanted = {"slide": slide, "hinge": turn, "ball": turn * 3, "free": slide * 3 + turn * 3, "planar": slide * 2 + turn}
-    steps = {name: wanted[joint.kind] for name, joint in resting.joints.items()}
+    kinds = {name: JointKind(joint.kind) for name, joint in resting.joints.items()}
+    steps = {name: [ANGLE_SHOWN if turns else SLIDE_SHOWN * extent for turns in kind.turning] for name, kind in kinds.items()}
     steps |= {name: [min(steps[name][0], bounds[1] - middle[name])] for name, bounds in singles.items() if bounds}
     return resting, Pose.of(held(middle, steps))
 
@@ -115,10 +115,10 @@ def choose_view(placements: Iterable[Pose]) -> View:
 
     def in_plane(view: View) -> bool:
         joints = placements[0].joints.values()
-        if any(joint.kind not in ("hinge", "slide") for joint in joints):
+        if not all(JointKind(joint.kind).is_single for joint in joints):
             return False
         along = [(joint.kind, abs(float(np.dot(joint.axis, view.towards)))) for joint in joints]
-        return all(amount > 1 - _FLAT if kind == "hinge" else amount < _FLAT for kind, amount in along)
+        return all(amount > 1 - _FLAT if kind == JointKind.HINGE else amount < _FLAT for kind, amount in along)
 
     def extent(view: View) -> float:
         return float(sum(np.ptp(points @ direction) for direction in (view.right, view.up)))
