@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report import benchmark_tables, hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, states_of, trend_changes_table
-from harness.results.records import ACCELERATIONS, Record
-from harness.results.table import Cell, Column, Table, markdown_cell, markdown_line, printable
+from harness.report.summary import Summary, changes_table, states_of, trend_changes_table, worst
+from harness.results.records import ACCELERATIONS, Record, Records
+from harness.results.table import Cell, Column, Table, error_text, markdown_cell, markdown_line, printable
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -48,11 +48,11 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield from summary.remarks
     yield "## Verdicts and worst backward errors"
     yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
-    yield summary.matrix().markdown()
+    yield matrix(summary).markdown()
     yield "## Expected to differ"
     yield _bullets(_listed(record) for record in summary.listed) or "None."
     yield "## Worst backward error per engine"
-    worst = summary.worst_per_engine()
+    worst = _worst_per_engine(summary)
     engines = [
         [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in worst
     ]
@@ -72,12 +72,45 @@ def _stable(summary: Summary) -> Iterator[str]:
         records = summary.of_system(system)
         errors = "worst backward error", "median backward error"
         yield records.table().only("subject", "verdict", "expected", "states", "states by verdict", *errors).markdown()
-        yield summary.quantities_on(system).markdown()
+        yield _quantities_on(summary, system).markdown()
         for record in [*records, *(one for one in summary.further if one.system == system and one.is_noteworthy)]:
             if record.message:
                 yield f"{markdown_line(record.asked)}, {record.verdict}:\n\n{_fenced(record.message)}"
             if record.quantity == ACCELERATIONS and (cause := summary.causes.get((system, record.subject))):
                 yield from _diagnosis(cause)
+
+
+def _quantities_on(summary: Summary, system: str) -> Table:
+    """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""
+    records = Records(record for record in summary.further if record.system == system)
+    return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
+
+
+def matrix(summary: Summary) -> Table:
+    """System by subject: verdict and worst backward error."""
+    cells = {pair: _verdict_cell(found) for pair, found in summary.cells.items()}
+    cells |= {pair: Cell("not run", tone="empty", fills=True) for pair in summary.missing}
+    not_asked = Cell("not asked", tone="empty", fills=True)
+    rows = [[system, *(cells.get((system, subject), not_asked) for subject in summary.subjects)] for system in summary.systems]
+    return Table(["system", *summary.subjects], rows, "Verdict and worst backward error", "matrix")
+
+
+def _verdict_cell(records: Sequence[Record]) -> Cell:
+    """The records of one pair, nearly always one."""
+    notes = []
+    for record in records:
+        expected = "as expected" if record.as_expected else f"expected: {record.expected}"
+        notes += [error_text(record.backward_error), *([expected] if not record.as_expected or record.expected != "agrees" else [])]
+    is_surprise = not all(record.as_expected for record in records)
+    verdicts = ("✗ " if is_surprise else "") + "; ".join(record.verdict for record in records)
+    tone = records[0].verdict + (" surprise" if is_surprise else "")
+    return Cell(verdicts, notes, tone, fills=True)
+
+
+def _worst_per_engine(summary: Summary) -> list[tuple[str, Record | None]]:
+    """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
+    engines = sorted({record.subject.partition("/")[0] for record in summary.records})
+    return [(engine, worst(r for r in summary.records if r.subject.partition("/")[0] == engine)) for engine in engines]
 
 
 def _diagnosis(cause: Cause) -> Iterator[str]:

@@ -12,7 +12,7 @@ from harness.report.benchmarks import BenchmarkSummary, acceleration_front, moti
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
-from harness.report.summary import Summary, worst
+from harness.report.summary import Summary, trends_on, verdicts_on, worst
 from harness.results.comparison import FilesComparison
 from harness.results.comparison_tables import short_names
 from harness.results.pareto import way_of
@@ -123,8 +123,8 @@ class Pages:
             records=records,
             quantities=site_tables.quantities(self.site, row.name),
             further=[record for record in summary.further if record.system == row.name and record.is_noteworthy] if summary else [],
-            verdicts=summary.verdicts_on(row.name) if summary else None,
-            trends=summary.trends_on(row.name) if summary else None,
+            verdicts=verdicts_on(summary, row.name) if summary else None,
+            trends=trends_on(summary, row.name) if summary else None,
             changes=site_tables.changes(self.site, row.name),
             differs=[finding for finding in summary.differs if finding.system == row.name] if summary else [],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},

@@ -16,7 +16,7 @@ from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
 from harness.results.records import ACCELERATIONS, Record, Records, Run
-from harness.results.table import Cell, Table, counted, error_text
+from harness.results.table import Table, counted, error_text
 from harness.results.trend import TREND_CHANGES, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
 from harness.results.trend_numbers import TRACKED
 
@@ -133,21 +133,6 @@ class Summary:
         """The records of ``system``, by subject."""
         return Records(record for record in self.records if record.system == system)
 
-    def verdicts_on(self, system: str) -> Table:
-        """The records of ``system``."""
-        return self.of_system(system).table().without("system", "expected").captioned(f"Verdicts on {system}")
-
-    def trends_on(self, system: str) -> Table:
-        """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
-        subjects = dict.fromkeys(subject_of(record) for record in self.of_system(system)) if len(self.nights) > 1 else {}
-        rows = [[subject, *(self._sparkline(system, subject, number) for number in TRACKED.values())] for subject in subjects]
-        return Table(["subject", *TRACKED], rows, f"Trends of backward errors on {system}")
-
-    def quantities_on(self, system: str) -> Table:
-        """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""
-        records = Records(record for record in self.further if record.system == system)
-        return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
-
     @cached_property
     def nights(self) -> list[tuple[Run, Sequence[Record]]]:
         """The runs over which numbers have trends, oldest first, this one last."""
@@ -158,30 +143,9 @@ class Summary:
         """Of every subject that was ever asked in these runs."""
         return trends([readings_of_records(records) for _, records in self.nights])
 
-    def _sparkline(self, *cell: str) -> Sparkline:
-        trend = self._trend_of.get(cell)
-        return Sparkline.of(trend) if trend else NO_TREND
-
-    @cached_property
-    def _trend_of(self) -> dict[tuple[str, ...], Trend]:
-        return {(trend.system, trend.subject, trend.number): trend for trend in self.trends}
-
     def changes_of_this_run(self) -> list[ChangedCell]:
         """What this run shows of the trends: an engine has changed long before it is wrong."""
         return [change for trend in self.trends for change in trend.changes if change.place == len(self.nights) - 1]
-
-    def matrix(self) -> Table:
-        """System by subject: verdict and worst backward error."""
-        cells = {pair: _verdict_cell(found) for pair, found in self.cells.items()}
-        cells |= {pair: Cell("not run", tone="empty", fills=True) for pair in self.missing}
-        not_asked = Cell("not asked", tone="empty", fills=True)
-        rows = [[system, *(cells.get((system, subject), not_asked) for subject in self.subjects)] for system in self.systems]
-        return Table(["system", *self.subjects], rows, "Verdict and worst backward error", "matrix")
-
-    def worst_per_engine(self) -> list[tuple[str, Record | None]]:
-        """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
-        engines = sorted({record.subject.partition("/")[0] for record in self.records})
-        return [(engine, worst(r for r in self.records if r.subject.partition("/")[0] == engine)) for engine in engines]
 
     def trend(self) -> dict[str, list[tuple[datetime, float]]]:
         """Subject to (start of run, worst backward error of the pairs expected to agree), oldest first."""
@@ -212,6 +176,19 @@ class Summary:
         if not self.earlier:
             return []
         return changed_versions(self.earlier[-1][0].versions, self.run.versions)
+
+
+def verdicts_on(summary: Summary, system: str) -> Table:
+    """The records of ``system``."""
+    return summary.of_system(system).table().without("system", "expected").captioned(f"Verdicts on {system}")
+
+
+def trends_on(summary: Summary, system: str) -> Table:
+    """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
+    subjects = dict.fromkeys(subject_of(record) for record in summary.of_system(system)) if len(summary.nights) > 1 else {}
+    known = {(trend.subject, trend.number): Sparkline.of(trend) for trend in summary.trends if trend.system == system}
+    rows = [[subject, *(known.get((subject, number), NO_TREND) for number in TRACKED.values())] for subject in subjects]
+    return Table(["subject", *TRACKED], rows, f"Trends of backward errors on {system}")
 
 
 def _of_accelerations(records: Iterable[Record]) -> list[Record]:
@@ -252,18 +229,6 @@ def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
 def trend_changes_table(changes: Iterable[ChangedCell]) -> Table:
     """A row for each change of a trend, the largest first."""
     return TREND_CHANGES(sorted(changes, key=lambda one: -abs(one.by)))
-
-
-def _verdict_cell(records: Sequence[Record]) -> Cell:
-    """The records of one pair, nearly always one."""
-    notes = []
-    for record in records:
-        expected = "as expected" if record.as_expected else f"expected: {record.expected}"
-        notes += [error_text(record.backward_error), *([expected] if not record.as_expected or record.expected != "agrees" else [])]
-    is_surprise = not all(record.as_expected for record in records)
-    verdicts = ("✗ " if is_surprise else "") + "; ".join(record.verdict for record in records)
-    tone = records[0].verdict + (" surprise" if is_surprise else "")
-    return Cell(verdicts, notes, tone, fills=True)
 
 
 def worst(records: Iterable[Record]) -> Record | None:

@@ -27,7 +27,7 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import read_model
-from harness.report.markdown import render_markdown
+from harness.report.markdown import matrix, render_markdown
 from harness.report.summary import Summary
 from harness.results.records import Record
 
@@ -200,7 +200,7 @@ def test_a_report_counts_no_format_that_a_variant_does_not_stand_in_as_missing(r
     summary = Summary(describe_run(settings.library, 40, 0, "quick", ["harness", "report"], "1"), study.result())
     assert summary.systems == [NAME, VARIANT] and list(summary.cards) == [NAME]
     assert summary.missing == []
-    row = next(row for row in summary.matrix().rows if row[0] == VARIANT)
+    row = next(row for row in matrix(summary).rows if row[0] == VARIANT)
     assert [str(getattr(cell, "value", cell)) for cell in row].count("not asked") == 3
     text = render_markdown(summary, None, None)
     assert f"### {VARIANT}" in text and "no record: not run" not in text
