@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 from harness.bench.methods import find_derivative_methods, find_methods
@@ -32,6 +32,38 @@ from harness.workers import Outcome
 _OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity", DERIVATIVES: "--derivatives", MOTION: "--motion"}
 
 
+def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
+    """Names of all methods by what they compute, those that may be measured on the library's systems."""
+    methods, moving = (
+        list(dict.fromkeys(one.name for kind in settings.kinds for one in find(kind))) for find in (find_methods, integrators)
+    )
+    of_trees = [] if settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
+    answering = [] if settings.library.is_of_robots else [str(subject) for subject in known_subjects(settings.library)]
+    known = {ACCELERATIONS: methods, QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: moving}
+    return {kind: list(dict.fromkeys(names)) for kind, names in known.items()}
+
+
+def _by_default(settings: BenchmarkSettings, known: dict[str, list[str]]) -> set[str]:
+    """All names but those of methods whose engine is installed nowhere."""
+    names = {name for those in known.values() for name in those}
+    needing = [method for method in find_derivative_methods() if method.engine] if settings.derivatives else []
+    if needing or settings.further_quantities:
+        asked = subjects(settings.library)
+        installed = {subject.engine for subject in asked}
+        names -= {method.name for method in needing if method.engine not in installed}
+        names -= set(known[QUANTITIES]) - {str(subject) for subject in asked}
+    return names
+
+
+def not_for(settings: BenchmarkSettings, scene: Scene) -> list[str]:
+    """A sentence for each chosen method that a scene's kind has not."""
+    kind = kind_of(scene)
+    able = [one.name for find in (find_methods, integrators) for one in find(kind)]
+    able += [one.name for one in find_derivative_methods() if kind == MECHANISMS] + methods_of(settings)[QUANTITIES]
+    name = scene.mechanism.name
+    return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in settings.methods if one not in able]
+
+
 class BenchmarkStudy(Inquiries):
     """One benchmark of a library; a ``harness.study.Study`` of ``Benchmark`` parts.
 
@@ -47,7 +79,7 @@ class BenchmarkStudy(Inquiries):
         super().__init__()
         self.settings = settings
         self.names = settings.library.select(settings.names)
-        known = self._known()
+        known = methods_of(settings)
         quantities = select_quantities(settings.quantities)
         if settings.library.is_of_robots and settings.further_quantities:
             raise InvalidRequest(f"{settings.further_quantities[0]} is measured on mechanisms, and {self.names[0]} is none")
@@ -61,44 +93,21 @@ class BenchmarkStudy(Inquiries):
         for name in settings.methods:
             kind = next((kind for kind, names in known.items() if name in names), None)
             if kind is None:
-                self._refuse_other_kind(name)
+                other = MECHANISMS if settings.library.is_of_robots else ROBOTS
+                if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
+                    raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
                 raise InvalidRequest(
                     f"no method or integrator is called {name!r}; {nearest(name, [one for names in known.values() for one in names])}"
                 )
             if not asked[kind]:
                 raise InvalidRequest(f"{name!r} computes {kind}; ask for it with {_OPTIONS[kind]}")
-        chosen = settings.methods or self._measured_by_default(known)
+        chosen = settings.methods or _by_default(settings, known)
         # By what they compute.
         self.methods: dict[str, list[str]] = {
             kind: [name for name in names if asked[kind] and name in chosen] for kind, names in known.items()
         }
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
-
-    def _known(self) -> dict[str, list[str]]:
-        """The names of all methods by what they compute, those that may be measured on the library's systems."""
-        methods, moving = (
-            list(dict.fromkeys(one.name for kind in self.settings.kinds for one in find(kind))) for find in (find_methods, integrators)
-        )
-        of_trees = [] if self.settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
-        answering = [] if self.settings.library.is_of_robots else [str(subject) for subject in known_subjects(self.settings.library)]
-        return {ACCELERATIONS: methods, QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: moving}
-
-    def _measured_by_default(self, known: dict[str, list[str]]) -> set[str]:
-        """All names but those of methods whose engine is installed nowhere."""
-        names = {name for those in known.values() for name in those}
-        needing = [method for method in find_derivative_methods() if method.engine] if self.settings.derivatives else []
-        if needing or self.settings.further_quantities:
-            asked = subjects(self.settings.library)
-            installed = {subject.engine for subject in asked}
-            names -= {method.name for method in needing if method.engine not in installed}
-            names -= set(known[QUANTITIES]) - {str(subject) for subject in asked}
-        return names
-
-    def _refuse_other_kind(self, name: str) -> None:
-        other = MECHANISMS if self.settings.library.is_of_robots else ROBOTS
-        if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
-            raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
 
     @property
     def constrained(self) -> list[str]:
@@ -116,21 +125,37 @@ class BenchmarkStudy(Inquiries):
     def steps(self) -> int:
         return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in self._parts)
 
-    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
-        yield [self._loaded(name) for name in self.names]
-        yield self._measuring(timed=True)
-        yield self._measuring(timed=False)
-
     def result(self) -> Benchmark:
         return self._measured
 
-    def _measuring(self, timed: bool) -> Iterator[Inquiry[None]]:
-        for part in self._parts:
-            for name in self._places(part) if part.timed == timed else ():
-                if name in self._scenes or part.system:
-                    for engine, methods in self._by_engine(part).items():
-                        what = f"{part.name} of {engine}" if engine else part.name
-                        yield self._measured_part(name, what, part, replace(self.settings, methods=methods))
+    def inquiries(self) -> Iterator[Iterator[Inquiry[None]]]:
+        yield map(self._load, self.names)
+        for timed in (True, False):
+            yield (
+                self._measure(part, name, engine)
+                for part in self._parts
+                if part.timed == timed
+                for name in self._places(part)
+                if name in self._scenes or part.system
+                for engine in self._by_engine(part)
+            )
+
+    def _load(self, name: str) -> Inquiry[None]:
+        outcome = yield from ask(load, self.settings.library, name)
+        found = self._problem(outcome, name, "equations and models") or Benchmark()
+        if isinstance(outcome.value, Scene):
+            self._scenes[name] = outcome.value
+            # Of systems that nobody named, those that a method is for are meant.
+            if self.settings.names and self.settings.methods:
+                found.problems += not_for(self.settings, outcome.value)
+        yield self._part(f"{name} loaded", found)
+
+    def _measure(self, part: BenchmarkPart, name: str, engine: str) -> Inquiry[None]:
+        settings = replace(self.settings, methods=self._by_engine(part)[engine])
+        # Two timings at once would take turns on memory and caches, and measure each other.
+        outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
+        what = f"{part.name} of {engine}" if engine else part.name
+        yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
         """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
@@ -153,29 +178,6 @@ class BenchmarkStudy(Inquiries):
         members = {name: member_of(self.settings.library.system_path(name)) for name in self.names}
         named = [name for name, member in members.items() if part.system in (name, member and member[0].stem)]
         return [part.system] if named else []
-
-    def _loaded(self, name: str, what: str = "equations and models") -> Inquiry[None]:
-        outcome = yield from ask(load, self.settings.library, name)
-        found = self._problem(outcome, name, what) or Benchmark()
-        if isinstance(outcome.value, Scene):
-            self._scenes[name] = outcome.value
-            # Of systems that nobody named, those that a method is for are meant.
-            if self.settings.names and self.settings.methods:
-                found.problems += self.not_for(outcome.value)
-        yield self._part(f"{name} loaded", found)
-
-    def not_for(self, scene: Scene) -> list[str]:
-        """A sentence for each chosen method that a scene's kind has not."""
-        kind = kind_of(scene)
-        able = [one.name for find in (find_methods, integrators) for one in find(kind)]
-        able += [one.name for one in find_derivative_methods() if kind == MECHANISMS] + self._known()[QUANTITIES]
-        name = scene.mechanism.name
-        return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in self.settings.methods if one not in able]
-
-    def _measured_part(self, name: str, what: str, part: BenchmarkPart, settings: BenchmarkSettings) -> Inquiry[None]:
-        # Two timings at once would take turns on memory and caches, and measure each other.
-        outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
-        yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _part(self, label: str, found: Benchmark) -> Part:
         self._measured.extend(found)

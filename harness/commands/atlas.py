@@ -6,6 +6,7 @@ import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, subjects_option
+from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
 
 
@@ -48,5 +49,5 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
             places = ", ".join([family.name, *asked])
             say(f"{places}: {why.verdict} is expected: {why.reason}; {why.remedy} ({why.link})")
     say("", summary.sentence)
-    bracket.write_page()
+    write_page(bracket)
     bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))

@@ -9,6 +9,7 @@ import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, takes, time_limit_option
+from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
     if study.constrained:
         say("", f"stationary action is left out, because variations would have to keep constraints: {', '.join(study.constrained)}")
     if kept is not None:
-        bracket.write_page()
+        write_page(bracket)
     bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
 
 

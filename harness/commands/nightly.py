@@ -11,6 +11,7 @@ import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import STATES_OF_PROFILE, time_limit_option
+from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
 
@@ -154,7 +155,7 @@ def _write(bracket: Bracket, course: Course, summary: NightSummary) -> None:
     from harness.report import write
     from harness.report.night import render_junit, render_summary
 
-    bracket.write_page(course.night.study_of("cross-check"))
+    write_page(bracket, course.night.study_of("cross-check"))
     text = render_summary(summary)
     write(bracket.directory, {SUMMARY: text, JUNIT: render_junit(summary)})
     if path := os.environ.get(STEP_SUMMARY):

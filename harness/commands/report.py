@@ -7,6 +7,7 @@ import click
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import STATES_OF_PROFILE
+from harness.commands.frame.pages import write_page
 
 
 @click.command("report")
@@ -39,5 +40,5 @@ def command(bracket: Bracket, profile: str) -> None:
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes))
-    bracket.write_page(bracket.number)
+    write_page(bracket, bracket.number)
     finish(bracket, study)

@@ -6,6 +6,7 @@ import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import subjects_option
+from harness.commands.frame.pages import write_page
 from harness.commands.frame.robots import compare_robots
 from harness.commands.frame.terminal import say
 
@@ -41,6 +42,6 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
     bracket.begin(states, profile, FilesComparison)
     found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
-    bracket.write_page()
+    write_page(bracket)
     say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

@@ -51,6 +51,17 @@ class UnitFound:
 Steps = Generator[Study, None, UnitFound]
 
 
+def one_study(make: Callable[[NightChoice, str], Study]) -> Callable[[NightChoice, str], Steps]:
+    """The steps of a stage whose units are one study each."""
+
+    def steps(choice: NightChoice, unit: str) -> Steps:
+        study = make(choice, unit)
+        yield study
+        return UnitFound(result=study.result(), problems=study.problems, crashed=study.crashed)
+
+    return steps
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrendNumbers:
     """The numbers of a stage that have a trend: the part of the result that holds them, as for ``History.read``, and how to read them."""

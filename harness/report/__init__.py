@@ -45,22 +45,21 @@ def build(
     run: Run | None = None,
     found: CrossCheckResult | None = None,
     history: Sequence[Earlier] = (),
-    benchmark: tuple[Run, Benchmark] | None = None,
+    benchmarks: Sequence[tuple[Run, Benchmark]] = (),
     atlas: tuple[Run, Atlas] | None = None,
     robots: Survey | None = None,
-    earlier_benchmarks: Sequence[tuple[Run, Benchmark]] = (),
 ) -> dict[str, str]:
     """File name to text of every file of the report on a cross-check, a benchmark, an atlas, a survey of robots, or several of them.
 
-    ``history`` holds earlier (run, records) pairs in any order, ``earlier_benchmarks`` those before ``benchmark``; ``benchmark`` and
-    ``atlas`` are what ``History.latest`` returns. The Markdown and the JSON are the same for the same arguments; Bokeh numbers its
-    plots anew on every call.
+    ``history`` holds earlier (run, records) pairs in any order, ``benchmarks`` the one that is reported and those before it; these and
+    ``atlas`` are what ``History`` returns. The Markdown and the JSON are the same for the same arguments; Bokeh numbers its plots anew on
+    every call.
 
     Raises:
         ValueError: there is nothing to report.
     """
     summary = Summary(run, found, history) if run and found else None
-    measured, hard = BenchmarkSummary(*benchmark, earlier_benchmarks) if benchmark else None, HardSummary(*atlas) if atlas else None
+    measured, hard = BenchmarkSummary(*benchmarks[0], benchmarks[1:]) if benchmarks else None, HardSummary(*atlas) if atlas else None
     run = summary.run if summary else max((part.run for part in (measured, hard, robots) if part), key=lambda run: run.started)
     parts: dict[str, Any] = {}
     if summary:

@@ -12,29 +12,14 @@ from typing import Any, TypeVar
 import msgspec
 
 from harness.errors import InvalidInput
+from harness.results.history_file import ELSEWHERE, open_history
 from harness.results.plain_json import dumps
 from harness.results.records import Run
 from harness.results.study_result import StudyResult
 
 _Row = TypeVar("_Row")
 _Result = TypeVar("_Result", bound=StudyResult)
-_APPLICATION = 0x52424856
 _BUSY_SECONDS = 60.0
-_SCHEMA = (
-    "CREATE TABLE studies (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, content TEXT NOT NULL)",
-    "CREATE TABLE parts (id INTEGER PRIMARY KEY, study_id INTEGER NOT NULL REFERENCES studies, part TEXT NOT NULL, content TEXT NOT NULL)",
-    "CREATE INDEX parts_of_study ON parts (study_id, part)",
-)
-_VERSION = 5
-# Versions 1 to 4 had tables of their own for each kind of study: its name, its kind, the column that names it in the tables of
-# its parts, and each of these with the name of the part in SQL.
-_PARTS_OF_RUNS = {"records": "'records'", "systems": "'systems'", "findings": "'superfluous'", "causes": "'causes'"}
-_OLDER_TABLES = (
-    ("runs", "cross-check", "run_id", _PARTS_OF_RUNS | {"worst_cases": "'worst_cases'"}),
-    ("benchmarks", "benchmark", "benchmark_id", {"measurements": "part"}),
-    ("atlases", "atlas", "atlas_id", {"atlas_parts": "part"}),
-)
-_ELSEWHERE = "the file was left as it is; name another file, or move this one away to start a new history"
 
 
 class History(AbstractContextManager["History"]):
@@ -59,7 +44,7 @@ class History(AbstractContextManager["History"]):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._connection = sqlite3.connect(self.path, timeout=_BUSY_SECONDS, isolation_level=None)
             try:
-                self._open()
+                open_history(self._connection, self.path)
             except BaseException:
                 self._connection.close()
                 raise
@@ -140,56 +125,6 @@ class History(AbstractContextManager["History"]):
                 if any(found.stored_parts()):
                     yield run, found
 
-    def _open(self) -> None:
-        self._connection.execute("PRAGMA foreign_keys = ON")
-        self._connection.execute("PRAGMA synchronous = FULL")
-        if self._is_empty():
-            self._upgrade()
-        if self._pragma("application_id") != _APPLICATION:
-            raise InvalidInput(self.path, None, f"is a SQLite database of another program; {_ELSEWHERE}")
-        version = self._pragma("user_version")
-        if not 1 <= version <= _VERSION:
-            problem = f"has schema version {version}, expected {_VERSION}; use the harness that wrote it. Otherwise {_ELSEWHERE}"
-            raise InvalidInput(self.path, None, problem)
-        if (found := self._pragma("quick_check")) != "ok":
-            raise sqlite3.DatabaseError(found)
-        if version < _VERSION:
-            self._upgrade()
-
-    def _upgrade(self) -> None:
-        """Bring an empty file or one of an older version to ours, all at once or not at all."""
-        self._connection.execute("BEGIN IMMEDIATE")
-        # Another process may have done it while this one waited for the lock; another program may have made the file its own.
-        if self._is_empty() or (self._pragma("application_id") == _APPLICATION and self._pragma("user_version") < _VERSION):
-            for statement in _SCHEMA:
-                self._connection.execute(statement)
-            self._move_older_tables()
-            self._connection.execute(f"PRAGMA application_id = {_APPLICATION}")
-            self._connection.execute(f"PRAGMA user_version = {_VERSION}")
-        self._connection.execute("COMMIT")
-
-    def _move_older_tables(self) -> None:
-        run = self._connection.execute
-        held = {name for (name,) in run("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        for studies, kind, owner, parts in _OLDER_TABLES:
-            if studies in held:
-                # Each kind of study was numbered by itself.
-                (offset,) = run("SELECT coalesce(max(id), 0) FROM studies").fetchone()
-                run(f"INSERT INTO studies SELECT id + ?, ?, content FROM {studies}", (offset, kind))
-                for table, part in parts.items():
-                    if table in held:
-                        moved = f"SELECT {owner} + ?, {part}, content FROM {table} ORDER BY id"
-                        run(f"INSERT INTO parts (study_id, part, content) {moved}", (offset,))
-                        run(f"DROP TABLE {table}")
-                run(f"DROP TABLE {studies}")
-
-    def _is_empty(self) -> bool:
-        (objects,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        return not objects and not self._pragma("application_id") and not self._pragma("user_version")
-
-    def _pragma(self, name: str) -> Any:
-        return self._connection.execute(f"PRAGMA {name}").fetchone()[0]
-
     def _rows(self, query: str, *values: object) -> list[tuple[Any, str]]:
         with self._explained():
             return self._connection.execute(query, values).fetchall()
@@ -199,7 +134,7 @@ class History(AbstractContextManager["History"]):
             # JSON has no infinity; lax conversion reads the text of one into a field of floats.
             return msgspec.convert(json.loads(content), kind, strict=False)
         except ValueError as error:
-            raise InvalidInput(self.path, None, f"holds a row that is no record of this harness ({error}); {_ELSEWHERE}") from error
+            raise InvalidInput(self.path, None, f"holds a row that is no record of this harness ({error}); {ELSEWHERE}") from error
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -211,6 +146,6 @@ class History(AbstractContextManager["History"]):
             problem = f"cannot be used ({error}); see that the folder is writable, the disk has room and no other process holds the file"
             raise InvalidInput(self.path, None, problem) from error
         except sqlite3.DatabaseError as error:
-            raise InvalidInput(self.path, None, f"is damaged or no SQLite database ({error}); {_ELSEWHERE}") from error
+            raise InvalidInput(self.path, None, f"is damaged or no SQLite database ({error}); {ELSEWHERE}") from error
         except OSError as error:
             raise InvalidInput(self.path, None, f"cannot be used ({error.strerror}); name a file in a folder that is writable") from error

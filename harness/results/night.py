@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 from harness.results.records import Record
@@ -11,6 +11,8 @@ from harness.results.study_result import StudyResult
 from harness.verdict import Verdict
 
 PASSED, FAILED, BROKEN, LEFT_OUT = "passed", "failed", "error", "skipped"
+# Stage, group and name of a case.
+Key = tuple[str, str, str]
 # Of the files that differ, in a sentence.
 _MOST_FILES = 5
 
@@ -148,25 +150,13 @@ class Case:
     seconds: float = 0.0
 
     @classmethod
-    def of(
-        cls, stage: str, group: str, name: str, wrong: Sequence[str] = (), *, outcome: str = FAILED, replay: str = "", seconds: float = 0.0
-    ) -> Case:
+    def of(cls, key: Key, wrong: Sequence[str] = (), *, outcome: str = FAILED, replay: str = "", seconds: float = 0.0) -> Case:
         """A case that is good unless there is anything ``wrong``, lines of text; ``outcome`` and ``replay`` are of one that is not."""
-        if not wrong:
-            return cls(stage=stage, group=group, name=name, seconds=seconds)
-        return cls(
-            stage=stage,
-            group=group,
-            name=name,
-            outcome=outcome,
-            message=wrong[0],
-            details="\n".join(wrong),
-            replay=replay,
-            seconds=seconds,
-        )
+        case = cls(stage=key[0], group=key[1], name=key[2], seconds=seconds)
+        return replace(case, outcome=outcome, message=wrong[0], details="\n".join(wrong), replay=replay) if wrong else case
 
     @property
-    def key(self) -> tuple[str, str, str]:
+    def key(self) -> Key:
         """What tells it from others, and finds it in another night."""
         return self.stage, self.group, self.name
 

@@ -13,7 +13,7 @@ import pytest
 from harness.bench.derivative_cost import derivative_costs
 from harness.bench.methods import DerivativeMethod, find_derivative_methods
 from harness.bench.parts import DERIVATIVES, PARTS, BenchmarkSettings
-from harness.bench.study import BenchmarkStudy
+from harness.bench.study import BenchmarkStudy, not_for
 from harness.crosscheck.scene import Scene
 from harness.engines import installed_version, load_engine
 from harness.errors import InvalidRequest
@@ -117,6 +117,6 @@ def test_the_study_measures_them_where_they_are_asked_for() -> None:
     found = part.measure(settings, scene("arm_2r"), lambda text: None)
     assert {cost.method for cost in found.derivatives} == set(chosen) and not found.problems
     assert part.measure(settings, scene("four_bar"), lambda text: None).derivatives == []
-    assert BenchmarkStudy(settings).not_for(scene("arm_2r")) == []
+    assert not_for(settings, scene("arm_2r")) == []
     with pytest.raises(InvalidRequest, match="'mujoco mjd_inverseFD' computes derivatives; ask for it with --derivatives"):
         BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=("arm_2r",), methods=["mujoco mjd_inverseFD"]))

@@ -154,7 +154,7 @@ def sample() -> Benchmark:
 
 @pytest.fixture(scope="module")
 def files() -> dict[str, str]:
-    return build(benchmark=(RUN, sample()))
+    return build(benchmarks=[(RUN, sample())])
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +228,7 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
         system="collar", subject="lagrange", states=1, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=0.0,
         worst_state=None, seconds_per_state=1e-6, message="",
     )  # fmt: skip
-    built = build(RUN, CrossCheckResult(records=[record]), benchmark=(RUN, sample()))
+    built = build(RUN, CrossCheckResult(records=[record]), benchmarks=[(RUN, sample())])
     page = site_of(built)
     assert "The pair of system" not in page.words and "1 pair of system and subject" in page.words
     assert not missing(built)
@@ -244,8 +244,8 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
     slower.accelerations = [replace(cost, seconds_per_state=(cost.seconds_per_state or 0) * 3 or None) for cost in slower.accelerations]
     slower.motion = [replace(cost, seconds=5 * cost.seconds) for cost in slower.motion]
     slower.orders = [replace(order, measured=(order.measured or 0) + 0.001) for order in slower.orders]
-    first = build(benchmark=(RUN, sample()))["report.md"]
-    second = build(benchmark=(replace(RUN, started="2026-02-01T02:00:00+00:00"), slower))["report.md"]
+    first = build(benchmarks=[(RUN, sample())])["report.md"]
+    second = build(benchmarks=[(replace(RUN, started="2026-02-01T02:00:00+00:00"), slower)])["report.md"]
     assert first != second
     assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
     assert "| arm_2r | as expected | differs | as expected |" in first
@@ -260,7 +260,7 @@ def test_text_is_escaped() -> None:
     spoilt.orders[0] = replace(spoilt.orders[0], system=evil, explanation=evil)
     spoilt.figures[0] = replace(spoilt.figures[0], what=evil, remark=evil)
     spoilt.problems = [evil]
-    built = build(benchmark=(RUN, spoilt))
+    built = build(benchmarks=[(RUN, spoilt)])
     assert not missing(built) and not any("<script>" in text for text in pages_of(built).values())
     assert evil in site_of(built).words
 
@@ -307,7 +307,7 @@ def test_fronts_of_a_system() -> None:
 def test_what_misses_by_the_whole_motion_is_on_no_front() -> None:
     lost = [replace(motion("arm_2r", "mujoco Euler", step), state_error=1.5) for step in STEPS]
     assert motion_front(lost, "seconds") == []
-    words = site_of(build(benchmark=(RUN, Benchmark(motion=lost)))).words
+    words = site_of(build(benchmarks=[(RUN, Benchmark(motion=lost))])).words
     assert "the Pareto front: empty." in words and "none reaches it" in words
 
 
@@ -351,7 +351,7 @@ def any_benchmark() -> st.SearchStrategy[Benchmark]:
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(benchmark=any_benchmark())
 def test_a_report_of_any_benchmark_can_be_built(benchmark: Benchmark) -> None:
-    built = build(benchmark=(RUN, benchmark))
+    built = build(benchmarks=[(RUN, benchmark)])
     json.loads(built["report.json"], parse_constant=pytest.fail)
     assert not missing(built)
     for text in pages_of(built).values():

@@ -22,7 +22,7 @@ WHY = "no springs between points"
 LEFT_OUT = replace(GOOD, verdict="unsupported", expected="unsupported", expected_reason=WHY, backward_error=None, subject="other/urdf")
 HOSTILE = "a\x00b <script> & ]]> \ud800 `x` | [y](z)\n```\nsecond\x1b[31m"
 CASES = [
-    Case.of("atlas", "far_base", "mujoco/mjcf", [HOSTILE], outcome=BROKEN, replay="harness atlas far_base"),
+    Case.of(("atlas", "far_base", "mujoco/mjcf"), [HOSTILE], outcome=BROKEN, replay="harness atlas far_base"),
     case_of(RECORD, "cross-check"),
     case_of(GOOD, "cross-check"),
     case_of(LEFT_OUT, "cross-check"),
@@ -97,7 +97,7 @@ def test_nothing_in_a_message_is_obeyed() -> None:
 
 
 def test_a_summary_fits_a_step() -> None:
-    many = [Case.of("cross-check", f"system_{place}", "mujoco/mjcf", ["x" * 100_000], replay="harness check") for place in range(500)]
+    many = [Case.of(("cross-check", f"system_{place}", "mujoco/mjcf"), ["x" * 100_000], replay="harness check") for place in range(500)]
     text = render_summary(summary_of(many, before=[]))
     assert len(text.encode()) < 2**20
     assert f"{500 - MOST_SHOWN} more are in `nightly.xml`" in text

@@ -66,8 +66,7 @@ def whole() -> dict[str, str]:
         run_on(3),
         found,
         [(run_on(day), night(day)) for day in range(3)],
-        benchmark=(test_benchmark_report.RUN, test_benchmark_report.sample()),
-        earlier_benchmarks=[earlier_benchmark(day) for day in range(12)],
+        benchmarks=[(test_benchmark_report.RUN, test_benchmark_report.sample()), *(earlier_benchmark(day) for day in range(12))],
         atlas=(test_hard_report.RUN, test_hard_report.sample()),
         robots=report.Survey(
             replace(run_on(2), profile="survey robots"), survey(arm=(1e9, 4.0), leg=(None, None)), earlier=[survey(arm=(2.0, None))]
@@ -85,7 +84,7 @@ KINDS = (
 def sites() -> dict[str, dict[str, str]]:
     """Reports on everything, on measurements without verdicts, and on nothing."""
     measurements = report.build(
-        benchmark=(test_benchmark_report.RUN, test_benchmark_report.sample()), atlas=(test_hard_report.RUN, test_hard_report.sample())
+        benchmarks=[(test_benchmark_report.RUN, test_benchmark_report.sample())], atlas=(test_hard_report.RUN, test_hard_report.sample())
     )
     return {"whole": whole(), "benchmark and atlas": measurements, "nothing": test_report.build(run_on(0), [], [])}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +18,6 @@ from harness.errors import InvalidInput, InvalidRequest
 
 if TYPE_CHECKING:
     from harness.library import Library
-    from harness.report import Survey
     from harness.results.history import History
     from harness.results.json_document import JsonDocument
     from harness.results.records import Record, Run
@@ -187,49 +185,6 @@ class Bracket:
             self._document = text
         elif self.json_path:
             write_atomically(self.json_path, text)
-
-    def write_page(self, number: int | None = None) -> None:
-        """Write the report of a run, by default the latest of the library, with the latest benchmark, atlas and survey of that library.
-
-        Without a run, the pages hold the others alone; without any of them, none is written.
-        """
-        from harness.report import build, write
-        from harness.results.atlas import Atlas
-        from harness.results.benchmark import Benchmark
-        from harness.results.cross_check import CrossCheckResult
-        from harness.results.trend import MOST_NIGHTS
-
-        history, library = self.history, self.library.name
-        benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
-        runs = history.studies(CrossCheckResult, library)
-        if number is None:
-            number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
-        given: dict[str, Any] = {"benchmark": benchmark, "atlas": atlas, "robots": self._survey()}
-        if benchmark is not None:
-            recent = history.recent(Benchmark, library, benchmark[0].profile)
-            given["earlier_benchmarks"] = list(itertools.islice(recent, 1, MOST_NIGHTS))
-        if number is not None:
-            earlier = itertools.islice(history.earlier(number, CrossCheckResult, "records"), MOST_NIGHTS - 1)
-            records = [(run, found.records) for run, found in earlier]
-            given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": records}
-        if any(given.values()):
-            write(self.directory, build(**given))
-            say(f"report: {self.directory / 'index.html'}")
-
-    def _survey(self) -> Survey | None:
-        """The latest survey of the library, with the earlier ones of the same places; None without any."""
-        from harness.report import Survey
-        from harness.report.comparison import MOST_SURVEYS
-        from harness.results.comparison import FilesComparison
-
-        history, library = self.history, self.library.name
-        if (latest := history.latest(FilesComparison, library)) is None:
-            return None
-        run, found = latest
-        alike = FilesComparison, library, run.profile
-        before = next(itertools.islice(history.recent(*alike), 1, 2), None)
-        earlier = [one for _, one in itertools.islice(history.recent(*alike, "subjects"), 1, MOST_SURVEYS)]
-        return Survey(run, found.in_order(), before, earlier[::-1])
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
         """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import STATES, hard_cases
-from harness.night.stage import NightChoice, Stage, Steps, UnitFound
+from harness.night.stage import NightChoice, Stage, one_study
 from harness.results.atlas import Atlas
 from harness.results.night import BROKEN, FAILED, Case
 
@@ -19,21 +19,19 @@ def _units(choice: NightChoice) -> list[str]:
     return [*dict.fromkeys(names), *([_MOTION] if choice.settings.motion else [])]
 
 
-def _steps(choice: NightChoice, name: str) -> Steps:
+def _study(choice: NightChoice, name: str) -> AtlasStudy:
     of_motion = name == _MOTION
-    study = AtlasStudy(choice.library, () if of_motion else [name], motion=of_motion, families=not of_motion)
-    yield study
-    return UnitFound(result=study.result(), problems=study.problems, crashed=study.crashed)
+    return AtlasStudy(choice.library, () if of_motion else [name], motion=of_motion, families=not of_motion)
 
 
 def _cases(found: Atlas) -> Iterator[Case]:
     for row in found.rows:
         outcome, replay = BROKEN if row.crashed else FAILED, f"harness atlas {row.case} --subject {row.subject}"
-        yield Case.of(NAME, row.case, row.subject, row.problems, outcome=outcome, replay=replay, seconds=row.seconds)
+        yield Case.of((NAME, row.case, row.subject), row.problems, outcome=outcome, replay=replay, seconds=row.seconds)
     for sentence in Atlas(partings=found.partings, stable_steps=found.stable_steps).unexpected:
-        yield Case.of(NAME, _MOTION, sentence.partition(":")[0], [sentence])
+        yield Case.of((NAME, _MOTION, sentence.partition(":")[0]), [sentence])
     for problem in dict.fromkeys(found.problems):
-        yield Case.of(NAME, "not measured", problem.partition(":")[0], [problem], outcome=BROKEN)
+        yield Case.of((NAME, "not measured", problem.partition(":")[0]), [problem], outcome=BROKEN)
 
 
 STAGE = Stage(
@@ -42,7 +40,7 @@ STAGE = Stage(
     kind=Atlas,
     time_limit=600.0,
     units=_units,
-    steps=_steps,
+    steps=one_study(_study),
     cases=_cases,
     profile=lambda choice: NAME,
     states=lambda choice: STATES,

@@ -9,7 +9,7 @@ from harness.bench.parts import BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
 from harness.bench.thoroughness import THOROUGHNESS
 from harness.library import member_of
-from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFound
+from harness.night.stage import NightChoice, Stage, TrendNumbers, one_study
 from harness.report.benchmarks import BenchmarkSummary
 from harness.results.benchmark import Benchmark
 from harness.results.night import BROKEN, LEFT_OUT, Case
@@ -31,7 +31,7 @@ def _families(choice: NightChoice) -> dict[str, list[str]]:
     return {one: list(own) for one, own in groupby(sorted(names, key=stem), key=stem)}
 
 
-def _steps(choice: NightChoice, unit: str) -> Steps:
+def _study(choice: NightChoice, unit: str) -> BenchmarkStudy:
     asked = choice.settings
     settings = BenchmarkSettings(
         library=choice.library,
@@ -41,9 +41,7 @@ def _steps(choice: NightChoice, unit: str) -> Steps:
         profile=asked.profile,
         seed=asked.seed,
     )
-    study = BenchmarkStudy(settings)
-    yield study
-    return UnitFound(result=study.result(), problems=study.problems, crashed=study.crashed)
+    return BenchmarkStudy(settings)
 
 
 def _cases(found: Benchmark) -> Iterator[Case]:
@@ -53,13 +51,13 @@ def _cases(found: Benchmark) -> Iterator[Case]:
             continue
         replay, wrong = f"harness bench {cost.system} --methods '{cost.method}'", [cost.note] if cost.failed else []
         seconds = cost.states * (cost.seconds_per_state or 0.0)
-        yield Case.of(NAME, cost.system, way_of(cost), wrong, outcome=BROKEN, replay=replay, seconds=seconds)
+        yield Case.of((NAME, cost.system, way_of(cost)), wrong, outcome=BROKEN, replay=replay, seconds=seconds)
     own = {f"{cost.system}, {cost.method}: {cost.note}" for cost in found.accelerations if cost.failed}
     for problem in dict.fromkeys(found.problems):
         if problem not in own:
-            yield Case.of(NAME, "not measured", problem.partition(":")[0], [problem], outcome=BROKEN)
+            yield Case.of((NAME, "not measured", problem.partition(":")[0]), [problem], outcome=BROKEN)
     for sentence in BenchmarkSummary.unexpected_of(found):
-        yield Case.of(NAME, "theory", sentence.partition(":")[0], [sentence])
+        yield Case.of((NAME, "theory", sentence.partition(":")[0]), [sentence])
 
 
 STAGE = Stage(
@@ -69,7 +67,7 @@ STAGE = Stage(
     # Of its own parts only what hangs takes so long; motion in the profile nightly may take an hour.
     time_limit=max(one.time_limit for one in THOROUGHNESS.values()),
     units=lambda choice: list(_families(choice)),
-    steps=_steps,
+    steps=one_study(_study),
     cases=_cases,
     profile=lambda choice: choice.settings.profile,
     states=lambda choice: THOROUGHNESS[choice.settings.profile].states,

@@ -84,7 +84,7 @@ def _cases(found: CrossCheckResult) -> Iterator[Case]:
     for finding in found.differs:
         wrong[finding.system] += [f"not held alike after loading: {finding}"] if finding.fails else []
     for system, sentences in wrong.items():
-        yield Case.of(NAME, system, _FILES, sentences, replay=f"harness check {system}")
+        yield Case.of((NAME, system, _FILES), sentences, replay=f"harness check {system}")
 
 
 def _readings(found: CrossCheckResult) -> dict[Cell, NightValue]:

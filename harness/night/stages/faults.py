@@ -40,11 +40,11 @@ def _cases(found: Campaign) -> Iterator[Case]:
     ordered = sorted(found.faults, key=_place)
     for (system, model_format, kind), own in groupby(ordered, key=_place):
         wrong = [sentence for fault in own for sentence in _wrong(fault)]
-        yield Case.of(NAME, f"{system}/{model_format}", kind, wrong, replay=f"harness faults {system} --kind {kind}")
+        yield Case.of((NAME, f"{system}/{model_format}", kind), wrong, replay=f"harness faults {system} --kind {kind}")
     # That few are named is of the whole sample.
-    yield Case.of(NAME, "all models", "named", [one for one in broken_bars(found.faults) if "first or in their class" in one])
+    yield Case.of((NAME, "all models", "named"), [one for one in broken_bars(found.faults) if "first or in their class" in one])
     for death in found.deaths:
-        yield Case.of(NAME, death.partition(":")[0], "campaign", [death], outcome=BROKEN)
+        yield Case.of((NAME, death.partition(":")[0], "campaign"), [death], outcome=BROKEN)
 
 
 def _place(fault: Fault) -> tuple[str, str, str]:

@@ -31,17 +31,17 @@ def _steps(choice: NightChoice, path: str) -> Steps:
 def _cases(found: FilesComparison) -> Iterator[Case]:
     for file in found.files:
         wrong = [file.problem] if file.problem else []
-        yield Case.of(NAME, file.path, file.format or "file", wrong, replay=_replay(file.path))
+        yield Case.of((NAME, file.path, file.format or "file"), wrong, replay=_replay(file.path))
     for one in found.subjects:
         name, outcome = f"{one.subject}, {one.kind}", BROKEN if one.verdict == Verdict.ERROR else FAILED
         if one.explained and one.verdict == Verdict.UNSUPPORTED:
             yield Case(stage=NAME, group=one.path, name=name, outcome=LEFT_OUT, message=one.message)
         else:
             wrong = [] if one.explained else subject_lines(one) or [one.outcome]
-            yield Case.of(NAME, one.path, name, wrong, outcome=outcome, replay=_replay(one.path))
+            yield Case.of((NAME, one.path, name), wrong, outcome=outcome, replay=_replay(one.path))
     for held in found.equalities:
         wrong = [] if held.explained else [held.message or f"{held.verdict}, not explained"]
-        yield Case.of(NAME, held.path, f"{held.subject}, plain, with the file's equalities", wrong, replay=_replay(held.path))
+        yield Case.of((NAME, held.path, f"{held.subject}, plain, with the file's equalities"), wrong, replay=_replay(held.path))
 
 
 def _replay(path: str) -> str:

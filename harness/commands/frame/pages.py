@@ -1,0 +1,55 @@
+"""The report that a command leaves behind, from the history in its folder."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+from harness.commands.frame.terminal import say
+
+if TYPE_CHECKING:
+    from harness.commands.frame.bracket import Bracket
+    from harness.report import Survey
+    from harness.results.history import History
+
+
+def write_page(bracket: Bracket, number: int | None = None) -> None:
+    """Write the report of a run, by default the latest of the library, with the latest benchmark, atlas and survey of that library.
+
+    Without a run, the pages hold the others alone; without any of them, none is written.
+    """
+    from harness.report import build, write
+    from harness.results.atlas import Atlas
+    from harness.results.benchmark import Benchmark
+    from harness.results.cross_check import CrossCheckResult
+    from harness.results.trend import MOST_NIGHTS
+
+    history, library = bracket.history, bracket.library.name
+    benchmark, atlas = history.latest(Benchmark, library), history.latest(Atlas, library)
+    benchmarks = itertools.islice(history.recent(Benchmark, library, benchmark[0].profile), MOST_NIGHTS) if benchmark else ()
+    runs = history.studies(CrossCheckResult, library)
+    if number is None:
+        number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
+    given: dict[str, Any] = {"benchmarks": list(benchmarks), "atlas": atlas, "robots": _survey(history, library)}
+    if number is not None:
+        earlier = itertools.islice(history.earlier(number, CrossCheckResult, "records"), MOST_NIGHTS - 1)
+        records = [(run, found.records) for run, found in earlier]
+        given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": records}
+    if any(given.values()):
+        write(bracket.directory, build(**given))
+        say(f"report: {bracket.directory / 'index.html'}")
+
+
+def _survey(history: History, library: str) -> Survey | None:
+    """The latest survey of the library, with the earlier ones of the same places; None without any."""
+    from harness.report import Survey
+    from harness.report.comparison import MOST_SURVEYS
+    from harness.results.comparison import FilesComparison
+
+    if (latest := history.latest(FilesComparison, library)) is None:
+        return None
+    run, found = latest
+    alike = FilesComparison, library, run.profile
+    before = next(itertools.islice(history.recent(*alike), 1, 2), None)
+    earlier = [one for _, one in itertools.islice(history.recent(*alike, "subjects"), 1, MOST_SURVEYS)]
+    return Survey(run, found.in_order(), before, earlier[::-1])
