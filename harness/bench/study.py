@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from harness.bench.methods import find_derivative_methods, find_methods
@@ -128,21 +128,22 @@ class BenchmarkStudy(Inquiries):
     def result(self) -> Benchmark:
         return self._measured
 
-    def inquiries(self) -> Iterator[Iterator[Inquiry[None]]]:
-        yield map(self._load, self.names)
-        for timed in (True, False):
-            yield (
-                self._measure(part, name, engine)
-                for part in self._parts
-                if part.timed == timed
-                for name in self._places(part)
-                if name in self._scenes or part.system
-                for engine in self._by_engine(part)
-            )
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._loaded(name) for name in self.names]
+        yield self._measuring(timed=True)
+        yield self._measuring(timed=False)
 
-    def _load(self, name: str) -> Inquiry[None]:
+    def _measuring(self, timed: bool) -> Iterator[Inquiry[None]]:
+        for part in self._parts:
+            for name in self._places(part) if part.timed == timed else ():
+                if name in self._scenes or part.system:
+                    for engine, methods in self._by_engine(part).items():
+                        what = f"{part.name} of {engine}" if engine else part.name
+                        yield self._measured_part(name, what, part, replace(self.settings, methods=methods))
+
+    def _loaded(self, name: str, what: str = "equations and models") -> Inquiry[None]:
         outcome = yield from ask(load, self.settings.library, name)
-        found = self._problem(outcome, name, "equations and models") or Benchmark()
+        found = self._problem(outcome, name, what) or Benchmark()
         if isinstance(outcome.value, Scene):
             self._scenes[name] = outcome.value
             # Of systems that nobody named, those that a method is for are meant.
@@ -150,11 +151,9 @@ class BenchmarkStudy(Inquiries):
                 found.problems += not_for(self.settings, outcome.value)
         yield self._part(f"{name} loaded", found)
 
-    def _measure(self, part: BenchmarkPart, name: str, engine: str) -> Inquiry[None]:
-        settings = replace(self.settings, methods=self._by_engine(part)[engine])
+    def _measured_part(self, name: str, what: str, part: BenchmarkPart, settings: BenchmarkSettings) -> Inquiry[None]:
         # Two timings at once would take turns on memory and caches, and measure each other.
         outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
-        what = f"{part.name} of {engine}" if engine else part.name
         yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
